@@ -1,0 +1,1 @@
+//! The command line of Magpie as a library.

@@ -1,0 +1,246 @@
+//! Scenes: what glTF import and the built-in scenes produce, and what the GPU tables are made from.
+//!
+//! Conventions: metres, y up, right-handed, linear Rec.709; a camera looks along its -z.
+
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+
+mod builtin;
+mod camera;
+mod daylight;
+mod error;
+mod import;
+mod mesh;
+mod supply;
+mod texture;
+
+pub use builtin::{BUILTIN, builtin};
+pub use camera::{Camera, CameraFile};
+pub use daylight::Daylight;
+pub use error::SceneError;
+pub use import::load;
+pub use supply::supply_missing;
+pub use texture::{ColourSpace, Texture, mip_chain};
+
+/// Everything that is drawn, in plain memory.
+///
+/// After [`load`] and [`supply_missing`], or from [`builtin`], a scene holds at least one instance, camera and material; every index is
+/// in range and every number finite.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Name for messages: the file's stem or the built-in name.
+    pub name: String,
+    /// Geometry; one entry per glTF primitive, shared by all nodes that show it.
+    pub meshes: Vec<Mesh>,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Textures with all their mips.
+    pub textures: Vec<Texture>,
+    /// Samplers.
+    pub samplers: Vec<Sampler>,
+    /// Placed meshes.
+    pub instances: Vec<Instance>,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Analytic daylight, if the scene has any.
+    pub daylight: Option<Daylight>,
+    /// Cameras, the default first.
+    pub cameras: Vec<Camera>,
+    /// What was supplied, ignored or repaired, one sentence each, for the log.
+    pub notices: Vec<String>,
+}
+
+/// Triangles of one material. All vertex tables have the same length.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Name for messages.
+    pub name: String,
+    /// Positions, object space.
+    pub positions: Vec<Vec3>,
+    /// Unit normals.
+    pub normals: Vec<Vec3>,
+    /// Unit tangents; `w` is the sign of the bitangent.
+    pub tangents: Vec<Vec4>,
+    /// First texture coordinates.
+    pub uv0: Vec<Vec2>,
+    /// Second texture coordinates.
+    pub uv1: Vec<Vec2>,
+    /// Linear colours and alpha; white where the file has none.
+    pub colours: Vec<Vec4>,
+    /// Three per triangle, counter-clockwise from the front.
+    pub indices: Vec<u32>,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// The node's name.
+    pub name: String,
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// World from object.
+    pub world_from_object: Affine3A,
+}
+
+/// How alpha is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    /// Ignored.
+    #[default]
+    Opaque,
+    /// Discarded below this value.
+    Mask(f32),
+    /// Blended.
+    Blend,
+}
+
+/// Metallic-roughness material of glTF 2.0.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name for messages.
+    pub name: String,
+    /// Linear base colour and alpha factor.
+    pub base_colour: Vec4,
+    /// Metalness factor, 0 to 1.
+    pub metalness: f32,
+    /// Perceptual roughness factor, 0 to 1.
+    pub roughness: f32,
+    /// Emitted radiance factor, strength included.
+    pub emission: Vec3,
+    /// Scale of the normal map's x and y.
+    pub normal_scale: f32,
+    /// Strength of the occlusion map, 0 to 1.
+    pub occlusion_strength: f32,
+    /// How alpha is read.
+    pub alpha: AlphaMode,
+    /// Back faces are drawn.
+    pub double_sided: bool,
+    /// The base colour is shown as it is.
+    pub unlit: bool,
+    /// sRGB base colour and alpha.
+    pub base_colour_texture: Option<TextureUse>,
+    /// Roughness in green, metalness in blue.
+    pub metallic_roughness_texture: Option<TextureUse>,
+    /// Tangent-space normals.
+    pub normal_texture: Option<TextureUse>,
+    /// Occlusion in red.
+    pub occlusion_texture: Option<TextureUse>,
+    /// sRGB emission.
+    pub emission_texture: Option<TextureUse>,
+}
+
+/// A texture as a material uses it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureUse {
+    /// Index into [`Scene::textures`].
+    pub texture: u32,
+    /// Index into [`Scene::samplers`].
+    pub sampler: u32,
+    /// 0 or 1: which texture coordinates.
+    pub uv_set: u32,
+    /// Rows of KHR_texture_transform: `u' = dot(rows[0], (u, v, 1))`.
+    pub rows: [Vec3; 2],
+}
+
+/// What lies outside 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// Tiles.
+    #[default]
+    Repeat,
+    /// Tiles, mirrored every other time.
+    Mirror,
+    /// Edge texels.
+    Clamp,
+}
+
+/// A sampler.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Sampler {
+    /// Wrap of u and v.
+    pub wrap: [Wrap; 2],
+    /// Linear rather than nearest magnification.
+    pub linear_magnify: bool,
+    /// Linear rather than nearest minification.
+    pub linear_minify: bool,
+    /// Linear rather than nearest choice between mips.
+    pub linear_mips: bool,
+    /// Mips are used at all.
+    pub mips: bool,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self { wrap: [Wrap::Repeat; 2], linear_magnify: true, linear_minify: true, linear_mips: true, mips: true }
+    }
+}
+
+/// A light. Units follow KHR_lights_punctual.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Light {
+    /// Parallel light, as from the sun.
+    Directional {
+        /// Unit direction of travel.
+        direction: Vec3,
+        /// Illuminance at normal incidence.
+        illuminance: Vec3,
+    },
+    /// Equal in every direction.
+    Point {
+        /// Metres.
+        position: Vec3,
+        /// Radiant intensity.
+        intensity: Vec3,
+        /// Distance at which it has faded to nothing, metres.
+        range: Option<f32>,
+    },
+    /// A cone with a soft edge.
+    Spot {
+        /// Metres.
+        position: Vec3,
+        /// Unit direction of travel.
+        direction: Vec3,
+        /// Radiant intensity on the axis.
+        intensity: Vec3,
+        /// Distance at which it has faded to nothing, metres.
+        range: Option<f32>,
+        /// Angle from the axis at which it begins to fade, radians.
+        inner: f32,
+        /// Angle from the axis at which it ends, radians.
+        outer: f32,
+    },
+    /// A rectangle that emits from one side, Lambertian.
+    Rectangle {
+        /// Centre, metres.
+        centre: Vec3,
+        /// Half edges, metres; the side `cross(half_u, half_v)` emits.
+        half_u: Vec3,
+        /// The other half edge.
+        half_v: Vec3,
+        /// Emitted radiance.
+        radiance: Vec3,
+    },
+}
+
+impl Default for Material {
+    fn default() -> Self {
+        Self {
+            name: "default".to_owned(),
+            base_colour: Vec4::ONE,
+            metalness: 1.0,
+            roughness: 1.0,
+            emission: Vec3::ZERO,
+            normal_scale: 1.0,
+            occlusion_strength: 1.0,
+            alpha: AlphaMode::Opaque,
+            double_sided: false,
+            unlit: false,
+            base_colour_texture: None,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            occlusion_texture: None,
+            emission_texture: None,
+        }
+    }
+}

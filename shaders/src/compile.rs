@@ -1,0 +1,100 @@
+//! GLSL to SPIR-V through glslang. The build script and the running program (hot reload, a user's own pass) share this file.
+use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
+use glslang::{
+    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage, SourceLanguage, SpirvVersion,
+    Target, VulkanVersion,
+};
+
+/// The pipeline stage that a shader runs in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// Vertex shader (`.vert`).
+    Vertex,
+    /// Fragment shader (`.frag`).
+    Fragment,
+    /// Compute shader (`.comp`).
+    Compute,
+}
+
+impl Stage {
+    /// The stage that a file name's extension stands for, if any.
+    pub fn of_file(name: &str) -> Option<Self> {
+        match name.rsplit_once('.')?.1 {
+            "vert" => Some(Self::Vertex),
+            "frag" => Some(Self::Fragment),
+            "comp" => Some(Self::Compute),
+            _ => None,
+        }
+    }
+}
+
+/// Why a shader did not compile.
+#[derive(Debug, thiserror::Error)]
+pub enum CompileError {
+    /// glslang could not be started.
+    #[error("glslang could not be initialised")]
+    NoCompiler,
+    /// The source holds a NUL byte.
+    #[error("{name}: the source holds a NUL byte")]
+    Source {
+        /// The shader's name.
+        name: String,
+    },
+    /// glslang refused the source. Warnings count as errors.
+    #[error("{name}: {log}")]
+    Refused {
+        /// The shader's name.
+        name: String,
+        /// glslang's own words.
+        log: String,
+    },
+}
+
+/// Finds the text of an included file by its name (`lib/brdf.glsl`, `shared/scene.glsl`).
+pub trait Includes {
+    /// The text of `name`, or `None` when there is no such file.
+    fn find(&mut self, name: &str) -> Option<String>;
+}
+
+struct Handler<'a>(&'a mut dyn Includes);
+
+impl IncludeHandler for Handler<'_> {
+    fn include(&mut self, _: IncludeType, header: &str, _: &str, _: usize) -> Option<IncludeResult> {
+        let data = self.0.find(header)?;
+        Some(IncludeResult { name: header.to_owned(), data })
+    }
+}
+
+/// Compiles one GLSL entry point (`main`) for Vulkan 1.3 to SPIR-V 1.6 words. Every warning is an error.
+pub fn compile_with(
+    name: &str,
+    source: &str,
+    stage: Stage,
+    defines: &[(&str, Option<&str>)],
+    includes: &mut dyn Includes,
+) -> Result<Vec<u32>, CompileError> {
+    let refused = |log: String| CompileError::Refused { name: name.to_owned(), log };
+    let compiler = Compiler::acquire().ok_or(CompileError::NoCompiler)?;
+    let text =
+        ShaderSource::try_from(source.to_owned()).map_err(|_| CompileError::Source { name: name.to_owned() })?;
+    let options = CompilerOptions {
+        source_language: SourceLanguage::GLSL,
+        target: Target::Vulkan { version: VulkanVersion::Vulkan1_3, spirv_version: SpirvVersion::SPIRV1_6 },
+        version_profile: None,
+        messages: ShaderMessage::DEFAULT,
+    };
+    let glslang_stage = match stage {
+        Stage::Vertex => ShaderStage::Vertex,
+        Stage::Fragment => ShaderStage::Fragment,
+        Stage::Compute => ShaderStage::Compute,
+    };
+    let mut handler = Handler(includes);
+    let input = ShaderInput::new(&text, glslang_stage, &options, Some(defines), Some(&mut handler))
+        .map_err(|e| refused(e.to_string()))?;
+    let shader = compiler.create_shader(input).map_err(|e| refused(e.to_string()))?;
+    let log = shader.get_log();
+    if log.contains("WARNING") {
+        return Err(refused(log));
+    }
+    shader.compile().map_err(|e| refused(e.to_string()))
+}

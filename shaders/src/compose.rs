@@ -1,0 +1,22 @@
+//! Parameters of `shaders/compose`.
+use super::types::{SampledImage, StorageImage};
+use bytemuck::{Pod, Zeroable};
+
+/// Value of an input that is off.
+pub const NO_INPUT: u32 = 4294967295;
+
+/// Push constants of `sum.comp`: the sum of the lighting stages.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SumParams {
+    /// Radiance of the direct stage.
+    pub direct: SampledImage,
+    /// Radiance of the gi stage, or [`NO_INPUT`].
+    pub gi: u32,
+    /// Radiance of the reflections stage, or [`NO_INPUT`].
+    pub reflections: u32,
+    /// The sum, RGBA32F.
+    pub lit: StorageImage,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+}

@@ -1,0 +1,51 @@
+//! Shaders of Magpie, compiled at build time and embedded as SPIR-V, and the structs that they share with Rust.
+//!
+//! The Rust modules here are the only source of a shared struct: the build script writes the GLSL twin of module `x` as
+//! `shared/x.glsl`, and a test compares every offset with the SPIR-V.
+
+mod compile;
+mod types;
+
+pub mod compose;
+pub mod check;
+pub mod direct;
+pub mod gbuffer;
+pub mod gi;
+pub mod post;
+pub mod reflections;
+pub mod scene;
+pub mod shadows;
+pub mod sky;
+pub mod view;
+
+pub use compile::{CompileError, Includes, Stage, compile_with};
+pub use types::{Address, SampledImage, SamplerId, StorageImage};
+
+/// A compiled shader.
+#[derive(Clone, Copy, Debug)]
+pub struct Shader {
+    /// Folder and file, such as `shadows/trace.comp`.
+    pub name: &'static str,
+    /// The stage that it runs in.
+    pub stage: Stage,
+    /// SPIR-V 1.6, little endian.
+    pub spirv: &'static [u8],
+}
+
+include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+
+struct Embedded;
+
+impl Includes for Embedded {
+    fn find(&mut self, name: &str) -> Option<String> {
+        INCLUDES.iter().find(|(n, _)| *n == name).map(|(_, text)| (*text).to_owned())
+    }
+}
+
+/// Compiles GLSL at run time. It may include everything under `lib/` and `shared/`.
+///
+/// # Errors
+/// [`CompileError`] with glslang's message; a warning counts as an error.
+pub fn compile(name: &str, source: &str, stage: Stage) -> Result<Vec<u32>, CompileError> {
+    compile_with(name, source, stage, &[], &mut Embedded)
+}

@@ -1,0 +1,206 @@
+//! The scene as every shader sees it: tables reached from one root by device address.
+use super::types::{Address, SampledImage, SamplerId};
+use bytemuck::{Pod, Zeroable};
+
+/// [`Material::flags`]: fragments below the alpha cut-off are discarded.
+pub const MATERIAL_ALPHA_TEST: u32 = 1;
+/// [`Material::flags`]: back faces are drawn, with the normal turned towards the viewer.
+pub const MATERIAL_DOUBLE_SIDED: u32 = 2;
+/// [`Material::flags`]: the base colour is emitted and nothing is reflected.
+pub const MATERIAL_UNLIT: u32 = 4;
+/// [`Light::kind`]: parallel light; `intensity` is illuminance.
+pub const LIGHT_DIRECTIONAL: u32 = 0;
+/// [`Light::kind`]: a point; `intensity` is radiant intensity.
+pub const LIGHT_POINT: u32 = 1;
+/// [`Light::kind`]: a cone; `intensity` is radiant intensity on its axis.
+pub const LIGHT_SPOT: u32 = 2;
+/// [`Light::kind`]: a one-sided rectangle; `intensity` is radiance.
+pub const LIGHT_RECTANGLE: u32 = 3;
+/// [`TextureSlot::image`] of a slot without a texture.
+pub const NO_TEXTURE: u32 = 4294967295;
+
+/// Root of the scene's tables.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Scene {
+    /// [`Instance`] table.
+    pub instances: Address,
+    /// [`Mesh`] table.
+    pub meshes: Address,
+    /// [`Material`] table.
+    pub materials: Address,
+    /// [`Light`] table.
+    pub lights: Address,
+    /// Top-level CWBVH: [`BvhNode`] table.
+    pub tlas_nodes: Address,
+    /// Instance index of each top-level primitive, in the order of the tree (`u32`).
+    pub tlas_instances: Address,
+    /// How many instances there are.
+    pub instance_count: u32,
+    /// How many lights there are.
+    pub light_count: u32,
+}
+
+/// A mesh placed in the world. Matrices are the three upper rows of an affine transform.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Instance {
+    /// World from object.
+    pub world_from_object: [[f32; 4]; 3],
+    /// Object from world.
+    pub object_from_world: [[f32; 4]; 3],
+    /// World from object one frame ago.
+    pub previous_world_from_object: [[f32; 4]; 3],
+    /// Index of the mesh.
+    pub mesh: u32,
+    /// Index of the material.
+    pub material: u32,
+}
+
+/// Geometry of one material: vertex tables, and its bottom-level CWBVH in object space.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Mesh {
+    /// Vertex positions, three `f32` each.
+    pub positions: Address,
+    /// [`VertexAttributes`] table.
+    pub attributes: Address,
+    /// Three `u32` per triangle.
+    pub indices: Address,
+    /// [`BvhNode`] table, root first.
+    pub nodes: Address,
+    /// [`BvhTriangle`] table in the order of the tree.
+    pub triangles: Address,
+    /// How many triangles.
+    pub triangle_count: u32,
+}
+
+/// What a vertex carries beside its position.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct VertexAttributes {
+    /// Unit normal, object space.
+    pub normal: [f32; 3],
+    /// Unit tangent, object space; `w` is the sign of the bitangent.
+    pub tangent: [f32; 4],
+    /// First texture coordinates.
+    pub uv0: [f32; 2],
+    /// Second texture coordinates.
+    pub uv1: [f32; 2],
+    /// Linear colour and alpha.
+    pub colour: [f32; 4],
+}
+
+/// One node of a compressed wide BVH (Ylitie et al. 2017), 80 bytes, in `obvhs` layout.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct BvhNode {
+    /// Origin of the node's quantisation grid.
+    pub origin: [f32; 3],
+    /// Exponents x, y, z of the grid, then the mask of inner children: one byte each, low first.
+    pub exponents_and_mask: u32,
+    /// Index of the first inner child.
+    pub child_base: u32,
+    /// Index of the first primitive.
+    pub primitive_base: u32,
+    /// One byte of meta data per child.
+    pub meta: [u32; 2],
+    /// Quantised lower x of the eight children.
+    pub min_x: [u32; 2],
+    /// Quantised upper x.
+    pub max_x: [u32; 2],
+    /// Quantised lower y.
+    pub min_y: [u32; 2],
+    /// Quantised upper y.
+    pub max_y: [u32; 2],
+    /// Quantised lower z.
+    pub min_z: [u32; 2],
+    /// Quantised upper z.
+    pub max_z: [u32; 2],
+}
+
+/// A triangle as traversal reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct BvhTriangle {
+    /// First corner, object space.
+    pub v0: [f32; 3],
+    /// Second corner.
+    pub v1: [f32; 3],
+    /// Third corner.
+    pub v2: [f32; 3],
+    /// Index of the triangle in the mesh's index table.
+    pub triangle: u32,
+}
+
+/// A texture with its sampler and coordinates (KHR_texture_transform).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TextureSlot {
+    /// Bindless image, or [`NO_TEXTURE`].
+    pub image: SampledImage,
+    /// Bindless sampler.
+    pub sampler_id: SamplerId,
+    /// 0 or 1: which texture coordinates.
+    pub uv_set: u32,
+    /// `u' = dot(row, (u, v, 1))`, first row.
+    pub row_u: [f32; 3],
+    /// Second row.
+    pub row_v: [f32; 3],
+}
+
+/// Metallic-roughness material of glTF 2.0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Material {
+    /// Linear base colour and alpha factor.
+    pub base_colour: [f32; 4],
+    /// Emitted radiance factor, linear, strength included.
+    pub emission: [f32; 3],
+    /// Metalness factor, 0 to 1.
+    pub metalness: f32,
+    /// Perceptual roughness factor, 0 to 1.
+    pub roughness: f32,
+    /// Scale of the normal map's x and y.
+    pub normal_scale: f32,
+    /// Strength of the occlusion map, 0 to 1.
+    pub occlusion_strength: f32,
+    /// Alpha below which an alpha-tested fragment is discarded.
+    pub alpha_cutoff: f32,
+    /// `MATERIAL_*` bits.
+    pub flags: u32,
+    /// Base colour (sRGB) and alpha.
+    pub base_colour_texture: TextureSlot,
+    /// Roughness in green, metalness in blue.
+    pub metallic_roughness_texture: TextureSlot,
+    /// Tangent-space normals.
+    pub normal_texture: TextureSlot,
+    /// Occlusion in red.
+    pub occlusion_texture: TextureSlot,
+    /// Emission (sRGB).
+    pub emission_texture: TextureSlot,
+}
+
+/// A light. Units follow KHR_lights_punctual.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Light {
+    /// `LIGHT_*`.
+    pub kind: u32,
+    /// Position in the world, metres (rectangle: its centre).
+    pub position: [f32; 3],
+    /// Unit direction of travel (rectangle: its normal, the side that emits).
+    pub direction: [f32; 3],
+    /// Linear Rec.709 strength; the unit depends on the kind.
+    pub intensity: [f32; 3],
+    /// Distance at which a point or spot light has faded to nothing, metres; 0 means never.
+    pub range: f32,
+    /// `1 / (cos(inner) - cos(outer))` of a spot.
+    pub cone_scale: f32,
+    /// `-cos(outer) * cone_scale` of a spot.
+    pub cone_offset: f32,
+    /// Half edge of a rectangle, metres.
+    pub half_u: [f32; 3],
+    /// The other half edge.
+    pub half_v: [f32; 3],
+}

@@ -1,0 +1,17 @@
+//! Parameters of `shaders/shadows`.
+use super::types::{Address, SampledImage, StorageImage};
+use bytemuck::{Pod, Zeroable};
+
+/// Push constants of `trace.comp`: one hard shadow ray per pixel towards the key light.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TraceParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// R8: 1 where the key light is visible, 0 where it is hidden.
+    pub visibility: StorageImage,
+}

@@ -1,0 +1,15 @@
+//! Parameters of `shaders/sky`.
+use super::types::{Address, SampledImage, StorageImage};
+use bytemuck::{Pod, Zeroable};
+
+/// Push constants of `fill.comp`: the sky where nothing was drawn.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FillParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Radiance, RGBA32F; only background pixels are written.
+    pub lit: StorageImage,
+}

@@ -1,0 +1,58 @@
+//! What every pass knows of the camera, the frame and the sky.
+use super::types::Address;
+use bytemuck::{Pod, Zeroable};
+
+/// [`View::key_light`] when no light casts a shadow.
+pub const NO_LIGHT: u32 = 4294967295;
+
+/// Camera, frame and sky. Matrices are column-major; clip space has reversed, infinite depth and y down.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct View {
+    /// Clip from world.
+    pub clip_from_world: [[f32; 4]; 4],
+    /// World from clip.
+    pub world_from_clip: [[f32; 4]; 4],
+    /// Clip from world one frame ago.
+    pub previous_clip_from_world: [[f32; 4]; 4],
+    /// Eye in the world, metres.
+    pub eye: [f32; 3],
+    /// Frame number, from 0.
+    pub frame: u32,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Seed of the run.
+    pub seed: u32,
+    /// Index of the light that the shadow stage traces, or [`NO_LIGHT`].
+    pub key_light: u32,
+    /// Root of the scene's tables.
+    pub scene: Address,
+    /// 1 when the scene has a sky.
+    pub has_sky: u32,
+    /// The sky, if any.
+    pub sky: Sky,
+}
+
+/// Analytic daylight (Preetham et al. 1999), scaled, over a Lambertian ground.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Sky {
+    /// Unit direction towards the sun.
+    pub to_sun: [f32; 3],
+    /// Perez coefficients A to E of luminance Y.
+    pub perez_y_luminance: [f32; 5],
+    /// Perez coefficients of chromaticity x.
+    pub perez_x: [f32; 5],
+    /// Perez coefficients of chromaticity y.
+    pub perez_y: [f32; 5],
+    /// Zenith (Y, x, y) over the Perez function at the zenith.
+    pub zenith: [f32; 3],
+    /// Radiance of the ground below the horizon.
+    pub ground: [f32; 3],
+    /// Radiance of the sun's disc.
+    pub sun_radiance: [f32; 3],
+    /// Cosine of the sun's angular radius; above 1 when there is no disc.
+    pub sun_cos_radius: f32,
+    /// Irradiance of the sky and the ground as order-2 spherical harmonics (Ramamoorthi and Hanrahan 2001), cosine-convolved.
+    pub irradiance_sh: [[f32; 3]; 9],
+}
