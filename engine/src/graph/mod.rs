@@ -43,6 +43,7 @@
 
 mod access;
 mod builder;
+pub mod check;
 mod declaration;
 mod desc;
 pub mod dump;
@@ -64,7 +65,7 @@ pub use error::{GraphError, GraphErrors};
 pub use handle::{Buffer, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
 pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn};
 pub use plan::{Plan, plan};
-pub use record::Record;
+pub use record::{Draw, MipCopy, Record, Token};
 pub use token::{
     BufferToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken, StorageToken,
     TraceToken,
