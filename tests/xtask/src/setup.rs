@@ -119,7 +119,7 @@ fn install_device(installer: &mut Installer) -> Result<()> {
             installer.install(None, &[loader, layers, MESA])
         }
         Choice::From { suite, version } => {
-            say(&format!("installing the Vulkan loader, the validation layers, and Mesa {version} of {suite}"));
+            say(&format!("installing the Vulkan loader, the validation layers, and from {suite} Mesa {version}"));
             installer.install(None, &[loader, layers])?;
             installer.install(Some(&suite), &[MESA])
         }
@@ -194,7 +194,7 @@ impl Installer {
     fn apt_get(&self, arguments: &[&str]) -> Result<Invocation> {
         // Wait for a minute or two where the machine is updating itself.
         let all = [&["-qq", "-o", "DPkg::Lock::Timeout=120"], arguments].concat();
-        self.as_root(Invocation::new("apt-get", &all).with_env("DEBIAN_FRONTEND", "noninteractive"))
+        self.as_root(Invocation::new("apt-get", &all).with_env("DEBIAN_FRONTEND", "noninteractive").quietly())
     }
 
     /// Fetches the package lists, once.
@@ -229,11 +229,11 @@ impl Installer {
             println!("  would write {}:", file.path);
             file.text.lines().for_each(|line| println!("    {line}"));
             self.act(&self.apt_get(&["update"])?)?;
-            return Ok(Choice::From { suite: suite.to_owned(), version: "as new as there".to_owned() });
+            return Ok(Choice::From { suite: suite.to_owned(), version: "as new as it has".to_owned() });
         }
         println!("  writing {}:", file.path);
         file.text.lines().for_each(|line| println!("    {line}"));
-        self.as_root(Invocation::new("tee", &[file.path]).fed(&file.text))?.run()?;
+        self.as_root(Invocation::new("tee", &[file.path]).fed(&file.text).quietly())?.run()?;
         self.updated = false;
         self.update()?;
         let choice = apt::choose(&self.policy(MESA)?, OLDEST_MESA);

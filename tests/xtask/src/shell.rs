@@ -15,6 +15,7 @@ pub struct Invocation {
     env: Vec<(String, Option<String>)>,
     folder: Option<PathBuf>,
     input: Option<String>,
+    quiet: bool,
 }
 
 impl Invocation {
@@ -27,6 +28,7 @@ impl Invocation {
             env: Vec::new(),
             folder: None,
             input: None,
+            quiet: false,
         }
     }
 
@@ -55,6 +57,11 @@ impl Invocation {
     /// With `input` on standard input.
     pub fn fed(self, input: &str) -> Invocation {
         Invocation { input: Some(input.to_owned()), ..self }
+    }
+
+    /// Without what it writes to standard output; its complaints are still shown.
+    pub fn quietly(self) -> Invocation {
+        Invocation { quiet: true, ..self }
     }
 
     /// The same command started by `prefix`, for example `sudo`. `env` sets the variables behind it, because sudo
@@ -91,7 +98,10 @@ impl Invocation {
         println!("  $ {self}");
         let mut command = self.command();
         if self.input.is_some() {
-            command.stdin(Stdio::piped()).stdout(Stdio::null());
+            command.stdin(Stdio::piped());
+        }
+        if self.quiet {
+            command.stdout(Stdio::null());
         }
         let mut child = command.spawn().with_context(|| format!("{} could not be started", self.shown))?;
         if let (Some(input), Some(mut pipe)) = (&self.input, child.stdin.take()) {
