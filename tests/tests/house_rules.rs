@@ -39,7 +39,7 @@ fn dependencies_point_one_way() {
 
 #[test]
 fn only_the_gpu_layer_knows_ash() {
-    hold(crates::ash);
+    hold(crates::vulkan);
 }
 
 #[test]

@@ -67,7 +67,7 @@ pub fn dependencies(tree: &Tree) -> Vec<String> {
 }
 
 /// Nothing but the GPU layer uses ash, under its own name or as the `vk` that it hands out.
-pub fn ash(tree: &Tree) -> Vec<String> {
+pub fn vulkan(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, name, dependencies) in packages(tree) {
         if name != "magpie" && dependencies.iter().any(|dependency| dependency == "ash") {
@@ -181,12 +181,12 @@ fn a_dependency_against_the_order_is_found() {
 fn ash_outside_the_gpu_layer_is_found() {
     let fine =
         [("engine/src/gpu/mod.rs", "use ash::vk;"), ("engine/src/lib.rs", "// ash::vk\nlet x = hash::of(slash::y);")];
-    assert_eq!(ash(&Tree::of(&fine)), [""; 0]);
-    one_fault(ash, &[("engine/src/graph/execute.rs", "let x: ash::Device;")], "execute.rs:1: ash");
-    one_fault(ash, &[("passes/src/a/mod.rs", "fn f() -> vk::Format {}")], "passes/src/a/mod.rs:1: vk");
-    one_fault(ash, &[("demo/src/a.rs", "use magpie::gpu::{Device, vk};")], "demo/src/a.rs:1: vk");
+    assert_eq!(vulkan(&Tree::of(&fine)), [""; 0]);
+    one_fault(vulkan, &[("engine/src/graph/execute.rs", "let x: ash::Device;")], "execute.rs:1: ash");
+    one_fault(vulkan, &[("passes/src/a/mod.rs", "fn f() -> vk::Format {}")], "passes/src/a/mod.rs:1: vk");
+    one_fault(vulkan, &[("demo/src/a.rs", "use magpie::gpu::{Device, vk};")], "demo/src/a.rs:1: vk");
     one_fault(
-        ash,
+        vulkan,
         &[("demo/Cargo.toml", "[package]\nname = \"magpie-demo\"\n[dependencies]\nash = \"1\"")],
         "depend on ash",
     );

@@ -86,8 +86,8 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
             format!("image test: a test `{effect}` or `{effect}_…` in tests/tests/images"),
         );
     }
-    // `src` is Rust, `lib` is shared by all, `check` belongs to the graph.
-    let others = BTreeSet::from(["src", "lib", "check"]);
+    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph.
+    let others = BTreeSet::from(["src", "tests", "lib", "check"]);
     for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
         faults.push(format!("shaders/{folder} has no passes/src/{folder}"));
     }
