@@ -4,6 +4,7 @@
 #include "lib/gbuffer.glsl"
 #include "lib/lights.glsl"
 #include "lib/ray.glsl"
+#include "lib/ray_count.glsl"
 #include "shared/shadows.glsl"
 // One hard shadow ray per pixel towards the key light.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -15,6 +16,8 @@ const float LIGHT_MARGIN = 1e-3;
 // Rounding of the depth buffer and of its interpolation over long triangles moves the surface by some 1e-6 to 1e-5 of the
 // distance to the eye. The origin is lifted by twice that: a fiftieth of a pixel.
 const float DEPTH_ROUNDING = 2e-5;
+
+uint rays_traced = 0u;
 
 // 1 where the key light reaches the surface. What it cannot light anyway, background and far sides, is 0 without a ray.
 float visibility(ViewBuffer view, ivec2 pixel) {
@@ -37,6 +40,7 @@ float visibility(ViewBuffer view, ivec2 pixel) {
         towards = sample_light(light, origin);
         t_max = towards.distance * (1.0 - LIGHT_MARGIN);
     }
+    rays_traced = 1u;
     return trace_any(scene.at[0], Ray(origin, 0.0, towards.direction, t_max)) ? 0.0 : 1.0;
 }
 
@@ -45,4 +49,5 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     store(params.visibility, pixel, vec4(visibility(view, pixel)));
+    count_rays(params.rays, 0u, rays_traced);
 }

@@ -104,8 +104,10 @@ pub(super) fn extensions(instance: &Instance, device: vk::PhysicalDevice) -> Vec
 fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> DeviceReport {
     let raw = &instance.raw;
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: the handle comes from this instance; the driver struct is core in 1.2 and skipped by older drivers.
+    let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut properties =
+        vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup);
+    // SAFETY: the handle comes from this instance; the structs are core in 1.2 and 1.1 and skipped by older drivers.
     unsafe { raw.get_physical_device_properties2(device, &mut properties) };
     let properties = properties.properties;
     let limits = properties.limits;
@@ -145,6 +147,9 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
         refusals.push(format!("it has Vulkan {}, 1.3 is needed", version(properties.api_version)));
     } else {
         refusals.extend(missing_features(instance, device));
+    }
+    if !subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC) {
+        refusals.push("subgroup arithmetic is missing".to_owned());
     }
     if graphics_family(&families).is_none() {
         refusals.push("no queue family does graphics and compute with timestamps".to_owned());
