@@ -37,7 +37,7 @@ float visibility(ViewBuffer view, ivec2 pixel) {
         towards = sample_light(light, origin);
         t_max = towards.distance * (1.0 - LIGHT_MARGIN);
     }
-    return trace_any(scene.at[0], Ray(origin, 0.0, towards.direction, t_max)) ? 0.0 : 1.0;
+    return trace_any(scene, Ray(origin, 0.0, towards.direction, t_max)) ? 0.0 : 1.0;
 }
 
 void main() {

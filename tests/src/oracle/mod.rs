@@ -1,0 +1,3 @@
+//! Slow, obvious, double-precision answers to compare the GPU with.
+
+pub mod shading;
