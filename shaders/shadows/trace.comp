@@ -41,7 +41,7 @@ float visibility(ViewBuffer view, ivec2 pixel) {
         t_max = towards.distance * (1.0 - LIGHT_MARGIN);
     }
     rays_traced = 1u;
-    return trace_any(scene.at[0], Ray(origin, 0.0, towards.direction, t_max)) ? 0.0 : 1.0;
+    return trace_any(scene, Ray(origin, 0.0, towards.direction, t_max)) ? 0.0 : 1.0;
 }
 
 void main() {

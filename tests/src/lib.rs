@@ -1,1 +1,3 @@
 //! Tests of Magpie, in tiers.
+
+pub mod oracle;
