@@ -184,7 +184,9 @@ impl Installer {
             return Ok(command);
         }
         if !on_path("sudo") && !self.dry_run {
-            bail!("this needs root and there is no sudo; as root, run:\n  {command}");
+            bail!(
+                "this needs root and there is no sudo; as root, run (`--dry-run` of set-up shows the rest):\n  {command}"
+            );
         }
         // Nobody can type a password where there is no terminal: better an error than a wait.
         let prefix: &[&str] = if std::io::stdin().is_terminal() { &["sudo"] } else { &["sudo", "-n"] };
@@ -192,8 +194,8 @@ impl Installer {
     }
 
     fn apt_get(&self, arguments: &[&str]) -> Result<Invocation> {
-        // Wait for a minute or two where the machine is updating itself.
-        let all = [&["-qq", "-o", "DPkg::Lock::Timeout=120"], arguments].concat();
+        // Wait for a minute or two where the machine is updating itself. A bare root has no pseudo-terminals.
+        let all = [&["-qq", "-o", "DPkg::Lock::Timeout=120", "-o", "Dpkg::Use-Pty=0"], arguments].concat();
         self.as_root(Invocation::new("apt-get", &all).with_env("DEBIAN_FRONTEND", "noninteractive").quietly())
     }
 
