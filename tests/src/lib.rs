@@ -1,3 +1,4 @@
 //! Tests of Magpie, in tiers.
 
+pub mod harness;
 pub mod oracle;

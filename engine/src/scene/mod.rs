@@ -10,6 +10,7 @@ mod daylight;
 mod error;
 mod import;
 mod mesh;
+mod resident;
 mod supply;
 mod texture;
 
@@ -18,6 +19,7 @@ pub use camera::{Camera, CameraFile};
 pub use daylight::Daylight;
 pub use error::SceneError;
 pub use import::load;
+pub use resident::{ResidentError, ResidentScene, SceneImports};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
 
