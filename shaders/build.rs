@@ -23,21 +23,33 @@ impl compile::Includes for Texts {
     }
 }
 
-fn main() -> Result<()> {
+fn main() {
+    if let Err(error) = build() {
+        // glslang's message has line breaks; `Termination` would print them escaped.
+        eprintln!("{error}");
+        std::process::exit(1);
+    }
+}
+
+fn build() -> Result<()> {
     println!("cargo:rerun-if-changed=.");
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut texts = Texts(BTreeMap::new());
+    let mut layouts = String::new();
     for file in files(Path::new("src"), "rs")? {
         let module = stem(&file);
         if !NOT_SHARED.contains(&module.as_str()) {
-            texts.0.insert(format!("shared/{module}.glsl"), twin::glsl(&module, &fs::read_to_string(&file)?)?);
+            let source = fs::read_to_string(&file)?;
+            texts.0.insert(format!("shared/{module}.glsl"), twin::glsl(&module, &source)?);
+            layouts.push_str(&twin::layouts(&module, &source)?);
         }
     }
     for file in files(Path::new("lib"), "glsl")? {
         texts.0.insert(format!("lib/{}.glsl", stem(&file)), fs::read_to_string(&file)?);
     }
 
-    let mut code = String::from("/// Every file that a shader can include, by name.\npub static INCLUDES: &[(&str, &str)] = &[\n");
+    let mut code =
+        String::from("/// Every file that a shader can include, by name.\npub static INCLUDES: &[(&str, &str)] = &[\n");
     for (name, text) in &texts.0 {
         let _ = writeln!(code, "    ({name:?}, {text:?}),");
     }
@@ -63,6 +75,8 @@ fn main() -> Result<()> {
     }
     let _ = writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{listed}];");
     fs::write(out.join("shaders.rs"), code)?;
+    // For tests/layout.rs.
+    fs::write(out.join("layouts.rs"), format!("&[\n{layouts}]\n"))?;
     Ok(())
 }
 

@@ -4,9 +4,11 @@
 //! every folder.
 
 pub mod config;
+pub mod frame;
 pub mod gpu;
 pub mod graph;
 pub mod measure;
+pub mod pixels;
 pub mod prelude;
 pub mod ray;
 pub mod scene;

@@ -1,1 +1,7 @@
-//! prelude
+//! What an effect needs: `use magpie::prelude::*;`.
+pub use crate::frame::View;
+pub use crate::gpu::Gpu;
+pub use crate::graph::{
+    Buffer, BufferDesc, Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queue, Record, Size, Tlas, WriteHandle,
+};
+pub use crate::stage::Effect;

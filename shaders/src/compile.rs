@@ -1,4 +1,5 @@
 //! GLSL to SPIR-V through glslang. The build script and the running program (hot reload, a user's own pass) share this file.
+use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage, SourceLanguage, SpirvVersion,
@@ -61,6 +62,9 @@ struct Handler<'a>(&'a mut dyn Includes);
 impl IncludeHandler for Handler<'_> {
     fn include(&mut self, _: IncludeType, header: &str, _: &str, _: usize) -> Option<IncludeResult> {
         let data = self.0.find(header)?;
+        if data.contains('\0') {
+            return None;
+        }
         Some(IncludeResult { name: header.to_owned(), data })
     }
 }
@@ -73,10 +77,26 @@ pub fn compile_with(
     defines: &[(&str, Option<&str>)],
     includes: &mut dyn Includes,
 ) -> Result<Vec<u32>, CompileError> {
-    let refused = |log: String| CompileError::Refused { name: name.to_owned(), log };
+    if source.contains('\0') {
+        return Err(CompileError::Source { name: name.to_owned() });
+    }
+    // glslang calls the outermost text "0".
+    let refused = |log: &str| CompileError::Refused {
+        name: name.to_owned(),
+        log: log
+            .trim()
+            .replace("ERROR: 0:", &format!("ERROR: {name}:"))
+            .replace("WARNING: 0:", &format!("WARNING: {name}:")),
+    };
+    let failed = |error: GlslangError| match &error {
+        GlslangError::PreprocessError(log)
+        | GlslangError::ParseError(log)
+        | GlslangError::MapIoError(log)
+        | GlslangError::LinkError(log) => refused(&log.log),
+        other => refused(&other.to_string()),
+    };
     let compiler = Compiler::acquire().ok_or(CompileError::NoCompiler)?;
-    let text =
-        ShaderSource::try_from(source.to_owned()).map_err(|_| CompileError::Source { name: name.to_owned() })?;
+    let text = ShaderSource::from(source);
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan { version: VulkanVersion::Vulkan1_3, spirv_version: SpirvVersion::SPIRV1_6 },
@@ -89,12 +109,11 @@ pub fn compile_with(
         Stage::Compute => ShaderStage::Compute,
     };
     let mut handler = Handler(includes);
-    let input = ShaderInput::new(&text, glslang_stage, &options, Some(defines), Some(&mut handler))
-        .map_err(|e| refused(e.to_string()))?;
-    let shader = compiler.create_shader(input).map_err(|e| refused(e.to_string()))?;
+    let input = ShaderInput::new(&text, glslang_stage, &options, Some(defines), Some(&mut handler)).map_err(failed)?;
+    let shader = compiler.create_shader(input).map_err(failed)?;
     let log = shader.get_log();
     if log.contains("WARNING") {
-        return Err(refused(log));
+        return Err(refused(&log));
     }
-    shader.compile().map_err(|e| refused(e.to_string()))
+    shader.compile().map_err(failed)
 }

@@ -6,8 +6,8 @@
 mod compile;
 mod types;
 
-pub mod compose;
 pub mod check;
+pub mod compose;
 pub mod direct;
 pub mod gbuffer;
 pub mod gi;

@@ -8,6 +8,8 @@ use bytemuck::{Pod, Zeroable};
 pub struct TraceParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Two counters, closest-hit and any-hit rays (`uint`).
+    pub rays: Address,
     /// Reversed depth.
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.

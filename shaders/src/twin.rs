@@ -11,20 +11,60 @@ pub fn glsl(module: &str, source: &str) -> Result<String, String> {
     let file = syn::parse_file(source).map_err(|e| format!("{module}.rs: {e}"))?;
     let guard = format!("SHARED_{}_GLSL", module.to_uppercase());
     let mut out = format!("#ifndef {guard}\n#define {guard}\n");
+    let mut structs = Vec::new();
     for item in &file.items {
-        let result = match item {
-            Item::Const(c) => constant(c, &mut out),
-            Item::Struct(s) => structure(s, &mut out),
-            Item::Use(u) => {
-                include(u, &mut out);
-                Ok(())
-            }
-            _ => Ok(()),
-        };
-        result.map_err(|e| format!("{module}.rs: {e}"))?;
+        match item {
+            Item::Const(c) => constant(c, &mut out).map_err(|e| format!("{module}.rs: {e}"))?,
+            Item::Struct(s) => structs.push(s),
+            Item::Use(u) => include(u, &mut out),
+            _ => {}
+        }
+    }
+    for item in by_use(structs) {
+        structure(item, &mut out).map_err(|e| format!("{module}.rs: {e}"))?;
     }
     out.push_str("#endif\n");
     Ok(out)
+}
+
+/// Rust code for one `Layout` (see `tests/layout.rs`) per struct of a module, with the offsets that rustc gives its fields.
+pub fn layouts(module: &str, source: &str) -> Result<String, String> {
+    let file = syn::parse_file(source).map_err(|e| format!("{module}.rs: {e}"))?;
+    let mut out = String::new();
+    for item in &file.items {
+        let Item::Struct(item) = item else { continue };
+        let path = format!("magpie_shaders::{module}::{}", item.ident);
+        let _ = write!(
+            out,
+            "Layout {{ module: {module:?}, name: \"{}\", size: size_of::<{path}>(), fields: &[",
+            item.ident
+        );
+        for ident in item.fields.iter().filter_map(|f| f.ident.as_ref()) {
+            let _ = write!(out, "(\"{ident}\", std::mem::offset_of!({path}, {ident})), ");
+        }
+        out.push_str("] },\n");
+    }
+    Ok(out)
+}
+
+/// GLSL wants a struct before its first use, Rust does not care: used structs first, else in the order of the file.
+fn by_use(mut rest: Vec<&syn::ItemStruct>) -> Vec<&syn::ItemStruct> {
+    let mut sorted = Vec::new();
+    while !rest.is_empty() {
+        // Rust has no cycles of structs by value, so there is always a first.
+        let next = rest.iter().position(|s| !s.fields.iter().any(|f| rest.iter().any(|r| mentions(&f.ty, r))));
+        sorted.push(rest.remove(next.unwrap_or(0)));
+    }
+    sorted
+}
+
+/// Whether a field of this type holds that struct.
+fn mentions(ty: &Type, item: &syn::ItemStruct) -> bool {
+    match ty {
+        Type::Path(p) => p.path.segments.last().is_some_and(|s| s.ident == item.ident),
+        Type::Array(a) => mentions(&a.elem, item),
+        _ => false,
+    }
 }
 
 /// `use super::scene::Light;` includes the twin of that module.
@@ -58,8 +98,10 @@ fn constant(item: &syn::ItemConst, out: &mut String) -> Result<(), String> {
 }
 
 fn structure(item: &syn::ItemStruct, out: &mut String) -> Result<(), String> {
-    let Fields::Named(fields) = &item.fields else { return Ok(()) };
     let name = &item.ident;
+    let Fields::Named(fields) = &item.fields else {
+        return Err(format!("{name}: only structs with named fields have a GLSL twin"));
+    };
     let _ = writeln!(out, "struct {name} {{");
     for field in &fields.named {
         let ident = field.ident.as_ref().map(ToString::to_string).unwrap_or_default();

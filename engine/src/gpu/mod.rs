@@ -1,1 +1,31 @@
-//! gpu/mod
+//! The GPU layer: the only user of `ash` and the only place with `unsafe`.
+//!
+//! [`Gpu`] is one opened device; images and buffers free themselves once the device no longer uses them. Every image has its
+//! place in one bindless descriptor set, every buffer its device address; pipelines are named by small [`Kernel`] ids.
+#![allow(unsafe_code)]
+
+mod access;
+mod bindless;
+mod buffer;
+mod choice;
+mod device;
+mod encoder;
+mod error;
+mod format;
+mod image;
+mod instance;
+mod pipeline;
+mod pipeline_cache;
+mod query;
+mod submit;
+
+pub use buffer::{Buffer, BufferMemory, BufferUse};
+pub use choice::{DeviceReport, QueueFamilyReport, devices};
+pub use device::{Gpu, GpuOptions};
+pub(crate) use access::Scope;
+pub(crate) use encoder::{Attachment, BufferBarrier, CommandEncoder, DrawRange, ImageBarrier, ImageRegion};
+pub use encoder::Cull;
+pub use error::GpuError;
+pub use image::{Image, ImageUse};
+pub use pipeline::{Kernel, RasterDesc, RasterKernel};
+pub(crate) use query::Timestamps;

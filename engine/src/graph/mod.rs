@@ -1,1 +1,72 @@
-//! graph/mod
+//! The frame graph: what the engine is built around.
+//!
+//! # The idea
+//!
+//! A frame is declared anew every time, as a list of passes. Each pass says what it reads and writes and gives a closure that
+//! records its commands; outputs of one pass are ordinary Rust values that the next takes as inputs. From the declaration
+//! alone follow the passes that can be dropped, the memory, and every barrier and layout transition. No pass ever names one.
+//!
+//! | step | in | out | where |
+//! |---|---|---|---|
+//! | declare | closures | [`Declaration`], plain data, and mistakes found on the way | [`FrameGraph`], [`PassBuilder`] |
+//! | plan | [`Declaration`] | [`Plan`]: order, dropped passes, lifetimes, batched barriers | [`plan`](fn@plan) |
+//! | dump | both | text, JSON, DOT | [`dump`] |
+//! | execute | both, and the closures | commands | `execute`, the only part that touches the device |
+//!
+//! # What the types keep
+//!
+//! - A [`Handle`] names one version of a resource and can only be read. A [`WriteHandle`] is the one right to write the next
+//!   version; writing consumes it.
+//! - Declaring a use gives a token, and only a token yields a GPU id while recording.
+//! - Closures that record are `Send + 'static`: they capture tokens and plain values, and may run on any thread.
+//!
+//! ```
+//! use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Record, dump, plan};
+//!
+//! let mut g = FrameGraph::new(Extent::new(640, 360));
+//! let noisy = g.pass("ao.trace", Queue::AsyncCompute, |p| {
+//!     let (open, _target) = p.create("open", ImageDesc::half(Format::R8Unorm));
+//!     (open.read(), move |_: &mut Record| { /* dispatch with `_target` */ })
+//! });
+//! let ao = g.pass("ao.blur", Queue::AsyncCompute, |p| {
+//!     let _source = p.sample(noisy);
+//!     let (smooth, _target) = p.create("smooth", p.desc(noisy));
+//!     (smooth.read(), move |_: &mut Record| { /* dispatch with both tokens */ })
+//! });
+//! g.output(ao);
+//!
+//! let frame = g.finish().unwrap();
+//! let plan = plan(&frame.declaration);
+//! assert_eq!(plan.order, [0, 1]);
+//! println!("{}", dump::text(&frame.declaration, &plan));
+//! ```
+
+mod access;
+mod builder;
+pub mod check;
+mod declaration;
+mod desc;
+pub mod dump;
+mod error;
+pub mod execute;
+mod handle;
+mod pass;
+pub mod plan;
+pub mod record;
+mod token;
+
+pub use access::{Access, Domain, Layout, Queue, Uses};
+pub use builder::PassBuilder;
+pub use declaration::{
+    Clear, Declaration, ImageState, ImportKey, NamedOutput, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Use,
+};
+pub use desc::{BufferDesc, Extent, Format, ImageDesc, Size};
+pub use error::{GraphError, GraphErrors};
+pub use handle::{Buffer, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
+pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn};
+pub use plan::{Plan, plan};
+pub use record::{Draw, MipCopy, Record, Token};
+pub use token::{
+    BufferToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken, StorageToken,
+    TraceToken,
+};

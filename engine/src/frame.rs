@@ -1,0 +1,89 @@
+//! The view of a frame: the camera, and what an effect may ask about the scene without looking at the GPU.
+use crate::gpu::{self, BufferMemory, BufferUse, Gpu, GpuError};
+use crate::graph::execute::Imports;
+use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
+use crate::scene::{Camera, ResidentScene};
+use glam::Mat4;
+use magpie_shaders::view::{self as shared, NO_LIGHT};
+use std::sync::Arc;
+
+/// What every effect is given beside its inputs.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// [`magpie_shaders::view::View`], the camera's and the frame's block for shaders.
+    pub block: Handle<Buffer>,
+    /// Frame number, from 0.
+    pub frame: u32,
+    /// What the raster passes draw.
+    pub draws: Arc<[Draw]>,
+    /// Index of the light that the shadow stage traces; `None` when nothing casts a shadow.
+    pub key_light: Option<u32>,
+    /// The scene has a sky.
+    pub has_sky: bool,
+}
+
+/// From where a frame is seen, and which frame it is.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewDesc<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Pixels.
+    pub extent: Extent,
+    /// Frame number, from 0.
+    pub frame: u32,
+    /// Seed of everything random.
+    pub seed: u32,
+    /// [`ViewDesc::clip_from_world`] of the frame before; `None` for the first.
+    pub previous_clip_from_world: Option<Mat4>,
+}
+
+impl ViewDesc<'_> {
+    /// Clip space from the world: reversed infinite depth, y down.
+    pub fn clip_from_world(&self) -> Mat4 {
+        self.clip_from_view() * self.camera.view_from_world()
+    }
+
+    fn clip_from_view(&self) -> Mat4 {
+        self.camera.clip_from_view(self.extent.width as f32 / self.extent.height as f32)
+    }
+
+    /// Brings camera, frame and sky into a frame of the graph.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn declare(
+        &self,
+        gpu: &Gpu,
+        scene: &ResidentScene,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+    ) -> Result<View, GpuError> {
+        let clip_from_world = self.clip_from_world();
+        // The product of the two inverses: the inverse of the product loses digits far from the origin.
+        let world_from_clip = Mat4::from(self.camera.world_from_camera) * self.clip_from_view().inverse();
+        let block = shared::View {
+            clip_from_world: clip_from_world.to_cols_array_2d(),
+            world_from_clip: world_from_clip.to_cols_array_2d(),
+            previous_clip_from_world: self.previous_clip_from_world.unwrap_or(clip_from_world).to_cols_array_2d(),
+            eye: self.camera.eye().to_array(),
+            frame: self.frame,
+            size: [self.extent.width, self.extent.height],
+            seed: self.seed,
+            key_light: scene.key_light().unwrap_or(NO_LIGHT),
+            scene: scene.root(),
+            has_sky: u32::from(scene.daylight().is_some()),
+            sky: scene.daylight().map(|d| d.to_gpu()).unwrap_or_default(),
+        };
+        let bytes = size_of::<shared::View>() as u64;
+        let mut buffer = gpu::Buffer::new(gpu, "view", bytes, BufferMemory::Upload, BufferUse::Storage)?;
+        buffer.write(0, bytemuck::bytes_of(&block))?;
+        let key = imports.buffer(&Arc::new(buffer));
+        Ok(View {
+            block: g.import_buffer("view", BufferDesc::new(bytes), Access::BufferRead, key).read(),
+            frame: self.frame,
+            draws: scene.draws().clone(),
+            key_light: scene.key_light(),
+            has_sky: scene.daylight().is_some(),
+        })
+    }
+}

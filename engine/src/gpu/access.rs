@@ -1,0 +1,84 @@
+//! Accesses of the graph as Vulkan stages, access masks and layouts.
+use crate::graph::{Access, Domain, Layout};
+use ash::vk;
+
+/// Stages and kinds of access on one side of a barrier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Scope {
+    pub(super) stages: vk::PipelineStageFlags2,
+    pub(super) access: vk::AccessFlags2,
+}
+
+impl Scope {
+    /// Everything that came before, in any stage.
+    pub const EVERYTHING: Self = Self {
+        stages: vk::PipelineStageFlags2::ALL_COMMANDS,
+        access: vk::AccessFlags2::from_raw(
+            vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
+        ),
+    };
+
+    /// The scope of one access by a pass of this domain.
+    pub fn of(access: Access, domain: Domain) -> Self {
+        let shaders = match domain {
+            Domain::Raster => vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER,
+            Domain::Compute | Domain::Copy => vk::PipelineStageFlags2::COMPUTE_SHADER,
+        };
+        let tests =
+            vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+        let output = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        let (storage_read, storage_write) =
+            (vk::AccessFlags2::SHADER_STORAGE_READ, vk::AccessFlags2::SHADER_STORAGE_WRITE);
+        let (stages, access) = match access {
+            Access::Color => (output, vk::AccessFlags2::COLOR_ATTACHMENT_WRITE),
+            Access::ColorLoad => {
+                (output, vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ)
+            }
+            Access::Depth | Access::DepthLoad => (
+                tests,
+                vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
+            ),
+            Access::Sample => (shaders, vk::AccessFlags2::SHADER_SAMPLED_READ),
+            Access::StorageRead | Access::BufferRead | Access::Trace => (shaders, storage_read),
+            Access::StorageWrite | Access::BufferWrite => (shaders, storage_write),
+            Access::StorageReadWrite | Access::BufferReadWrite => (shaders, storage_read | storage_write),
+            Access::Index => (vk::PipelineStageFlags2::INDEX_INPUT, vk::AccessFlags2::INDEX_READ),
+            Access::Indirect => (vk::PipelineStageFlags2::DRAW_INDIRECT, vk::AccessFlags2::INDIRECT_COMMAND_READ),
+            Access::CopyRead => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ),
+            Access::CopyWrite => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
+            Access::HostRead => (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
+        };
+        Self { stages, access }
+    }
+
+    /// As the first half of a barrier: only writes have anything to make available.
+    pub(super) fn available(self) -> Self {
+        const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
+            vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw()
+                | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE.as_raw()
+                | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE.as_raw()
+                | vk::AccessFlags2::TRANSFER_WRITE.as_raw()
+                | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
+        );
+        Self { stages: self.stages, access: self.access & WRITES }
+    }
+}
+
+impl std::ops::BitOr for Scope {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self { stages: self.stages | other.stages, access: self.access | other.access }
+    }
+}
+
+pub(super) fn layout(layout: Layout) -> vk::ImageLayout {
+    match layout {
+        Layout::Undefined => vk::ImageLayout::UNDEFINED,
+        Layout::General => vk::ImageLayout::GENERAL,
+        Layout::ColorAttachment => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+        Layout::DepthAttachment => vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
+        Layout::ShaderRead => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+        Layout::TransferSource => vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+        Layout::TransferTarget => vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+    }
+}

@@ -1,0 +1,277 @@
+//! Which devices Magpie accepts, and why it refuses the others.
+use super::instance::Instance;
+use super::{GpuError, format};
+use crate::graph::Format;
+use ash::vk;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::ffi::CStr;
+
+/// A Vulkan device as `magpie devices` shows it.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceReport {
+    /// Position in the loader's list: what `--device 0` means.
+    pub index: usize,
+    /// Name, as the driver gives it.
+    pub name: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// `cpu`, `integrated`, `discrete`, `virtual` or `other`.
+    pub kind: &'static str,
+    /// Vulkan version.
+    pub api: String,
+    /// Magpie runs on it.
+    pub accepted: bool,
+    /// What is missing, one sentence each.
+    pub refusals: Vec<String>,
+    /// Ways to trace a ray: `software` always, `query` and `pipeline` where the driver has them.
+    pub rays: Vec<&'static str>,
+    /// Queue families.
+    pub queues: Vec<QueueFamilyReport>,
+    /// Limits that matter.
+    pub limits: BTreeMap<&'static str, u64>,
+}
+
+/// A queue family.
+#[derive(Clone, Debug, Serialize)]
+pub struct QueueFamilyReport {
+    /// Index of the family.
+    pub family: u32,
+    /// How many queues it has.
+    pub count: u32,
+    /// `graphics`, `compute`, `transfer`.
+    pub can: Vec<&'static str>,
+    /// Valid bits of a timestamp; 0 means that it cannot be timed.
+    pub timestamp_bits: u32,
+}
+
+/// Lists every Vulkan device with what it can do and why it is refused, if it is.
+///
+/// # Errors
+/// [`GpuError::NoLoader`] and failing calls.
+pub fn devices() -> Result<Vec<DeviceReport>, GpuError> {
+    let instance = Instance::new(false)?;
+    let physical = enumerate(&instance)?;
+    Ok(physical.iter().enumerate().map(|(i, p)| report(&instance, *p, i)).collect())
+}
+
+fn enumerate(instance: &Instance) -> Result<Vec<vk::PhysicalDevice>, GpuError> {
+    // SAFETY: the instance is alive.
+    unsafe { instance.raw.enumerate_physical_devices() }.map_err(GpuError::call("vkEnumeratePhysicalDevices"))
+}
+
+/// The device that `wanted` names (an index or a part of a name), else the best accepted one.
+pub(super) fn choose(
+    instance: &Instance,
+    wanted: Option<&str>,
+) -> Result<(vk::PhysicalDevice, DeviceReport), GpuError> {
+    let physical = enumerate(instance)?;
+    let reports: Vec<_> = physical.iter().enumerate().map(|(i, p)| report(instance, *p, i)).collect();
+    let refusal = |r: &DeviceReport| format!("{}: {}", r.name, r.refusals.join(", "));
+    let chosen = match wanted {
+        Some(text) => {
+            let named = reports.iter().find(|r| {
+                text.parse::<usize>().map_or_else(
+                    |_| r.name.to_lowercase().contains(&text.to_lowercase()),
+                    |index| r.index == index,
+                )
+            });
+            let Some(found) = named else {
+                let known = reports.iter().map(|r| format!("{} = {}", r.index, r.name)).collect();
+                return Err(GpuError::UnknownDevice { wanted: text.to_owned(), known });
+            };
+            if !found.accepted {
+                return Err(GpuError::NoDevice { refusals: vec![refusal(found)] });
+            }
+            found
+        }
+        None => {
+            let rank = |kind: &str| ["discrete", "integrated", "virtual", "cpu"].iter().position(|k| *k == kind).unwrap_or(4);
+            let best = reports.iter().filter(|r| r.accepted).min_by_key(|r| (rank(r.kind), r.index));
+            best.ok_or_else(|| GpuError::NoDevice { refusals: reports.iter().map(refusal).collect() })?
+        }
+    };
+    Ok((physical[chosen.index], chosen.clone()))
+}
+
+/// The extensions of a device, by name.
+pub(super) fn extensions(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
+    // SAFETY: the handle comes from this instance.
+    let list = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
+    list.iter().filter_map(|e| e.extension_name_as_c_str().ok()?.to_str().ok().map(str::to_owned)).collect()
+}
+
+fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> DeviceReport {
+    let raw = &instance.raw;
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    // SAFETY: the handle comes from this instance; the driver struct is core in 1.2 and skipped by older drivers.
+    unsafe { raw.get_physical_device_properties2(device, &mut properties) };
+    let properties = properties.properties;
+    let limits = properties.limits;
+    let text = |chars: &[std::ffi::c_char]| {
+        let bytes: Vec<u8> = chars.iter().map(|c| *c as u8).collect();
+        CStr::from_bytes_until_nul(&bytes).map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let version = |v| format!("{}.{}.{}", vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v));
+    // SAFETY: as above.
+    let families = unsafe { raw.get_physical_device_queue_family_properties(device) };
+    let queues: Vec<_> = families
+        .iter()
+        .zip(0..)
+        .map(|(f, family)| {
+            let named = [
+                (vk::QueueFlags::GRAPHICS, "graphics"),
+                (vk::QueueFlags::COMPUTE, "compute"),
+                (vk::QueueFlags::TRANSFER, "transfer"),
+            ];
+            let can = named.iter().filter(|(flag, _)| f.queue_flags.contains(*flag)).map(|(_, name)| *name).collect();
+            QueueFamilyReport { family, count: f.queue_count, can, timestamp_bits: f.timestamp_valid_bits }
+        })
+        .collect();
+    let available = extensions(instance, device);
+    let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
+    let mut rays = vec!["software"];
+    if has(ash::khr::acceleration_structure::NAME) {
+        if has(ash::khr::ray_query::NAME) {
+            rays.push("query");
+        }
+        if has(ash::khr::ray_tracing_pipeline::NAME) {
+            rays.push("pipeline");
+        }
+    }
+    let mut refusals = Vec::new();
+    if properties.api_version < vk::API_VERSION_1_3 {
+        refusals.push(format!("it has Vulkan {}, 1.3 is needed", version(properties.api_version)));
+    } else {
+        refusals.extend(missing_features(instance, device));
+    }
+    if graphics_family(&families).is_none() {
+        refusals.push("no queue family does graphics and compute with timestamps".to_owned());
+    }
+    for (wanted, uses) in NEEDED_FORMATS {
+        // SAFETY: as above.
+        let found = unsafe { raw.get_physical_device_format_properties(device, format::vulkan(*wanted)) };
+        if !found.optimal_tiling_features.contains(*uses) {
+            refusals.push(format!("{wanted:?} images lack {:?}", *uses & !found.optimal_tiling_features));
+        }
+    }
+    DeviceReport {
+        index,
+        name: properties.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
+        driver: format!("{} {}", text(&driver.driver_name), text(&driver.driver_info)).trim().to_owned(),
+        kind: match properties.device_type {
+            vk::PhysicalDeviceType::CPU => "cpu",
+            vk::PhysicalDeviceType::INTEGRATED_GPU => "integrated",
+            vk::PhysicalDeviceType::DISCRETE_GPU => "discrete",
+            vk::PhysicalDeviceType::VIRTUAL_GPU => "virtual",
+            _ => "other",
+        },
+        api: version(properties.api_version),
+        accepted: refusals.is_empty(),
+        refusals,
+        rays,
+        queues,
+        limits: BTreeMap::from([
+            ("max_image_edge", limits.max_image_dimension2_d.into()),
+            ("max_push_constant_bytes", limits.max_push_constants_size.into()),
+            ("max_memory_allocations", limits.max_memory_allocation_count.into()),
+            ("timestamp_period_ps", (f64::from(limits.timestamp_period) * 1000.0) as u64),
+        ]),
+    }
+}
+
+/// What the frame does with each format, beyond what Vulkan guarantees.
+const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
+    (Format::Rgba16Snorm, ATTACHMENT),
+    (Format::Rgba16Float, ATTACHMENT),
+    (Format::Rg16Float, ATTACHMENT),
+    (Format::Rg32Uint, ATTACHMENT),
+    (Format::Rgba8Srgb, ATTACHMENT),
+    (Format::Rg8Unorm, ATTACHMENT),
+    (Format::Rgba32Float, STORAGE),
+    (Format::R8Unorm, STORAGE),
+    (Format::Rgba8Unorm, STORAGE),
+];
+const ATTACHMENT: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
+    vk::FormatFeatureFlags::COLOR_ATTACHMENT.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
+);
+const STORAGE: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
+    vk::FormatFeatureFlags::STORAGE_IMAGE.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
+);
+
+/// The first family that does graphics and compute and can be timed.
+pub(super) fn graphics_family(families: &[vk::QueueFamilyProperties]) -> Option<u32> {
+    let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    families.iter().zip(0..).find(|(f, _)| f.queue_flags.contains(wanted) && f.timestamp_valid_bits > 0).map(|(_, i)| i)
+}
+
+/// The features of the floor, as they are asked for when the device is opened.
+pub(super) struct Features {
+    pub core: vk::PhysicalDeviceFeatures,
+    pub v11: vk::PhysicalDeviceVulkan11Features<'static>,
+    pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
+    pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
+}
+
+/// Everything that the frame cannot do without.
+pub(super) fn needed() -> Features {
+    Features {
+        core: vk::PhysicalDeviceFeatures::default()
+            .shader_storage_image_read_without_format(true)
+            .shader_storage_image_write_without_format(true)
+            .fragment_stores_and_atomics(true)
+            .vertex_pipeline_stores_and_atomics(true)
+            .geometry_shader(true), // the primitive id in fragment shaders
+        v11: vk::PhysicalDeviceVulkan11Features::default().shader_draw_parameters(true),
+        v12: vk::PhysicalDeviceVulkan12Features::default()
+            .descriptor_indexing(true)
+            .runtime_descriptor_array(true)
+            .descriptor_binding_partially_bound(true)
+            .descriptor_binding_update_unused_while_pending(true)
+            .descriptor_binding_sampled_image_update_after_bind(true)
+            .descriptor_binding_storage_image_update_after_bind(true)
+            .shader_sampled_image_array_non_uniform_indexing(true)
+            .buffer_device_address(true)
+            .timeline_semaphore(true)
+            .scalar_block_layout(true)
+            .host_query_reset(true),
+        v13: vk::PhysicalDeviceVulkan13Features::default()
+            .dynamic_rendering(true)
+            .synchronization2(true)
+            .maintenance4(true)
+            .shader_demote_to_helper_invocation(true)
+            .shader_terminate_invocation(true),
+    }
+}
+
+/// Names of the needed features that the device lacks.
+fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
+    let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut found =
+        vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
+    // SAFETY: the device speaks Vulkan 1.3, in which all three structs are core.
+    unsafe { instance.raw.get_physical_device_features2(device, &mut found) };
+    let core = found.features;
+    let wanted = needed();
+    let mut missing = Vec::new();
+    macro_rules! compare {
+        ($wanted:expr, $found:expr, $($field:ident)*) => {
+            $(if $wanted.$field == vk::TRUE && $found.$field != vk::TRUE {
+                missing.push(format!("the feature {} is missing", stringify!($field)));
+            })*
+        };
+    }
+    compare!(wanted.core, core, shader_storage_image_read_without_format shader_storage_image_write_without_format
+        fragment_stores_and_atomics vertex_pipeline_stores_and_atomics geometry_shader);
+    compare!(wanted.v11, v11, shader_draw_parameters);
+    compare!(wanted.v12, v12, descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound
+        descriptor_binding_update_unused_while_pending descriptor_binding_sampled_image_update_after_bind
+        descriptor_binding_storage_image_update_after_bind shader_sampled_image_array_non_uniform_indexing
+        buffer_device_address timeline_semaphore scalar_block_layout host_query_reset);
+    compare!(wanted.v13, v13, dynamic_rendering synchronization2 maintenance4
+        shader_demote_to_helper_invocation shader_terminate_invocation);
+    missing
+}

@@ -1,0 +1,251 @@
+//! One opened device and everything that lives as long as it does.
+use super::bindless::Bindless;
+use super::choice::{self, DeviceReport};
+use super::instance::Instance;
+use super::pipeline::Pipelines;
+use super::pipeline_cache;
+use super::submit::Timeline;
+use super::GpuError;
+use ash::{ext, vk};
+use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
+use std::mem::ManuallyDrop;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// How to open a device.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Index or part of the name; the best accepted device when `None`.
+    pub device: Option<String>,
+    /// Turn the validation layers on, synchronization validation included.
+    pub validation: bool,
+}
+
+/// One opened device. Clones share it.
+#[derive(Clone)]
+pub struct Gpu(pub(super) Arc<Inner>);
+
+pub(super) struct Inner {
+    pub allocator: ManuallyDrop<Mutex<Allocator>>,
+    pub bindless: Bindless,
+    pub pipelines: Pipelines,
+    pub timeline: Timeline,
+    garbage: Mutex<Vec<(u64, Garbage)>>,
+    cache: vk::PipelineCache,
+    cache_file: Option<std::path::PathBuf>,
+    pub queue: Mutex<vk::Queue>,
+    pub family: u32,
+    pub timestamp_period: f64,
+    pub timestamp_bits: u32,
+    pub calibrated: Option<ext::calibrated_timestamps::Device>,
+    pub labels: Option<ext::debug_utils::Device>,
+    pub raw: ash::Device,
+    physical: vk::PhysicalDevice,
+    report: DeviceReport,
+    validation: bool,
+    instance: Instance,
+}
+
+/// What waits for the device before it is freed.
+pub(super) enum Garbage {
+    Buffer(vk::Buffer, Allocation),
+    Image { image: vk::Image, views: Vec<vk::ImageView>, sampled: Option<u32>, storage: Option<u32>, memory: Allocation },
+}
+
+/// A lock whose holder panicked still guards valid data here: every critical section leaves it whole.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Gpu {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`GpuError::NoLoader`], [`GpuError::NoDevice`] with every reason, [`GpuError::UnknownDevice`], [`GpuError::MissingLayer`],
+    /// and failing calls.
+    pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
+        let instance = Instance::new(options.validation)?;
+        let (physical, report) = choice::choose(&instance, options.device.as_deref())?;
+        // SAFETY: the handle comes from this instance.
+        let (families, properties) = unsafe {
+            (
+                instance.raw.get_physical_device_queue_family_properties(physical),
+                instance.raw.get_physical_device_properties(physical),
+            )
+        };
+        let family = choice::graphics_family(&families)
+            .ok_or_else(|| GpuError::NoDevice { refusals: report.refusals.clone() })?;
+
+        // The logical device.
+        let available = choice::extensions(&instance, physical);
+        let has_calibration = available.iter().any(|e| e.as_bytes() == ext::calibrated_timestamps::NAME.to_bytes());
+        let extensions: Vec<_> = has_calibration.then(|| ext::calibrated_timestamps::NAME.as_ptr()).into_iter().collect();
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+        let mut wanted = choice::needed();
+        // SAFETY: the handle comes from this instance.
+        let optional = unsafe { instance.raw.get_physical_device_features(physical) };
+        wanted.core.sampler_anisotropy = optional.sampler_anisotropy;
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .enabled_features(&wanted.core)
+            .push_next(&mut wanted.v11)
+            .push_next(&mut wanted.v12)
+            .push_next(&mut wanted.v13);
+        // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
+        let raw = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
+        // SAFETY: the family was asked for with one queue.
+        let queue = unsafe { raw.get_device_queue(family, 0) };
+
+        // Memory, descriptors, pipelines.
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: raw.clone(),
+            physical_device: physical,
+            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+            buffer_device_address: true,
+            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+        })
+        .map_err(|e| GpuError::Call { call: "Allocator::new", code: e.to_string() })?;
+        let anisotropy = if optional.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
+        let bindless = Bindless::new(&raw, anisotropy)?;
+        let (cache, cache_file) = pipeline_cache::open(&raw, &properties)?;
+        let pipelines = Pipelines::new(&raw, bindless.layout)?;
+        let timeline = Timeline::new(&raw)?;
+        let calibrated = has_calibration.then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
+        let labels = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
+        log::info!("device: {} ({})", report.name, report.driver);
+        Ok(Self(Arc::new(Inner {
+            allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            bindless,
+            pipelines,
+            timeline,
+            garbage: Mutex::default(),
+            cache,
+            cache_file,
+            queue: Mutex::new(queue),
+            family,
+            timestamp_period: f64::from(properties.limits.timestamp_period),
+            timestamp_bits: families[family as usize].timestamp_valid_bits,
+            calibrated,
+            labels,
+            raw,
+            physical,
+            report,
+            validation: options.validation,
+            instance,
+        })))
+    }
+
+    /// What the device is and can do.
+    pub fn report(&self) -> &DeviceReport {
+        &self.0.report
+    }
+
+    /// The validation layers are on.
+    pub fn validates(&self) -> bool {
+        self.0.validation
+    }
+
+    /// Messages of the validation layers since the last call.
+    ///
+    /// # Errors
+    /// [`GpuError::Validation`] when there is any.
+    pub fn check_validation(&self) -> Result<(), GpuError> {
+        let messages = self.0.instance.messages.take();
+        if messages.is_empty() { Ok(()) } else { Err(GpuError::Validation { messages }) }
+    }
+
+    /// Waits until the device has done all that was submitted, then frees what waited for it.
+    ///
+    /// # Errors
+    /// [`GpuError::DeviceLost`].
+    pub fn wait_idle(&self) -> Result<(), GpuError> {
+        let last = self.0.timeline.last();
+        self.0.timeline.wait(&self.0.raw, last)?;
+        self.0.collect();
+        Ok(())
+    }
+
+    pub(super) fn raw(&self) -> &ash::Device {
+        &self.0.raw
+    }
+
+    pub(super) fn cache(&self) -> vk::PipelineCache {
+        self.0.cache
+    }
+}
+
+impl Inner {
+    /// Frees `what` once everything that was submitted so far is done.
+    pub fn discard(&self, what: Garbage) {
+        lock(&self.garbage).push((self.timeline.last(), what));
+    }
+
+    /// Frees what the device no longer uses.
+    pub fn collect(&self) {
+        let done = self.timeline.done(&self.raw);
+        let mut free = Vec::new();
+        lock(&self.garbage).retain_mut(|(value, what)| {
+            let keep = *value > done;
+            if !keep {
+                free.push(std::mem::replace(what, Garbage::Buffer(vk::Buffer::null(), Allocation::default())));
+            }
+            keep
+        });
+        for what in free {
+            self.free(what);
+        }
+    }
+
+    fn free(&self, what: Garbage) {
+        let memory = match what {
+            Garbage::Buffer(buffer, memory) => {
+                // SAFETY: the timeline shows that the device is done with it, and its owner was dropped.
+                unsafe { self.raw.destroy_buffer(buffer, None) };
+                memory
+            }
+            Garbage::Image { image, views, sampled, storage, memory } => {
+                self.bindless.release(sampled, storage);
+                // SAFETY: as above.
+                unsafe {
+                    for view in views {
+                        self.raw.destroy_image_view(view, None);
+                    }
+                    self.raw.destroy_image(image, None);
+                }
+                memory
+            }
+        };
+        if let Err(e) = lock(&self.allocator).free(memory) {
+            log::warn!("memory could not be freed: {e}");
+        }
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: the last clone is gone, so nothing records or submits any more.
+        let _ = unsafe { self.raw.device_wait_idle() };
+        for (_, what) in std::mem::take(&mut *lock(&self.garbage)) {
+            self.free(what);
+        }
+        if let Some(file) = &self.cache_file {
+            pipeline_cache::save(&self.raw, self.cache, file);
+        }
+        // SAFETY: children go before the device; the allocator is dropped once, here.
+        unsafe {
+            self.pipelines.destroy(&self.raw);
+            self.bindless.destroy(&self.raw);
+            self.timeline.destroy(&self.raw);
+            self.raw.destroy_pipeline_cache(self.cache, None);
+            ManuallyDrop::drop(&mut self.allocator);
+            self.raw.destroy_device(None);
+        }
+    }
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Gpu({}, {:?})", self.0.report.name, self.0.physical)
+    }
+}

@@ -1,0 +1,141 @@
+//! The Vulkan instance, and the validation layers' messages.
+use super::GpuError;
+use ash::{ext, vk};
+use std::ffi::{CStr, c_void};
+use std::sync::Mutex;
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Messages of the validation layers, in the order they came.
+#[derive(Default)]
+pub(super) struct Messages(Mutex<Vec<String>>);
+
+impl Messages {
+    pub(super) fn take(&self) -> Vec<String> {
+        self.0.lock().map(|mut list| std::mem::take(&mut *list)).unwrap_or_default()
+    }
+}
+
+/// A loaded instance. `messages` is boxed: the messenger keeps its address.
+pub(super) struct Instance {
+    _entry: ash::Entry,
+    pub raw: ash::Instance,
+    pub debug_utils: bool,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    pub messages: Box<Messages>,
+}
+
+impl Instance {
+    /// Opens the loader. With `validation`, the Khronos layer and synchronization validation are on, and must be installed.
+    pub fn new(validation: bool) -> Result<Self, GpuError> {
+        // SAFETY: the loader is the system's own library; it stays loaded as long as `_entry` lives.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader { reason: e.to_string() })?;
+        let version = {
+            // SAFETY: the entry was loaded above.
+            let found = unsafe { entry.try_enumerate_instance_version() };
+            found.map_err(GpuError::call("vkEnumerateInstanceVersion"))?.unwrap_or(vk::API_VERSION_1_0)
+        };
+        if version < vk::API_VERSION_1_3 {
+            let (major, minor) = (vk::api_version_major(version), vk::api_version_minor(version));
+            return Err(GpuError::NoLoader { reason: format!("it speaks Vulkan {major}.{minor}, 1.3 is needed") });
+        }
+
+        // Layers and extensions.
+        // SAFETY: plain enumeration calls on a loaded entry.
+        let layers = unsafe { entry.enumerate_instance_layer_properties() }
+            .map_err(GpuError::call("vkEnumerateInstanceLayerProperties"))?;
+        let has_layer = layers.iter().any(|l| l.layer_name_as_c_str().is_ok_and(|n| n == VALIDATION));
+        if validation && !has_layer {
+            return Err(GpuError::MissingLayer { name: "VK_LAYER_KHRONOS_validation" });
+        }
+        // SAFETY: as above.
+        let available = unsafe { entry.enumerate_instance_extension_properties(None) }
+            .map_err(GpuError::call("vkEnumerateInstanceExtensionProperties"))?;
+        let debug_utils =
+            available.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == ext::debug_utils::NAME));
+
+        let mut extensions = Vec::new();
+        if debug_utils {
+            extensions.push(ext::debug_utils::NAME.as_ptr());
+        }
+        let mut enabled_layers = Vec::new();
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"magpie")
+            .engine_name(c"magpie")
+            .api_version(vk::API_VERSION_1_3);
+        let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+        if validation {
+            enabled_layers.push(VALIDATION.as_ptr());
+            extensions.push(ext::validation_features::NAME.as_ptr());
+            info = info.push_next(&mut features);
+        }
+        let info = info.enabled_layer_names(&enabled_layers).enabled_extension_names(&extensions);
+        // SAFETY: every pointer in `info` outlives the call.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(GpuError::call("vkCreateInstance"))?;
+
+        let messages = Box::<Messages>::default();
+        let messenger = (validation && debug_utils).then(|| listen(&entry, &raw, &messages)).transpose();
+        let messenger = match messenger {
+            Ok(m) => m,
+            Err(e) => {
+                // SAFETY: the instance was made above and has no children.
+                unsafe { raw.destroy_instance(None) };
+                return Err(e);
+            }
+        };
+        Ok(Self { _entry: entry, raw, debug_utils, messenger, messages })
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: the device that was made from this instance is gone: `Gpu` drops it first.
+        unsafe {
+            if let Some((api, messenger)) = &self.messenger {
+                api.destroy_debug_utils_messenger(*messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+fn listen(
+    entry: &ash::Entry,
+    raw: &ash::Instance,
+    messages: &Messages,
+) -> Result<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT), GpuError> {
+    let api = ext::debug_utils::Instance::new(entry, raw);
+    let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(
+            vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+        )
+        .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+        .pfn_user_callback(Some(on_message))
+        .user_data(std::ptr::from_ref(messages).cast_mut().cast());
+    // SAFETY: `messages` is boxed by the caller and outlives the messenger, which `Instance::drop` destroys first.
+    let messenger = unsafe { api.create_debug_utils_messenger(&info, None) }
+        .map_err(GpuError::call("vkCreateDebugUtilsMessengerEXT"))?;
+    Ok((api, messenger))
+}
+
+unsafe extern "system" fn on_message(
+    _: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer hands valid callback data; `user` is the `Messages` given to `listen`.
+    let (text, messages) = unsafe {
+        let message = (*data).p_message;
+        let text =
+            if message.is_null() { String::new() } else { CStr::from_ptr(message).to_string_lossy().into_owned() };
+        (text, &*user.cast::<Messages>())
+    };
+    log::error!("validation: {text}");
+    if let Ok(mut list) = messages.0.lock() {
+        list.push(text);
+    }
+    vk::FALSE
+}

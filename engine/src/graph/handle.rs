@@ -1,0 +1,156 @@
+//! Typed, versioned names of the things that passes read and write.
+
+use std::{fmt, marker::PhantomData};
+
+/// Kind of resource: a two-dimensional image with all its mips.
+#[derive(Clone, Copy, Debug)]
+pub enum Image {}
+
+/// Kind of resource: a run of bytes.
+#[derive(Clone, Copy, Debug)]
+pub enum Buffer {}
+
+/// Kind of resource: a top-level acceleration structure, whatever the ray backend stores it in.
+#[derive(Clone, Copy, Debug)]
+pub enum Tlas {}
+
+mod sealed {
+    pub trait Sealed {}
+    impl Sealed for super::Image {}
+    impl Sealed for super::Buffer {}
+    impl Sealed for super::Tlas {}
+}
+
+/// The kinds of resource that a graph knows: [`Image`], [`Buffer`] and [`Tlas`].
+pub trait Kind: sealed::Sealed + 'static {
+    /// The kind in words, for messages.
+    const NAME: &'static str;
+}
+
+impl Kind for Image {
+    const NAME: &'static str = "image";
+}
+impl Kind for Buffer {
+    const NAME: &'static str = "buffer";
+}
+impl Kind for Tlas {
+    const NAME: &'static str = "tlas";
+}
+
+/// The kinds that can be copied from and to: [`Image`] and [`Buffer`].
+pub trait Copyable: Kind {}
+impl Copyable for Image {}
+impl Copyable for Buffer {}
+
+/// One version of a resource, to read. It is a name and costs nothing to copy; it belongs to the frame that made it.
+///
+/// Every write makes a new version. Reading a version after a later one was written is reported by
+/// [`FrameGraph::finish`](super::FrameGraph::finish).
+pub struct Handle<K> {
+    pub(super) id: u32,
+    pub(super) version: u32,
+    /// Number of the graph that made it: a handle kept from an earlier frame is a programmer's mistake.
+    pub(super) graph: u32,
+    kind: PhantomData<fn() -> K>,
+}
+
+impl<K> Handle<K> {
+    pub(super) fn new(id: u32, version: u32, graph: u32) -> Self {
+        Self { id, version, graph, kind: PhantomData }
+    }
+
+    /// Index of the resource in [`Declaration::resources`](super::Declaration::resources).
+    pub fn id(self) -> u32 {
+        self.id
+    }
+
+    /// How many writes came before: the contents that are meant.
+    pub fn version(self) -> u32 {
+        self.version
+    }
+}
+
+impl<K> Clone for Handle<K> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<K> Copy for Handle<K> {}
+
+impl<K> PartialEq for Handle<K> {
+    fn eq(&self, other: &Self) -> bool {
+        (self.id, self.version, self.graph) == (other.id, other.version, other.graph)
+    }
+}
+
+impl<K> Eq for Handle<K> {}
+
+impl<K: Kind> fmt::Debug for Handle<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} version {}", K::NAME, self.id, self.version)
+    }
+}
+
+/// The right to write the next version of a resource. There is one per resource; writing consumes it and gives the next.
+///
+/// Hence two writers of one version do not compile:
+///
+/// ```compile_fail,E0382
+/// use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Record};
+///
+/// let mut g = FrameGraph::new(Extent::new(64, 64));
+/// let noise = g.pass("noise.make", Queue::Graphics, |p| {
+///     let (noise, _token) = p.create("noise", ImageDesc::full(Format::R32Float));
+///     (noise, |_: &mut Record| {})
+/// });
+/// let first = g.pass("noise.blur", Queue::Graphics, |p| (p.write(noise).0, |_: &mut Record| {}));
+/// let second = g.pass("noise.sharpen", Queue::Graphics, |p| (p.write(noise).0, |_: &mut Record| {}));
+/// ```
+///
+/// nor can the right be duplicated:
+///
+/// ```compile_fail,E0599
+/// use magpie::graph::{Image, WriteHandle};
+///
+/// fn twice(noise: WriteHandle<Image>) -> (WriteHandle<Image>, WriteHandle<Image>) {
+///     (noise.clone(), noise)
+/// }
+/// ```
+///
+/// A chain of writers does compile:
+///
+/// ```
+/// use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Record};
+///
+/// let mut g = FrameGraph::new(Extent::new(64, 64));
+/// let noise = g.pass("noise.make", Queue::Graphics, |p| {
+///     let (noise, _token) = p.create("noise", ImageDesc::full(Format::R32Float));
+///     (noise, |_: &mut Record| {})
+/// });
+/// let first = g.pass("noise.blur", Queue::Graphics, |p| (p.write(noise).0, |_: &mut Record| {}));
+/// let second = g.pass("noise.sharpen", Queue::Graphics, |p| (p.write(first).0, |_: &mut Record| {}));
+/// g.output(second.read());
+/// assert!(g.finish().is_ok());
+/// ```
+#[must_use = "without it nothing can write this resource again: take `.read()` if that is meant"]
+pub struct WriteHandle<K> {
+    pub(super) at: Handle<K>,
+}
+
+impl<K> WriteHandle<K> {
+    pub(super) fn new(at: Handle<K>) -> Self {
+        Self { at }
+    }
+
+    /// The version that the last write made, to read.
+    pub fn read(&self) -> Handle<K> {
+        self.at
+    }
+}
+
+impl<K: Kind> fmt::Debug for WriteHandle<K> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "writer of {:?}", self.at)
+    }
+}

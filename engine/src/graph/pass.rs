@@ -1,0 +1,404 @@
+//! The frame graph while it is declared.
+
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use super::{
+    access::{Access, Domain, Layout, Queue, Uses},
+    builder::PassBuilder,
+    declaration::{
+        Declaration, ImageState, ImportKey, NamedOutput, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Use,
+    },
+    desc::{BufferDesc, Extent, Format, ImageDesc, Size},
+    error::{GraphError, GraphErrors},
+    handle::{Buffer, Handle, Image, Kind, Tlas, WriteHandle},
+    record::Record,
+};
+
+/// What a pass does when its turn comes.
+pub type RecordFn = Box<dyn for<'a> FnOnce(&mut Record<'a>) + Send>;
+
+/// An image that a pass has just written, as an observer sees it.
+#[derive(Clone, Debug)]
+pub struct Produced {
+    /// Name of the pass.
+    pub pass: String,
+    /// Name of the output within the pass.
+    pub output: String,
+    /// The version that was written, to read.
+    pub image: Handle<Image>,
+    /// Its format.
+    pub format: Format,
+    /// Its size.
+    pub extent: Extent,
+}
+
+/// Called for every image output right after its pass was declared.
+pub type Observer = Box<dyn FnMut(&mut FrameGraph, &Produced)>;
+
+/// One frame, declared anew every time.
+///
+/// Declaring never fails: mistakes are collected, and [`finish`](Self::finish) returns them together.
+pub struct FrameGraph {
+    pub(super) declaration: Declaration,
+    pub(super) errors: Vec<GraphError>,
+    /// One per pass.
+    records: Vec<RecordFn>,
+    observer: Option<Observer>,
+    /// Distinguishes handles of this frame from those of others.
+    number: u32,
+}
+
+/// A frame declared without mistakes.
+pub struct Frame {
+    /// What was declared.
+    pub declaration: Declaration,
+    /// What each pass records, by its index; taken out when its turn comes.
+    pub records: Vec<Option<RecordFn>>,
+}
+
+static GRAPHS: AtomicU32 = AtomicU32::new(0);
+
+impl FrameGraph {
+    /// An empty frame of so many pixels.
+    pub fn new(full: Extent) -> Self {
+        Self {
+            declaration: Declaration { full, resources: Vec::new(), passes: Vec::new(), outputs: Vec::new() },
+            errors: Vec::new(),
+            records: Vec::new(),
+            observer: None,
+            number: GRAPHS.fetch_add(1, Ordering::Relaxed),
+        }
+    }
+
+    /// Adds a pass: one dispatch, one trace, one draw list or one copy.
+    ///
+    /// `declare` says what it uses and returns its outputs and the closure that records it. The name is that of the stage, a
+    /// dot and that of the step: `shadows.trace`. The pass is dropped from the plan when nothing needs what it writes; writing
+    /// an imported resource is needed by itself.
+    pub fn pass<T, F>(&mut self, name: &str, queue: Queue, declare: impl FnOnce(&mut PassBuilder<'_>) -> (T, F)) -> T
+    where
+        F: FnOnce(&mut Record<'_>) + Send + 'static,
+    {
+        self.add(name, queue, false, declare)
+    }
+
+    /// Adds a pass that only observes: it runs when everything it reads is made anyway, and keeps nothing alive itself.
+    ///
+    /// Several may write one imported buffer in turn; those whose inputs are dropped leave it as it was.
+    pub fn weak_pass<T, F>(
+        &mut self,
+        name: &str,
+        queue: Queue,
+        declare: impl FnOnce(&mut PassBuilder<'_>) -> (T, F),
+    ) -> T
+    where
+        F: FnOnce(&mut Record<'_>) + Send + 'static,
+    {
+        self.add(name, queue, true, declare)
+    }
+
+    fn add<T, F>(
+        &mut self,
+        name: &str,
+        queue: Queue,
+        weak: bool,
+        declare: impl FnOnce(&mut PassBuilder<'_>) -> (T, F),
+    ) -> T
+    where
+        F: FnOnce(&mut Record<'_>) + Send + 'static,
+    {
+        if self.declaration.passes.iter().any(|p| p.name == name) {
+            self.errors.push(GraphError::DuplicatePass { pass: name.to_owned() });
+        }
+        let index = self.declaration.passes.len() as u32;
+        self.declaration.passes.push(PassDecl {
+            name: name.to_owned(),
+            stage: name.split_once('.').map_or(name, |(stage, _)| stage).to_owned(),
+            queue,
+            domain: Domain::Compute,
+            weak,
+            uses: Vec::new(),
+            outputs: Vec::new(),
+        });
+        let (value, record) = declare(&mut PassBuilder { graph: self, pass: index });
+        let closed = self.close(index);
+        self.errors.extend(closed);
+        self.records.push(Box::new(record));
+        self.show_outputs(index);
+        value
+    }
+
+    /// Settles the domain of a pass and checks what only all its uses together show.
+    fn close(&mut self, index: u32) -> Vec<GraphError> {
+        let name_of = |u: &Use| self.declaration.resources[u.resource as usize].name.clone();
+        let decl = &self.declaration.passes[index as usize];
+        let (pass, uses) = (decl.name.clone(), decl.uses.as_slice());
+        let mut errors = Vec::new();
+
+        let attachments: Vec<&Use> = uses.iter().filter(|u| u.access.is_attachment()).collect();
+        if let Some(first) = attachments.first() {
+            let first_extent = self.extent_at(first.resource);
+            for other in &attachments {
+                let second_extent = self.extent_at(other.resource);
+                if second_extent != first_extent {
+                    let (first, second) = (name_of(first), name_of(other));
+                    let pass = pass.clone();
+                    errors.push(GraphError::AttachmentExtent { pass, first, first_extent, second, second_extent });
+                }
+            }
+        }
+        let depths: Vec<&Use> = attachments.iter().copied().filter(|u| u.access.is_depth()).collect();
+        if let [first, second, ..] = depths.as_slice() {
+            let (first, second) = (name_of(first), name_of(second));
+            errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
+        }
+        let copy = uses.iter().find(|u| u.access.is_copy());
+        let other = uses.iter().find(|u| !u.access.is_copy());
+        if let (Some(copy), Some(other)) = (copy, other) {
+            let (copied, resource) = (name_of(copy), name_of(other));
+            errors.push(GraphError::MixedCopy { pass, copied, copy: copy.access, resource, access: other.access });
+        }
+
+        let domain = match (attachments.is_empty(), copy) {
+            (false, _) => Domain::Raster,
+            (true, Some(_)) => Domain::Copy,
+            (true, None) => Domain::Compute,
+        };
+        self.declaration.passes[index as usize].domain = domain;
+        errors
+    }
+
+    /// Lets `observer` see every image output of the passes declared from now on, each while it is still the newest version.
+    /// Passes that the observer itself declares are not shown to it. The NaN scan and `--view` stand on this.
+    pub fn observe(&mut self, observer: impl FnMut(&mut FrameGraph, &Produced) + 'static) {
+        self.observer = Some(Box::new(observer));
+    }
+
+    fn show_outputs(&mut self, index: u32) {
+        let Some(mut observer) = self.observer.take() else { return };
+        let produced: Vec<Produced> = self.produced_by(index).collect();
+        for one in &produced {
+            observer(self, one);
+        }
+        self.observer = Some(observer);
+    }
+
+    /// Brings in an image that lives longer than the frame. `state` is how it was used last; `key` is the caller's.
+    pub fn import_image(
+        &mut self,
+        name: &str,
+        desc: ImageDesc,
+        state: ImageState,
+        key: ImportKey,
+    ) -> WriteHandle<Image> {
+        let shape = self.image_shape(name, desc);
+        let (last, layout) = match state.access {
+            None => (Uses::EMPTY, Layout::Undefined),
+            Some((access, domain)) => {
+                self.check_state::<Image>(name, access, access.is_image());
+                (Uses::of(access.at(domain)), access.layout())
+            }
+        };
+        WriteHandle::new(self.import(name, shape, last, layout, key))
+    }
+
+    /// Brings in a buffer that lives longer than the frame. `last` is how it was used last, in whatever kind of pass.
+    pub fn import_buffer(&mut self, name: &str, desc: BufferDesc, last: Access, key: ImportKey) -> WriteHandle<Buffer> {
+        self.check_state::<Buffer>(name, last, last.is_buffer());
+        let shape = self.buffer_shape(name, desc);
+        WriteHandle::new(self.import(name, shape, in_any_pass(last), Layout::Undefined, key))
+    }
+
+    /// Brings in an acceleration structure. `last` is how it was used last: traced, or written as plain bytes.
+    pub fn import_tlas(&mut self, name: &str, last: Access, key: ImportKey) -> Handle<Tlas> {
+        self.check_state::<Tlas>(name, last, last.is_tlas());
+        self.import(name, Shape::Tlas, in_any_pass(last), Layout::Undefined, key)
+    }
+
+    fn import<K: Kind>(&mut self, name: &str, shape: Shape, last: Uses, layout: Layout, key: ImportKey) -> Handle<K> {
+        let origin = Origin::Imported { key, last, layout, leave: None };
+        Handle::new(self.add_resource(name.to_owned(), shape, origin, None), 0, self.number)
+    }
+
+    fn check_state<K: Kind>(&mut self, name: &str, access: Access, suits: bool) {
+        if !suits {
+            self.errors.push(GraphError::State { kind: K::NAME, resource: name.to_owned(), access });
+        }
+    }
+
+    /// Makes an imported resource ready for this use at the end of the frame, whoever used it before.
+    pub fn leave<K: Kind>(&mut self, handle: Handle<K>, access: Access, domain: Domain) {
+        self.assert_own(handle);
+        let decl = &mut self.declaration.resources[handle.id as usize];
+        let suits = match decl.shape {
+            Shape::Image { .. } => access.is_image(),
+            Shape::Buffer { .. } => access.is_buffer(),
+            Shape::Tlas => access.is_tlas(),
+        };
+        let name = decl.name.clone();
+        match &mut decl.origin {
+            Origin::Transient => self.errors.push(GraphError::NotImported { resource: name, access }),
+            Origin::Imported { leave, .. } => {
+                *leave = Some(access.at(domain));
+                self.check_state::<K>(&name, access, suits);
+            }
+        }
+    }
+
+    /// Says that the frame is made for these contents: the passes that make them are kept.
+    pub fn output<K: Kind>(&mut self, handle: Handle<K>) {
+        self.assert_own(handle);
+        self.declaration.outputs.push(OutputDecl { resource: handle.id, version: handle.version });
+    }
+
+    /// The image that a pass wrote under a name, as `--view PASS:OUTPUT` asks for it.
+    ///
+    /// A later pass may have replaced the contents; whoever needs them nevertheless uses [`observe`](Self::observe).
+    pub fn find(&self, pass: &str, output: &str) -> Result<Handle<Image>, GraphError> {
+        let known: Vec<Produced> = self.outputs().collect();
+        let of_pass: Vec<&Produced> = known.iter().filter(|p| p.pass == pass).collect();
+        match of_pass.iter().find(|p| p.output == output) {
+            Some(found) => Ok(found.image),
+            None if of_pass.is_empty() => {
+                let mut known: Vec<String> = known.into_iter().map(|p| p.pass).collect();
+                known.dedup();
+                Err(GraphError::UnknownPass { pass: pass.to_owned(), known })
+            }
+            None => {
+                let known = of_pass.iter().map(|p| p.output.clone()).collect();
+                Err(GraphError::UnknownOutput { pass: pass.to_owned(), output: output.to_owned(), known })
+            }
+        }
+    }
+
+    /// Every image that a pass has written so far, in the order of declaration.
+    pub fn outputs(&self) -> impl Iterator<Item = Produced> {
+        (0..self.declaration.passes.len() as u32).flat_map(|pass| self.produced_by(pass))
+    }
+
+    fn produced_by(&self, pass: u32) -> impl Iterator<Item = Produced> {
+        let decl = &self.declaration.passes[pass as usize];
+        decl.outputs.iter().filter_map(|output| match self.declaration.resources[output.resource as usize].shape {
+            Shape::Image { format, extent, .. } => Some(Produced {
+                pass: decl.name.clone(),
+                output: output.name.clone(),
+                image: Handle::new(output.resource, output.version, self.number),
+                format,
+                extent,
+            }),
+            Shape::Buffer { .. } | Shape::Tlas => None,
+        })
+    }
+
+    /// Size of the frame, pixels.
+    pub fn full(&self) -> Extent {
+        self.declaration.full
+    }
+
+    /// What an image is like; its size is given as that of the image itself.
+    pub fn desc(&self, image: Handle<Image>) -> ImageDesc {
+        let (format, _, mips) = self.image_at(image);
+        ImageDesc { format, size: Size::Like(image), mips }
+    }
+
+    /// Size of an image, pixels.
+    pub fn extent(&self, image: Handle<Image>) -> Extent {
+        self.image_at(image).1
+    }
+
+    /// Size that an image of this description has or would have, pixels.
+    pub fn extent_of(&self, desc: ImageDesc) -> Extent {
+        match desc.size {
+            Size::Full => self.full(),
+            Size::Half => self.full().half(),
+            Size::Like(other) => self.extent(other),
+            Size::Fixed(extent) => extent,
+        }
+    }
+
+    /// What was declared so far.
+    pub fn declaration(&self) -> &Declaration {
+        &self.declaration
+    }
+
+    /// Ends the declaration: a frame that can be planned, or every mistake in it.
+    pub fn finish(self) -> Result<Frame, GraphErrors> {
+        if self.errors.is_empty() {
+            let records = self.records.into_iter().map(Some).collect();
+            Ok(Frame { declaration: self.declaration, records })
+        } else {
+            Err(GraphErrors(self.errors))
+        }
+    }
+
+    pub(super) fn assert_own<K: Kind>(&self, handle: Handle<K>) {
+        assert_eq!(
+            handle.graph, self.number,
+            "{handle:?} belongs to frame {}, but is used in frame {}: handles do not outlive their frame",
+            handle.graph, self.number
+        );
+    }
+
+    fn image_at(&self, image: Handle<Image>) -> (Format, Extent, u32) {
+        self.assert_own(image);
+        match self.declaration.resources[image.id as usize].shape {
+            Shape::Image { format, extent, mips } => (format, extent, mips),
+            Shape::Buffer { .. } | Shape::Tlas => unreachable!("{image:?} names no image: handles are typed"),
+        }
+    }
+
+    /// Size of an image by its index; of anything else, none.
+    fn extent_at(&self, resource: u32) -> Extent {
+        match self.declaration.resources[resource as usize].shape {
+            Shape::Image { extent, .. } => extent,
+            Shape::Buffer { .. } | Shape::Tlas => Extent::new(0, 0),
+        }
+    }
+
+    pub(super) fn image_shape(&mut self, name: &str, desc: ImageDesc) -> Shape {
+        let (extent, mips) = (self.extent_of(desc), desc.mips);
+        let good = 1..=Extent::MAX_SIDE;
+        if !good.contains(&extent.width) || !good.contains(&extent.height) {
+            self.errors.push(GraphError::Extent { resource: name.to_owned(), extent });
+        } else if !(1..=extent.full_mips()).contains(&mips) {
+            let most = extent.full_mips();
+            self.errors.push(GraphError::Mips { resource: name.to_owned(), extent, mips, most });
+        }
+        Shape::Image { format: desc.format, extent, mips }
+    }
+
+    pub(super) fn buffer_shape(&mut self, name: &str, desc: BufferDesc) -> Shape {
+        if !(1..=BufferDesc::MAX_BYTES).contains(&desc.bytes) {
+            self.errors.push(GraphError::BufferSize { resource: name.to_owned(), bytes: desc.bytes });
+        }
+        Shape::Buffer { bytes: desc.bytes }
+    }
+
+    pub(super) fn add_resource(&mut self, name: String, shape: Shape, origin: Origin, writer: Option<u32>) -> u32 {
+        self.declaration.resources.push(ResourceDecl { name, shape, origin, writers: vec![writer] });
+        self.declaration.resources.len() as u32 - 1
+    }
+
+    pub(super) fn handle<K: Kind>(&self, resource: u32, version: u32) -> Handle<K> {
+        Handle::new(resource, version, self.number)
+    }
+
+    /// Notes an output of a pass under a name that must be its own.
+    pub(super) fn name_output(&mut self, pass: u32, name: &str, resource: u32, version: u32) {
+        let decl = &mut self.declaration.passes[pass as usize];
+        if decl.outputs.iter().any(|o| o.name == name) {
+            let pass = decl.name.clone();
+            self.errors.push(GraphError::DuplicateOutput { pass, output: name.to_owned() });
+        }
+        decl.outputs.push(NamedOutput { name: name.to_owned(), resource, version });
+    }
+}
+
+/// A use before the frame, in a pass of unknown domain.
+fn in_any_pass(access: Access) -> Uses {
+    [Domain::Raster, Domain::Compute].into_iter().map(|domain| access.at(domain)).collect()
+}
+
+#[cfg(test)]
+#[path = "pass_tests.rs"]
+mod tests;

@@ -1,0 +1,276 @@
+//! Which passes the frame needs.
+//!
+//! A pass is needed when a frame output, an imported resource or a needed pass depends on what it writes. A weak pass that
+//! changes what another made is never needed by those who read it after: it is kept if all that it reads is made anyway.
+
+use super::super::declaration::{Declaration, PassDecl, Use};
+
+/// A pass that the plan leaves out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Culled {
+    /// Index of the pass.
+    pub pass: u32,
+    /// Why, in words.
+    pub reason: String,
+}
+
+/// Splits the passes into those that are kept, in the order of declaration, and those that are left out.
+pub(super) fn cull(declaration: &Declaration) -> (Vec<u32>, Vec<Culled>) {
+    let count = declaration.passes.len() as u32;
+    let none = vec![false; declaration.passes.len()];
+    let mut search = Search { declaration, kept: none.clone(), wanted: none.clone(), possible: none };
+
+    for output in &declaration.outputs {
+        if let Some(writer) = search.base_writer(output.resource, output.version) {
+            search.keep(writer);
+        }
+    }
+    for pass in 0..count {
+        if !search.pass(pass).weak && search.outlives_frame(pass) {
+            search.keep(pass);
+        }
+    }
+    // What a weak pass reads was declared before it, and what wants it is declared after it.
+    for pass in 0..count {
+        search.possible[pass as usize] = search.pass(pass).weak && search.missing_input(pass).is_none();
+    }
+    for pass in (0..count).rev() {
+        if search.possible[pass as usize] && (search.wanted[pass as usize] || search.outlives_frame(pass)) {
+            search.keep(pass);
+        }
+    }
+
+    let (kept, culled): (Vec<u32>, Vec<u32>) = (0..count).partition(|&pass| search.kept[pass as usize]);
+    let culled = culled.into_iter().map(|pass| Culled { pass, reason: search.reason(pass) }).collect();
+    (kept, culled)
+}
+
+struct Search<'d> {
+    declaration: &'d Declaration,
+    kept: Vec<bool>,
+    /// Weak passes that changed something which a kept pass reads after them.
+    wanted: Vec<bool>,
+    /// Weak passes that can be kept without keeping anything but weak passes for their sake.
+    possible: Vec<bool>,
+}
+
+impl<'d> Search<'d> {
+    fn pass(&self, pass: u32) -> &'d PassDecl {
+        &self.declaration.passes[pass as usize]
+    }
+
+    fn name(&self, u: &Use) -> &'d str {
+        &self.declaration.resources[u.resource as usize].name
+    }
+
+    fn outlives_frame(&self, pass: u32) -> bool {
+        let imported = |u: &Use| !self.declaration.resources[u.resource as usize].is_transient();
+        self.pass(pass).uses.iter().any(|u| u.writes.is_some() && imported(u))
+    }
+
+    /// Keeps a pass and whatever it depends on.
+    fn keep(&mut self, pass: u32) {
+        let mut open = vec![pass];
+        while let Some(pass) = open.pop() {
+            if !std::mem::replace(&mut self.kept[pass as usize], true) {
+                let reads = self.pass(pass).uses.iter().filter_map(|u| Some((u.resource, u.reads?)));
+                open.extend(reads.filter_map(|(resource, version)| self.base_writer(resource, version)));
+            }
+        }
+    }
+
+    /// The pass that a version depends on: its writer, or where weak passes only changed it, the writer before them. Notes that
+    /// those weak passes are wanted.
+    fn base_writer(&mut self, resource: u32, version: u32) -> Option<u32> {
+        let (base, changes) = self.history(resource, version);
+        changes.into_iter().for_each(|pass| self.wanted[pass as usize] = true);
+        base
+    }
+
+    /// The writer of a version before any weak changes, and the passes that made these.
+    fn history(&self, resource: u32, version: u32) -> (Option<u32>, Vec<u32>) {
+        let writers = &self.declaration.resources[resource as usize].writers;
+        let mut changes = Vec::new();
+        for version in (1..=version).rev() {
+            match writers[version as usize] {
+                Some(writer) if self.pass(writer).weak => changes.push(writer),
+                writer => return (writer, changes),
+            }
+        }
+        (writers[0], changes)
+    }
+
+    /// The first use whose contents are not made, and the pass that would make them.
+    fn missing_input(&self, pass: u32) -> Option<(&'d Use, u32)> {
+        self.pass(pass).uses.iter().find_map(|u| {
+            let writer = self.history(u.resource, u.reads?).0?;
+            let made = self.kept[writer as usize] || self.possible[writer as usize];
+            (!made).then_some((u, writer))
+        })
+    }
+
+    fn reason(&self, pass: u32) -> String {
+        let decl = self.pass(pass);
+        if decl.weak
+            && let Some((missing, writer)) = self.missing_input(pass)
+        {
+            let (missing, writer) = (self.name(missing), &self.pass(writer).name);
+            return format!("it only observes, and `{missing}` is not made: pass `{writer}` is left out");
+        }
+        let written: Vec<String> =
+            decl.uses.iter().filter(|u| u.writes.is_some()).map(|u| format!("`{}`", self.name(u))).collect();
+        match written.as_slice() {
+            [] => "it writes nothing".to_owned(),
+            all => format!("nothing that is kept needs {}", all.join(", ")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::*;
+
+    const DESC: fn() -> ImageDesc = || ImageDesc::full(Format::Rgba16Float);
+
+    fn make(g: &mut FrameGraph, name: &str) -> WriteHandle<Image> {
+        g.pass(name, Queue::Graphics, |p| (p.create("image", DESC()).0, |_: &mut Record| {}))
+    }
+
+    fn from(g: &mut FrameGraph, name: &str, input: Handle<Image>) -> WriteHandle<Image> {
+        g.pass(name, Queue::Graphics, |p| {
+            p.sample(input);
+            (p.create("image", DESC()).0, |_: &mut Record| {})
+        })
+    }
+
+    fn findings(g: &mut FrameGraph) -> WriteHandle<Buffer> {
+        g.import_buffer("findings", BufferDesc::new(64), Access::HostRead, ImportKey(0))
+    }
+
+    fn scan(
+        g: &mut FrameGraph,
+        name: &str,
+        image: Handle<Image>,
+        findings: WriteHandle<Buffer>,
+    ) -> WriteHandle<Buffer> {
+        g.weak_pass(name, Queue::Graphics, |p| {
+            p.sample(image);
+            (p.write_buffer(findings).0, |_: &mut Record| {})
+        })
+    }
+
+    fn order(g: FrameGraph) -> (Vec<String>, Vec<(String, String)>) {
+        let frame = g.finish().unwrap();
+        let plan = plan(&frame.declaration);
+        let name = |p: u32| frame.declaration.passes[p as usize].name.clone();
+        let culled = plan.culled.iter().map(|c| (name(c.pass), c.reason.clone())).collect();
+        (plan.order.iter().map(|&p| name(p)).collect(), culled)
+    }
+
+    #[test]
+    fn keeps_what_outputs_need_and_says_why_the_rest_goes() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let a = make(&mut g, "a");
+        let b = from(&mut g, "b", a.read());
+        let c = from(&mut g, "c", a.read());
+        let _ = from(&mut g, "d", c.read());
+        g.pass("e", Queue::Graphics, |p| (p.sample(b.read()), |_: &mut Record| {}));
+        g.output(b.read());
+        let (kept, culled) = order(g);
+        assert_eq!(kept, ["a", "b"]);
+        let culled: Vec<_> = culled.iter().map(|(p, r)| (p.as_str(), r.as_str())).collect();
+        assert_eq!(
+            culled,
+            [
+                ("c", "nothing that is kept needs `c:image`"),
+                ("d", "nothing that is kept needs `d:image`"),
+                ("e", "it writes nothing"),
+            ]
+        );
+    }
+
+    #[test]
+    fn an_older_version_does_not_need_a_newer_one() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let a = make(&mut g, "a");
+        g.output(a.read());
+        let _ = g.pass("b", Queue::Graphics, |p| (p.write(a).0, |_: &mut Record| {}));
+        assert_eq!(order(g).0, ["a"]);
+    }
+
+    #[test]
+    fn a_newer_version_needs_the_older_one() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let a = make(&mut g, "a");
+        let b = g.pass("b", Queue::Graphics, |p| (p.write(a).0, |_: &mut Record| {}));
+        g.output(b.read());
+        assert_eq!(order(g).0, ["a", "b"]);
+    }
+
+    #[test]
+    fn writing_an_import_is_needed_by_itself() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let a = make(&mut g, "a");
+        let readback = g.import_buffer("readback", BufferDesc::new(512), Access::HostRead, ImportKey(7));
+        let readback = g.pass("b", Queue::Graphics, |p| {
+            p.copy_from(a.read());
+            (p.copy_to(readback).0, |_: &mut Record| {})
+        });
+        assert!(matches!(
+            g.declaration().resources[readback.read().id() as usize].origin,
+            Origin::Imported { key: ImportKey(7), .. }
+        ));
+        assert_eq!(order(g).0, ["a", "b"]);
+    }
+
+    #[test]
+    fn weak_passes_see_what_is_there_and_keep_nothing() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let findings = findings(&mut g);
+        let a = make(&mut g, "a");
+        let findings = scan(&mut g, "scan a", a.read(), findings);
+        let b = make(&mut g, "b");
+        let findings = scan(&mut g, "scan b", b.read(), findings);
+        let c = from(&mut g, "c", a.read());
+        let findings = scan(&mut g, "scan c", c.read(), findings);
+        g.output(findings.read());
+        g.output(c.read());
+        let (kept, culled) = order(g);
+        assert_eq!(kept, ["a", "scan a", "c", "scan c"]);
+        assert_eq!(culled[1].0, "scan b");
+        assert_eq!(culled[1].1, "it only observes, and `b:image` is not made: pass `b` is left out");
+    }
+
+    #[test]
+    fn weak_chains_live_and_die_together() {
+        for alive in [true, false] {
+            let mut g = FrameGraph::new(Extent::new(8, 8));
+            let findings = findings(&mut g);
+            let a = make(&mut g, "a");
+            let sum = g.weak_pass("sum", Queue::Graphics, |p| {
+                p.sample(a.read());
+                (p.create("sum", DESC()).0, |_: &mut Record| {})
+            });
+            let _ = scan(&mut g, "scan", sum.read(), findings);
+            if alive {
+                g.output(a.read());
+                assert_eq!(order(g).0, ["a", "sum", "scan"]);
+            } else {
+                assert_eq!(order(g).0, Vec::<String>::new());
+            }
+        }
+    }
+
+    #[test]
+    fn a_weak_pass_that_is_needed_is_like_any_other() {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let a = make(&mut g, "a");
+        let b = g.weak_pass("b", Queue::Graphics, |p| {
+            p.sample(a.read());
+            (p.create("image", DESC()).0, |_: &mut Record| {})
+        });
+        let c = from(&mut g, "c", b.read());
+        g.output(c.read());
+        assert_eq!(order(g).0, ["a", "b", "c"]);
+    }
+}

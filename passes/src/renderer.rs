@@ -1,0 +1,243 @@
+//! Renders a scene frame by frame: declares the frame, runs it, reads images back.
+use crate::frame::{Stages, frame};
+use crate::slots::Slots;
+use crate::stages::SceneHandles;
+use magpie::config::Config;
+use magpie::frame::ViewDesc;
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
+use magpie::graph::check::{Finding, Scan};
+use magpie::graph::execute::{ExecuteError, Executed, Executor, Imports};
+use magpie::graph::{
+    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Plan,
+    Produced, Queue, Record,
+};
+use magpie::measure::FrameSample;
+use magpie::pixels::Pixels;
+use magpie::scene::{Camera, ResidentError, ResidentScene, Scene};
+use magpie::stage::StageError;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How to render.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderOptions {
+    /// Pixels from left to right.
+    pub width: u32,
+    /// Pixels from top to bottom.
+    pub height: u32,
+    /// Seed of everything random.
+    pub seed: u32,
+    /// Scan every pass output for NaN and infinity, and ask the validation layers.
+    pub check: bool,
+}
+
+/// One frame, as it is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameRequest<'a> {
+    /// From where.
+    pub camera: &'a Camera,
+    /// An image to read back instead of the frame's own: the pass and its output.
+    pub view: Option<(&'a str, &'a str)>,
+    /// Bring the images to the host.
+    pub read_back: bool,
+}
+
+/// Images of a frame on the host.
+#[derive(Clone, Debug)]
+pub struct ReadBack {
+    /// Linear radiance before the tone map, or the image that was asked for.
+    pub linear: Pixels,
+    /// What a display shows; `None` when another image was asked for.
+    pub display: Option<Pixels>,
+}
+
+/// A frame that ran.
+pub struct FrameResult {
+    /// Times, counts and memory.
+    pub sample: FrameSample,
+    /// Images, when they were asked for.
+    pub images: Option<ReadBack>,
+    /// What the scan found.
+    pub findings: Vec<Finding>,
+    /// What was declared.
+    pub declaration: Declaration,
+    /// How it ran.
+    pub plan: Plan,
+}
+
+/// Why a frame could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// A stage could not be made.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// The scene could not be brought to the device.
+    #[error("scene: {0}")]
+    Scene(#[from] ResidentError),
+    /// The frame did not run.
+    #[error(transparent)]
+    Execute(#[from] ExecuteError),
+    /// No such image for `--view`.
+    #[error(transparent)]
+    View(#[from] GraphError),
+    /// The device refused.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// A scene, a configuration and a size, ready to render.
+pub struct Renderer {
+    gpu: Gpu,
+    executor: Executor,
+    scene: ResidentScene,
+    stages: Stages,
+    scan: Option<Scan>,
+    options: RenderOptions,
+    frame: u32,
+    previous_clip_from_world: Option<glam::Mat4>,
+}
+
+/// Images that are copied to the host, in the order they were asked for.
+#[derive(Clone)]
+struct Copies {
+    gpu: Gpu,
+    imports: Rc<RefCell<Imports>>,
+    made: Rc<RefCell<Vec<Copy>>>,
+}
+
+/// One image's buffer, or why it could not be made.
+type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
+
+impl Copies {
+    /// Adds a pass that copies mip 0 of an image.
+    fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>, format: Format) {
+        let extent = g.extent(image);
+        let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
+        let made = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
+        if let Ok(buffer) = &made {
+            let key = self.imports.borrow_mut().buffer(buffer);
+            let target = g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key);
+            let target = g.pass(name, Queue::Transfer, |p| {
+                let from = p.copy_from(image);
+                let (target, to) = p.copy_to(target);
+                (target, move |c: &mut Record<'_>| c.copy_from_image(from, to, MipCopy { offset: 0, mip: 0 }))
+            });
+            g.leave(target.read(), Access::HostRead, Domain::Copy);
+        }
+        self.made.borrow_mut().push(made.map(|buffer| (format, extent, buffer)));
+    }
+
+    /// The images, once the frame ran.
+    fn finish(&self) -> Result<Vec<Pixels>, GpuError> {
+        let made = self.made.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
+        let pixels = |(format, extent, buffer): (Format, Extent, Arc<Buffer>)| {
+            let bytes = extent.width as usize * extent.height as usize * format.bytes_per_pixel() as usize;
+            Pixels { extent, format, bytes: buffer.contents()[..bytes].to_vec() }
+        };
+        Ok(made.into_iter().map(pixels).collect())
+    }
+}
+
+impl Renderer {
+    /// Uploads the scene and makes every pipeline.
+    ///
+    /// # Errors
+    /// [`RenderError`].
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        slots: &Slots,
+        config: &Config,
+        options: RenderOptions,
+    ) -> Result<Self, RenderError> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            executor: Executor::new(gpu)?,
+            stages: Stages::new(gpu, slots, config)?,
+            scan: options.check.then(|| Scan::new(gpu)).transpose()?,
+            scene: ResidentScene::new(gpu, scene)?,
+            options,
+            frame: 0,
+            previous_clip_from_world: None,
+        })
+    }
+
+    /// Renders one frame and waits for it.
+    ///
+    /// # Errors
+    /// [`RenderError::View`] when the image that was asked for does not exist, and whatever the device says. With
+    /// `check`, messages of the validation layers are errors.
+    pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<FrameResult, RenderError> {
+        let start = Instant::now();
+        let extent = Extent::new(self.options.width, self.options.height);
+        let mut g = FrameGraph::new(extent);
+        let imports = Rc::<RefCell<Imports>>::default();
+        let desc = ViewDesc {
+            camera: request.camera,
+            extent,
+            frame: self.frame,
+            seed: self.options.seed,
+            previous_clip_from_world: self.previous_clip_from_world,
+        };
+        let view = desc.declare(&self.gpu, &self.scene, &mut g, &mut imports.borrow_mut())?;
+        let imported = self.scene.import(&mut g, &mut imports.borrow_mut());
+        let scene =
+            SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
+
+        // Observers see every image while it is new: the scan, and the copy for `--view`.
+        let mut scan = None;
+        let mut scanner: Box<dyn FnMut(&mut FrameGraph, &Produced)> = Box::new(|_, _| {});
+        if let Some(pipeline) = self.scan {
+            let (scanned, observer) = pipeline.watch(&self.gpu, &mut g, &mut imports.borrow_mut())?;
+            scan = Some(scanned);
+            scanner = Box::new(observer);
+        }
+        let copies = Copies { gpu: self.gpu.clone(), imports: imports.clone(), made: Rc::default() };
+        let mut wanted = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
+        let viewer = copies.clone();
+        g.observe(move |g, produced| {
+            scanner(g, produced);
+            if wanted.as_ref().is_some_and(|(pass, output)| (pass, output) == (&produced.pass, &produced.output)) {
+                wanted = None;
+                viewer.copy(g, "view.read_back", produced.image, produced.format);
+            }
+        });
+
+        let out = frame(&mut self.stages, &mut g, &view, scene);
+        match request.view {
+            Some((pass, output)) => {
+                let image = g.find(pass, output)?;
+                if !request.read_back {
+                    g.output(image);
+                }
+            }
+            None if request.read_back => {
+                copies.copy(&mut g, "read_back.radiance", out.radiance, Format::Rgba32Float);
+                copies.copy(&mut g, "read_back.display", out.display, Format::Rgba8Unorm);
+            }
+            None => g.output(out.display),
+        }
+
+        let declare_ns = start.elapsed().as_nanos() as u64;
+        let Executed { declaration, plan, mut sample, transient_bytes } = self.executor.run(g, &imports.borrow())?;
+        if self.options.check {
+            self.gpu.check_validation()?;
+        }
+        sample.declare_ns = declare_ns;
+        sample.cpu_ns += declare_ns;
+        sample.queues = 1;
+        sample.memory.transient_bytes = transient_bytes;
+        sample.memory.transient_lower_bound = plan.memory.lower_bound;
+        sample.memory.transient_unaliased = plan.memory.unaliased;
+        sample.memory.scene_bytes = self.scene.scene_bytes();
+        sample.memory.acceleration_bytes = self.scene.acceleration_bytes();
+        self.previous_clip_from_world = Some(desc.clip_from_world());
+        self.frame += 1;
+        let mut images = copies.finish()?.into_iter();
+        let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
+        let findings = scan.map(|s| s.findings()).unwrap_or_default();
+        Ok(FrameResult { sample, images, findings, declaration, plan })
+    }
+}

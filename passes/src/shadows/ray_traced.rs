@@ -1,0 +1,49 @@
+//! Ray-traced hard shadows: one ray per pixel from the surface to the key light.
+use crate::stages::{ShadowIn, ShadowOut};
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::stage::StageError;
+use magpie_shaders::SHADOWS_TRACE_COMP;
+use magpie_shaders::shadows::TraceParams;
+
+/// The effect.
+pub struct RayTraced {
+    trace: Kernel,
+}
+
+impl RayTraced {
+    /// Makes its pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
+        Ok(Self { trace: gpu.kernel(&SHADOWS_TRACE_COMP).map_err(StageError::other)? })
+    }
+}
+
+impl Effect for RayTraced {
+    type In = ShadowIn;
+    type Out = ShadowOut;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
+        if view.key_light.is_none() {
+            return ShadowOut { visibility: None }; // nothing casts a shadow: no pass, no ray
+        }
+        let (kernel, block) = (self.trace, view.block);
+        let visibility = g.pass("shadows.trace", Queue::AsyncCompute, |p| {
+            let (block, tlas) = (p.read(block), p.trace(i.scene.tlas));
+            p.read(i.scene.tables);
+            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let (visibility, target) = p.create("visibility", ImageDesc::like(Format::R8Unorm, i.gbuffer.depth));
+            let extent = p.extent(i.gbuffer.depth);
+            (visibility.read(), move |c: &mut Record<'_>| {
+                let params = TraceParams {
+                    view: c.id(block),
+                    rays: c.rays(),
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    visibility: c.id(target),
+                };
+                c.trace(kernel, tlas, &params, extent);
+            })
+        });
+        ShadowOut { visibility: Some(visibility) }
+    }
+}

@@ -1,0 +1,58 @@
+//! The analytic sky and the sun's disc, written where nothing was drawn.
+use crate::stages::SkyIn;
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::stage::{Stage, StageError};
+use magpie_shaders::SKY_FILL_COMP;
+use magpie_shaders::sky::FillParams;
+
+/// The slot.
+pub fn stage() -> Stage<SkyIn, Handle<Image>> {
+    Stage::new("sky")
+        .about("What lies behind everything.")
+        .with("analytic", "Daylight after Preetham et al. 1999, with the sun's disc.", &[], |build, _| {
+            Ok(Box::new(Analytic::new(build.gpu)?))
+        })
+        .with("off", "Black.", &[], |_, _| Ok(Box::new(Off)))
+}
+
+struct Off;
+
+impl Effect for Off {
+    type In = SkyIn;
+    type Out = Handle<Image>;
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, i: SkyIn) -> Handle<Image> {
+        i.lit.read()
+    }
+}
+
+struct Analytic {
+    fill: Kernel,
+}
+
+impl Analytic {
+    fn new(gpu: &Gpu) -> Result<Self, StageError> {
+        Ok(Self { fill: gpu.kernel(&SKY_FILL_COMP).map_err(StageError::other)? })
+    }
+}
+
+impl Effect for Analytic {
+    type In = SkyIn;
+    type Out = Handle<Image>;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: SkyIn) -> Handle<Image> {
+        if !view.has_sky {
+            return i.lit.read();
+        }
+        let (kernel, block) = (self.fill, view.block);
+        g.pass("sky.fill", Queue::Graphics, |p| {
+            let (block, depth) = (p.read(block), p.sample(i.depth));
+            let extent = p.extent(i.depth);
+            let (lit, target) = p.write(i.lit);
+            (lit.read(), move |c: &mut Record<'_>| {
+                c.dispatch(kernel, &FillParams { view: c.id(block), depth: c.id(depth), lit: c.id(target) }, extent);
+            })
+        })
+    }
+}

@@ -1,0 +1,67 @@
+//! The implementations that come with Magpie. A user adds others with [`Stage::register`].
+use crate::stages::{
+    ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, ShadowIn, ShadowOut,
+    SkyIn,
+};
+use crate::{compose, direct, gbuffer, gi, post, reflections, shadows, sky};
+use magpie::config::Catalogue;
+use magpie::prelude::*;
+use magpie::stage::{SlotInfo, Stage};
+
+/// Every slot of the frame with all that can fill it.
+#[derive(Debug)]
+pub struct Slots {
+    /// What the camera sees first.
+    pub gbuffer: Stage<GBufferIn, GBuffer>,
+    /// Where the key light is hidden.
+    pub shadows: Stage<ShadowIn, ShadowOut>,
+    /// Light straight from the lights.
+    pub direct: Stage<DirectIn, DirectOut>,
+    /// Diffuse indirect light.
+    pub gi: Stage<IndirectIn, IndirectOut>,
+    /// Specular indirect light.
+    pub reflections: Stage<IndirectIn, IndirectOut>,
+    /// The sum of all light.
+    pub compose: Stage<ComposeIn, WriteHandle<Image>>,
+    /// What lies behind everything.
+    pub sky: Stage<SkyIn, Handle<Image>>,
+    /// From radiance to a display.
+    pub post: Stage<PostIn, PostOut>,
+}
+
+impl Default for Slots {
+    fn default() -> Self {
+        Self {
+            gbuffer: gbuffer::stage(),
+            shadows: shadows::stage(),
+            direct: direct::stage(),
+            gi: gi::stage(),
+            reflections: reflections::stage(),
+            compose: compose::stage(),
+            sky: sky::stage(),
+            post: post::stage(),
+        }
+    }
+}
+
+impl Slots {
+    /// Describes every slot, in the order of the frame.
+    pub fn infos(&self) -> Vec<SlotInfo> {
+        let infos = [
+            self.gbuffer.info(),
+            self.shadows.info(),
+            self.direct.info(),
+            self.gi.info(),
+            self.reflections.info(),
+            self.compose.info(),
+            self.sky.info(),
+            self.post.info(),
+        ];
+        infos.into_iter().cloned().collect()
+    }
+
+    /// What a configuration is checked against.
+    pub fn catalogue(&self) -> Catalogue {
+        Catalogue::new(self.infos())
+    }
+}

@@ -1,0 +1,121 @@
+//! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
+use magpie::graph::{Buffer, Handle, Image, Tlas, WriteHandle};
+
+/// The scene on the device, as the graph knows it.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneHandles {
+    /// Instances, meshes, vertices, materials and lights.
+    pub tables: Handle<Buffer>,
+    /// Indices of every mesh, one after another.
+    pub indices: Handle<Buffer>,
+    /// The acceleration structure.
+    pub tlas: Handle<Tlas>,
+}
+
+/// What the camera sees first, one value per pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct GBuffer {
+    /// Reversed depth: 1 at the near plane, 0 where nothing was drawn.
+    pub depth: Handle<Image>,
+    /// Linear base colour; occlusion in alpha.
+    pub base_colour: Handle<Image>,
+    /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer.
+    pub normal: Handle<Image>,
+    /// Metalness in red, perceptual roughness in green.
+    pub material: Handle<Image>,
+    /// Emitted radiance.
+    pub emission: Handle<Image>,
+    /// Texture coordinates now minus one frame ago.
+    pub motion: Handle<Image>,
+    /// Instance + 1 in red, triangle in green.
+    pub ids: Handle<Image>,
+}
+
+/// Slot `gbuffer`.
+#[derive(Clone, Copy, Debug)]
+pub struct GBufferIn {
+    /// What to draw.
+    pub scene: SceneHandles,
+}
+
+/// Slot `shadows`.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowIn {
+    /// What casts.
+    pub scene: SceneHandles,
+    /// What receives.
+    pub gbuffer: GBuffer,
+}
+
+/// Visibility of the key light, one channel, 1 where it shines; `None` when it shines everywhere.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowOut {
+    /// The image.
+    pub visibility: Option<Handle<Image>>,
+}
+
+/// Slot `direct`.
+#[derive(Clone, Copy, Debug)]
+pub struct DirectIn {
+    /// Lights and materials.
+    pub scene: SceneHandles,
+    /// What is lit.
+    pub gbuffer: GBuffer,
+    /// What is in shadow.
+    pub shadows: ShadowOut,
+}
+
+/// Radiance towards the camera from the lights, emission included.
+#[derive(Debug)]
+pub struct DirectOut {
+    /// The image, RGBA32F.
+    pub radiance: WriteHandle<Image>,
+}
+
+/// Slots `gi` and `reflections`.
+#[derive(Clone, Copy, Debug)]
+pub struct IndirectIn {
+    /// What is lit.
+    pub gbuffer: GBuffer,
+}
+
+/// Radiance towards the camera from one kind of indirect light; `None` when there is none.
+#[derive(Clone, Copy, Debug)]
+pub struct IndirectOut {
+    /// The image, RGBA32F.
+    pub radiance: Option<Handle<Image>>,
+}
+
+/// Slot `compose`.
+#[derive(Debug)]
+pub struct ComposeIn {
+    /// Lights and emission.
+    pub direct: DirectOut,
+    /// Diffuse indirect light.
+    pub gi: IndirectOut,
+    /// Specular indirect light.
+    pub reflections: IndirectOut,
+}
+
+/// Slot `sky`, and the output of `compose`.
+#[derive(Debug)]
+pub struct SkyIn {
+    /// Where nothing was drawn.
+    pub depth: Handle<Image>,
+    /// The lit picture.
+    pub lit: WriteHandle<Image>,
+}
+
+/// Slot `post`.
+#[derive(Clone, Copy, Debug)]
+pub struct PostIn {
+    /// Linear radiance.
+    pub colour: Handle<Image>,
+}
+
+/// What a display shows.
+#[derive(Clone, Copy, Debug)]
+pub struct PostOut {
+    /// RGBA8, sRGB-encoded.
+    pub display: Handle<Image>,
+}

@@ -1,0 +1,104 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/normal_map.glsl"
+#include "lib/octahedral.glsl"
+#include "lib/vector.glsl"
+#include "shared/gbuffer.glsl"
+#include "shared/scene.glsl"
+#include "shared/view.glsl"
+// Writes the G-buffer; its layout is in lib/README.md. Needs no culling and no front-face state: which side is seen follows from the
+// triangle itself, so mirrored instances need no pipeline of their own.
+layout(push_constant, scalar) uniform Push { DrawParams params; };
+
+layout(location = 0) in vec3 from_eye;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 tangent;
+layout(location = 3) in vec2 uv0;
+layout(location = 4) in vec2 uv1;
+layout(location = 5) in vec4 colour;
+layout(location = 6) in vec3 clip_now;
+layout(location = 7) in vec3 clip_before;
+layout(location = 8) flat in uint instance_index;
+
+layout(location = 0) out vec4 out_base_colour;
+layout(location = 1) out vec4 out_normal;
+layout(location = 2) out vec2 out_material;
+layout(location = 3) out vec4 out_emission;
+layout(location = 4) out vec2 out_motion;
+layout(location = 5) out uvec2 out_ids;
+
+// Largest finite 16-bit float: emission and motion beyond it stay finite.
+const float HALF_MAX = 65504.0;
+
+vec4 read(TextureSlot slot, vec4 otherwise) {
+    if (slot.image == NO_TEXTURE) return otherwise;
+    vec3 uv = vec3(slot.uv_set == 0u ? uv0 : uv1, 1.0);
+    return sample_implicit(slot.image, slot.sampler_id, vec2(dot(slot.row_u, uv), dot(slot.row_v, uv)));
+}
+
+// World-space normal of the triangle by its winding (counter-clockwise from the front), not normalised; zero if degenerate.
+vec3 triangle_normal(Instance instance, Mesh mesh, out vec3 corner) {
+    WordBuffer indices = WordBuffer(mesh.indices);
+    PositionBuffer positions = PositionBuffer(mesh.positions);
+    uint first = 3u * uint(gl_PrimitiveID);
+    corner = positions.at[indices.at[first]];
+    vec3 e1 = safe_normalize(positions.at[indices.at[first + 1u]] - corner, vec3(0.0));
+    vec3 e2 = safe_normalize(positions.at[indices.at[first + 2u]] - corner, vec3(0.0));
+    return transform_normal(instance.object_from_world, cross(e1, e2));
+}
+
+// uv now minus uv one frame ago; 0 for what was behind the camera then.
+vec2 motion() {
+    if (clip_before.z <= 0.0) return vec2(0.0);
+    vec2 moved = 0.5 * (clip_now.xy / clip_now.z - clip_before.xy / clip_before.z);
+    return clamp(moved, vec2(-HALF_MAX), vec2(HALF_MAX));
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
+    Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
+
+    // Which side. The corner of the triangle, not the fragment, decides: one answer for the whole triangle.
+    vec3 corner;
+    vec3 geometric = triangle_normal(instance, MeshBuffer(scene.at[0].meshes).at[instance.mesh], corner);
+    vec3 to_eye = safe_normalize(-from_eye, vec3(0.0, 0.0, 1.0));
+    vec3 corner_to_eye = view.at[0].eye - transform_point(instance.world_from_object, corner);
+    geometric = safe_normalize(geometric, vec3(0.0));
+    bool degenerate = geometric == vec3(0.0);
+    vec3 vertex_normal = safe_normalize(normal, degenerate ? to_eye : geometric);
+    bool front = degenerate ? dot(vertex_normal, to_eye) >= 0.0 : dot(geometric, corner_to_eye) >= 0.0;
+    if (!front && (material.flags & MATERIAL_DOUBLE_SIDED) == 0u) discard;
+    if (degenerate) geometric = vertex_normal;
+    float side = front ? 1.0 : -1.0;
+
+    // Textures, all before the alpha test: their mip levels need the neighbouring fragments.
+    vec4 base = material.base_colour * colour * read(material.base_colour_texture, vec4(1.0));
+    vec4 metal_rough = read(material.metallic_roughness_texture, vec4(1.0));
+    float occlusion = 1.0 + material.occlusion_strength * (read(material.occlusion_texture, vec4(1.0)).r - 1.0);
+    vec3 emission = material.emission * read(material.emission_texture, vec4(1.0)).rgb;
+    vec3 shading = vertex_normal;
+    if (material.normal_texture.image != NO_TEXTURE) {
+        vec3 texel = read(material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
+        shading = apply_normal_map(normal, tangent, texel, material.normal_scale);
+    }
+    if ((material.flags & MATERIAL_ALPHA_TEST) != 0u && base.a < material.alpha_cutoff) discard;
+
+    vec2 metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
+    if ((material.flags & MATERIAL_UNLIT) != 0u) {
+        // A black metal: the one surface that reflects nothing (specular_f90 of lib/brdf.glsl).
+        emission = base.rgb;
+        base.rgb = vec3(0.0);
+        metalness_roughness = vec2(1.0);
+    }
+
+    out_base_colour = vec4(base.rgb, occlusion);
+    out_normal.xy = octahedral_encode(bend_towards_viewer(side * shading, to_eye));
+    out_normal.zw = octahedral_encode(side * geometric);
+    out_material = metalness_roughness;
+    out_emission = vec4(min(emission, vec3(HALF_MAX)), 1.0);
+    out_motion = motion();
+    out_ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));
+}

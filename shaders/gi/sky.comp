@@ -1,0 +1,28 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/brdf.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/sky.glsl"
+#include "shared/gi.glsl"
+// Diffuse light of sky and ground, hidden by nothing but the occlusion map.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { SkyParams params; };
+
+vec3 shade(ViewBuffer view, ivec2 pixel) {
+    if (view.at[0].has_sky == 0u) return vec3(0.0);
+    Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
+    if (!s.exists) return vec3(0.0);
+    // The split of energy with reflections/sky.comp: what the specular lobe reflects of uniform light does not reach the diffuse one.
+    vec3 f0 = specular_f0(s.base_colour, s.metalness);
+    vec3 specular = environment_brdf(f0, s.roughness, max(dot(s.normal, s.to_eye), 0.0));
+    vec3 albedo = (vec3(1.0) - specular) * (1.0 - s.metalness) * s.base_colour;
+    return albedo * sky_irradiance(view.at[0].sky, s.normal) * (s.occlusion / PI);
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    store(params.radiance, pixel, vec4(shade(view, pixel), 1.0));
+}

@@ -1,0 +1,55 @@
+#ifndef LIB_BINDLESS_GLSL
+#define LIB_BINDLESS_GLSL
+// Every extension that Magpie's shaders need, the one bindless set, and helpers to read and write it.
+// Include it first: GLSL wants extensions before anything else.
+#extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_nonuniform_qualifier : require
+#extension GL_EXT_shader_image_load_formatted : require
+#extension GL_EXT_samplerless_texture_functions : require
+
+// Float and unsigned views of one table: an index must be used through the view that fits its image's format.
+layout(set = 0, binding = 0) uniform texture2D images[];
+layout(set = 0, binding = 0) uniform utexture2D images_uint[];
+layout(set = 0, binding = 1) uniform image2D storage_images[];
+layout(set = 0, binding = 1) uniform uimage2D storage_images_uint[];
+layout(set = 0, binding = 2) uniform sampler samplers[];
+
+// Three floats each: the positions of a mesh.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer PositionBuffer { vec3 at[]; };
+// Indices and other plain words.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer WordBuffer { uint at[]; };
+
+// Texel `p` of mip 0, no filter. `image` must be the same for the whole draw or dispatch.
+vec4 load(uint image, ivec2 p) {
+    return texelFetch(images[image], p, 0);
+}
+
+// The same for an unsigned integer format.
+uvec4 load_uint(uint image, ivec2 p) {
+    return texelFetch(images_uint[image], p, 0);
+}
+
+// Filtered at mip level `lod`. Image and sampler may differ between invocations.
+vec4 sample_lod(uint image, uint sampler_id, vec2 uv, float lod) {
+    return textureLod(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, lod);
+}
+
+// Filtered, with the mip level from the screen-space derivatives of `uv`; mip 0 outside fragment shaders.
+vec4 sample_implicit(uint image, uint sampler_id, vec2 uv) {
+    return texture(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv);
+}
+
+// Writes pixel `p`. `image` must be the same for the whole draw or dispatch.
+void store(uint image, ivec2 p, vec4 value) {
+    imageStore(storage_images[image], p, value);
+}
+
+// The same for an unsigned integer format.
+void store_uint(uint image, ivec2 p, uvec4 value) {
+    imageStore(storage_images_uint[image], p, value);
+}
+
+#endif

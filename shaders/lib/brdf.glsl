@@ -1,0 +1,89 @@
+#ifndef LIB_BRDF_GLSL
+#define LIB_BRDF_GLSL
+#include "lib/vector.glsl"
+// The surface model: GGX specular over Lambert diffuse, glTF 2.0 appendix B.
+//   f = (1 - F) (1 - metalness) base_colour / pi + D V F,   F0 = mix(0.04, base_colour, metalness)
+
+// Reflectance of a dielectric at normal incidence: index of refraction 1.5.
+const float DIELECTRIC_F0 = 0.04;
+
+// A physical floor: punctual lights are infinitely small, and a perfect mirror would show them infinitely bright. At 0.002
+// (perceptual roughness 0.045) the highlight is some 0.3 degrees wide, narrower than the disc of the sun.
+const float MIN_ALPHA = 0.002;
+
+// alpha = roughness² (Burley 2012, "Physically-Based Shading at Disney"), not below the floor.
+float alpha_of_roughness(float roughness) {
+    return max(roughness * roughness, MIN_ALPHA);
+}
+
+// GGX (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", equation 33), per steradian:
+//   D = a² / (pi ((n·h)² (a² - 1) + 1)²)
+// With 1 - (n·h)² = |n × h|² the bracket becomes |n × h|² + a² (n·h)², which does not cancel near the peak.
+// Takes unit vectors; `n·h < 0` gives 0.
+float ggx_d(vec3 n, vec3 h, float alpha) {
+    float n_h = dot(n, h);
+    if (n_h <= 0.0) return 0.0;
+    vec3 c = cross(n, h);
+    float scaled = alpha * n_h;
+    float ratio = alpha / (dot(c, c) + scaled * scaled);
+    return ratio * ratio / PI;
+}
+
+// Height-correlated Smith visibility V = G2 / (4 n·l n·v) (Heitz 2014, "Understanding the Masking-Shadowing Function",
+// JCGT 3(2), equation 99), times n·l:
+//   V n·l = n·l / (2 (n·l sqrt(a² + (1 - a²) (n·v)²) + n·v sqrt(a² + (1 - a²) (n·l)²)))
+// V alone grows without bound when both cosines go to 0; the product stays below 1 / (2 a). Dividing both cosines by the larger one
+// keeps the quotient defined down to the smallest floats. Cosines in 0..1; `n·l = 0` gives 0.
+float smith_v_cosine(float n_l, float n_v, float alpha) {
+    float largest = max(n_l, n_v);
+    if (n_l <= 0.0 || largest <= 0.0) return 0.0;
+    float a2 = alpha * alpha;
+    float view_root = sqrt(a2 + (1.0 - a2) * n_v * n_v);
+    float light_root = sqrt(a2 + (1.0 - a2) * n_l * n_l);
+    float l = n_l / largest;
+    float v = n_v / largest;
+    return 0.5 * l / (l * view_root + v * light_root);
+}
+
+// Reflectance at normal incidence.
+vec3 specular_f0(vec3 base_colour, float metalness) {
+    return mix(vec3(DIELECTRIC_F0), base_colour, metalness);
+}
+
+// Reflectance at grazing incidence: 1, falling to 0 below the 2 % that no real material undercuts, so that black is black
+// (Lagarde and de Rousiers 2014, "Moving Frostbite to Physically Based Rendering", section 3.1.1).
+float specular_f90(vec3 f0) {
+    return min(50.0 * max(max(f0.r, f0.g), f0.b), 1.0);
+}
+
+// Fresnel reflectance (Schlick 1994, "An Inexpensive BRDF Model for Physically-Based Rendering", equation 15).
+vec3 schlick_f(vec3 f0, float v_h) {
+    float m = clamp(1.0 - v_h, 0.0, 1.0);
+    float m2 = m * m;
+    return f0 + (vec3(specular_f90(f0)) - f0) * (m2 * m2 * m);
+}
+
+// BRDF times n·l, per steradian: what incident irradiance at normal incidence is multiplied with. All vectors unit and away from
+// the surface. 0 when the light is below the surface; a viewer below it counts as a grazing one.
+vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness) {
+    float n_l = dot(n, l);
+    if (n_l <= 0.0) return vec3(0.0);
+    float n_v = max(dot(n, v), 0.0);
+    float alpha = alpha_of_roughness(roughness);
+    // l = -v has no half vector. It needs a viewer on the horizon or below, and there the normal is a fair one.
+    vec3 h = safe_normalize(v + l, n);
+    vec3 f = schlick_f(specular_f0(base_colour, metalness), dot(v, h));
+    vec3 diffuse = (vec3(1.0) - f) * (1.0 - metalness) * base_colour * (n_l / PI);
+    return diffuse + f * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
+}
+
+// Directional albedo of the specular lobe under uniform light: the integral of D V F n·l over the hemisphere.
+// Analytic fit by Karis 2014, "Physically Based Shading on Mobile". It dips to -0.003 at roughness 1 and f0 = 0, hence the max.
+vec3 environment_brdf(vec3 f0, float roughness, float n_v) {
+    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    float a = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
+    vec2 scale_bias = vec2(-1.04, 1.04) * a + r.zw;
+    return max(f0 * scale_bias.x + specular_f90(f0) * scale_bias.y, vec3(0.0));
+}
+
+#endif

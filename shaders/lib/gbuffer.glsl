@@ -1,0 +1,87 @@
+#ifndef LIB_GBUFFER_GLSL
+#define LIB_GBUFFER_GLSL
+#include "lib/bindless.glsl"
+#include "lib/octahedral.glsl"
+#include "lib/vector.glsl"
+#include "shared/view.glsl"
+// The G-buffer, decoded. Layout: README.md.
+
+struct Surface {
+    // False on the background; nothing else is meaningful then.
+    bool exists;
+    // World, metres.
+    vec3 position;
+    // Unit, towards the viewer.
+    vec3 to_eye;
+    // Shading normal, unit, facing the viewer.
+    vec3 normal;
+    // Normal of the triangle, unit, facing the viewer.
+    vec3 geometric_normal;
+    // Linear Rec.709, 0 to 1.
+    vec3 base_colour;
+    // Ambient occlusion, 1 is open.
+    float occlusion;
+    float metalness;
+    // Perceptual, 0 to 1.
+    float roughness;
+};
+
+// Direction of the ray through a pixel's centre, not normalised, so that the point at reversed depth d is
+// eye + ray / (d w), w = world_from_clip[2].w. With an infinite reversed projection only the depth column of the inverse has
+// a w, and that column is the eye: taking it apart this way adds no eye-sized numbers before the division.
+vec3 pixel_ray(ViewBuffer view, ivec2 pixel) {
+    precise vec2 ndc = (vec2(pixel) + 0.5) / vec2(view.at[0].size) * 2.0 - 1.0;
+    mat4 m = view.at[0].world_from_clip;
+    precise vec3 ray = m[0].xyz * ndc.x + m[1].xyz * ndc.y + m[3].xyz;
+    return ray;
+}
+
+// World position of a pixel's centre at reversed depth `depth`, above 0.
+vec3 world_position(ViewBuffer view, ivec2 pixel, float depth) {
+    precise vec3 position = view.at[0].eye + pixel_ray(view, pixel) / (depth * view.at[0].world_from_clip[2].w);
+    return position;
+}
+
+// Position and normals.
+Surface load_geometry(ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image) {
+    Surface s;
+    float depth = load(depth_image, pixel).r;
+    s.exists = depth > 0.0;
+    s.position = vec3(0.0);
+    s.to_eye = vec3(0.0);
+    s.normal = vec3(0.0);
+    s.geometric_normal = vec3(0.0);
+    s.base_colour = vec3(0.0);
+    s.occlusion = 1.0;
+    s.metalness = 0.0;
+    s.roughness = 1.0;
+    if (!s.exists) return s;
+    s.position = world_position(view, pixel, depth);
+    s.to_eye = -normalize(pixel_ray(view, pixel));
+    vec4 normals = load(normal_image, pixel);
+    s.normal = octahedral_decode(normals.xy);
+    s.geometric_normal = octahedral_decode(normals.zw);
+    return s;
+}
+
+// Position, normals and material.
+Surface load_surface(
+    ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image, uint base_colour_image, uint material_image
+) {
+    Surface s = load_geometry(view, pixel, depth_image, normal_image);
+    if (!s.exists) return s;
+    vec4 base_colour = load(base_colour_image, pixel);
+    vec2 material = load(material_image, pixel).rg;
+    s.base_colour = base_colour.rgb;
+    s.occlusion = base_colour.a;
+    s.metalness = material.r;
+    s.roughness = material.g;
+    return s;
+}
+
+// False outside the image: the last workgroups hang over its edges.
+bool inside(ivec2 pixel, uvec2 size) {
+    return all(lessThan(uvec2(pixel), size));
+}
+
+#endif

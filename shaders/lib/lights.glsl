@@ -1,0 +1,60 @@
+#ifndef LIB_LIGHTS_GLSL
+#define LIB_LIGHTS_GLSL
+#include "shared/scene.glsl"
+#include "lib/vector.glsl"
+// Lights as a surface point sees them. Units and falloff: KHR_lights_punctual.
+
+// Distance of a light that has none, metres.
+const float INFINITELY_FAR = 1e30;
+
+// No source is smaller than a tenth of a millimetre; a point closer than that is lit as from there.
+const float MIN_LIGHT_DISTANCE = 1e-4;
+
+struct LightSample {
+    // Unit, from the point towards the light.
+    vec3 direction;
+    // Metres.
+    float distance;
+    // On a surface that faces the light, unoccluded. 0 outside a cone, a range or on the dark side of a rectangle.
+    vec3 irradiance;
+};
+
+// (1 - (d / range)^4) in 0..1, the window of KHR_lights_punctual; range 0 never ends.
+float range_window(float distance, float range) {
+    if (range <= 0.0) return 1.0;
+    float q = distance / range;
+    float q2 = q * q;
+    return clamp(1.0 - q2 * q2, 0.0, 1.0);
+}
+
+LightSample sample_light(Light light, vec3 position) {
+    LightSample result;
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        result.direction = -light.direction;
+        result.distance = INFINITELY_FAR;
+        result.irradiance = light.intensity;
+        return result;
+    }
+    vec3 to_light = light.position - position;
+    result.distance = length(to_light);
+    result.direction = safe_normalize(to_light, -light.direction);
+    float square = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
+
+    if (light.kind == LIGHT_RECTANGLE) {
+        // All its flux from the centre: radiance * area * cos / d². Fair from a few edge lengths on; nearer it would exceed what
+        // any emitter of this radiance can give, pi * radiance, so d² is at least area / pi.
+        float area = 4.0 * length(cross(light.half_u, light.half_v));
+        float cosine = max(dot(light.direction, -result.direction), 0.0);
+        result.irradiance = light.intensity * (area * cosine / max(square, area / PI));
+        return result;
+    }
+    float factor = range_window(result.distance, light.range) / square;
+    if (light.kind == LIGHT_SPOT) {
+        float cone = clamp(dot(light.direction, -result.direction) * light.cone_scale + light.cone_offset, 0.0, 1.0);
+        factor *= cone * cone;
+    }
+    result.irradiance = light.intensity * factor;
+    return result;
+}
+
+#endif

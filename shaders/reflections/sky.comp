@@ -1,0 +1,37 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/brdf.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/sky.glsl"
+#include "shared/reflections.glsl"
+// Specular light of sky and ground without the sun's disc, which is a light of its own.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { SkyParams params; };
+
+vec3 shade(ViewBuffer view, ivec2 pixel) {
+    if (view.at[0].has_sky == 0u) return vec3(0.0);
+    Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
+    if (!s.exists) return vec3(0.0);
+
+    // A mirror sees the sky itself, a fully rough lobe the cosine-weighted mean around its axis. Between them this blends by
+    // roughness, in place of a prefiltered sky: both ends are right, the middle is a little too sharp and too plain at once.
+    vec3 axis = reflect(-s.to_eye, s.normal);
+    Sky sky = view.at[0].sky;
+    vec3 incident = mix(sky_radiance(sky, axis), sky_irradiance(sky, axis) / PI, s.roughness);
+
+    // A bent normal can send the axis below the surface, where the surface itself is in the way
+    // (Russell 2015, "Horizon Occlusion for Normal Mapped Reflections").
+    float horizon = clamp(1.0 + dot(axis, s.geometric_normal), 0.0, 1.0);
+
+    vec3 f0 = specular_f0(s.base_colour, s.metalness);
+    vec3 specular = environment_brdf(f0, s.roughness, max(dot(s.normal, s.to_eye), 0.0));
+    return specular * incident * (horizon * horizon * s.occlusion);
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    store(params.radiance, pixel, vec4(shade(view, pixel), 1.0));
+}

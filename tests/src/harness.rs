@@ -1,0 +1,124 @@
+//! What GPU tests share: one device with the validation layers on, scenes, renders and goldens.
+use anyhow::{Context, Result, bail, ensure};
+use magpie::config::Config;
+use magpie::gpu::{Gpu, GpuOptions};
+use magpie::pixels::Pixels;
+use magpie::scene::{Scene, supply_missing};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use std::env;
+use std::path::{Path, PathBuf};
+
+/// A device with validation, or `None` when the caller asked for no GPU (`MAGPIE_NO_GPU`). No device at all is a failure.
+pub fn gpu() -> Result<Option<Gpu>> {
+    if env::var_os("MAGPIE_NO_GPU").is_some() {
+        eprintln!("skipped: MAGPIE_NO_GPU is set");
+        return Ok(None);
+    }
+    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: true };
+    Ok(Some(Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out")?))
+}
+
+/// A built-in scene with everything supplied.
+pub fn builtin(name: &str) -> Result<Scene> {
+    let mut scene = magpie::scene::builtin(name).with_context(|| format!("built-in scene {name}"))?;
+    supply_missing(&mut scene);
+    Ok(scene)
+}
+
+/// A scene from the folder of real scenes: `MAGPIE_ASSETS`, else `../shared/assets` beside the checkout. `None`, and said so,
+/// when the folder is not there.
+pub fn asset(file: &str) -> Result<Option<Scene>> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/assets");
+    let folder = env::var_os("MAGPIE_ASSETS").map_or(beside, PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("skipped: {file} (no folder of real scenes: set MAGPIE_ASSETS)");
+        return Ok(None);
+    }
+    let mut scene = magpie::scene::load(&folder.join(file))?;
+    supply_missing(&mut scene);
+    Ok(Some(scene))
+}
+
+/// The default configuration with these `KEY=VALUE` changes.
+pub fn config(changes: &[&str]) -> Result<Config> {
+    let mut config = Config::default();
+    for change in changes {
+        config.set(change)?;
+    }
+    Slots::default().catalogue().check(&config)?;
+    Ok(config)
+}
+
+/// Renders `frames` frames with every check on; any finding is an error. The last frame is read back.
+pub fn render(
+    gpu: &Gpu,
+    scene: &Scene,
+    config: &Config,
+    size: [u32; 2],
+    frames: u32,
+    view: Option<(&str, &str)>,
+) -> Result<FrameResult> {
+    let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: true };
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, options)?;
+    for frame in 1.. {
+        let read_back = frame == frames;
+        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view, read_back })?;
+        ensure!(result.findings.is_empty(), "frame {frame}: {}", result.findings[0]);
+        if read_back {
+            return Ok(result);
+        }
+    }
+    bail!("no frame was asked for")
+}
+
+/// The image that a render was made for.
+pub fn linear(result: FrameResult) -> Result<Pixels> {
+    Ok(result.images.context("no image was read back")?.linear)
+}
+
+/// The display image of a render.
+pub fn display(result: FrameResult) -> Result<Pixels> {
+    result.images.and_then(|i| i.display).context("no display image was read back")
+}
+
+/// Compares what an image looks like with `tests/images/NAME.png`.
+///
+/// Fails when the golden is missing, the size differs, the root of the mean square difference (0 to 1) is over `limit`, or the
+/// golden itself holds a single value, which would pass for anything. The actual image and the difference, eight times
+/// brighter, are written to `target/images`. `MAGPIE_BLESS=1` writes the golden instead: look at it before you commit it.
+pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let golden_file = root.join("images").join(format!("{name}.png"));
+    let (width, height) = (actual.extent.width, actual.extent.height);
+    let seen = image::RgbaImage::from_raw(width, height, actual.presentable()).context("pixels")?;
+    if env::var_os("MAGPIE_BLESS").is_some() {
+        seen.save(&golden_file)?;
+        return Ok(());
+    }
+    let golden = image::open(&golden_file)
+        .with_context(|| format!("golden {} (MAGPIE_BLESS=1 makes it)", golden_file.display()))?
+        .into_rgba8();
+    ensure!(golden.dimensions() == (width, height), "{name}: the golden is {:?}", golden.dimensions());
+    ensure!(golden.pixels().any(|p| p != golden.get_pixel(0, 0)), "{name}: the golden is one flat colour");
+
+    let mut sum = 0.0;
+    let mut difference = image::RgbaImage::new(width, height);
+    for (x, y, pixel) in difference.enumerate_pixels_mut() {
+        let (a, b) = (seen.get_pixel(x, y).0, golden.get_pixel(x, y).0);
+        for c in 0..3 {
+            let d = f64::from(a[c]) - f64::from(b[c]);
+            sum += d * d / (255.0 * 255.0);
+            pixel.0[c] = (d.abs() * 8.0).min(255.0) as u8;
+        }
+        pixel.0[3] = 255;
+    }
+    let rmse = (sum / (f64::from(width) * f64::from(height) * 3.0)).sqrt();
+    if rmse > limit {
+        let folder = root.join("../target/images");
+        std::fs::create_dir_all(&folder)?;
+        seen.save(folder.join(format!("{name}.actual.png")))?;
+        difference.save(folder.join(format!("{name}.difference.png")))?;
+        bail!("{name}: RMSE {rmse:.5} is over {limit}; see target/images/{name}.*.png");
+    }
+    Ok(())
+}

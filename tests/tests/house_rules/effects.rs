@@ -1,0 +1,159 @@
+//! What an effect may know of the others, and where it must show up.
+
+use super::code::code;
+use super::tree::Tree;
+use std::collections::BTreeSet;
+
+/// A part that other effects are made of, not an effect on its own.
+const SHARED: &str = "denoise";
+
+/// An effect names no other effect: they meet in `stages.rs`, and share `denoise` and the files beside the folders.
+pub fn imports(tree: &Tree) -> Vec<String> {
+    let effects = tree.folders("passes/src");
+    let mut faults = Vec::new();
+    for (path, text) in tree.rust() {
+        let Some((effect, file)) = path.strip_prefix("passes/src/").and_then(|rest| rest.split_once('/')) else {
+            continue;
+        };
+        // How deep this module lies below the crate: `super` that often is the root.
+        let depth = 1 + file.split('/').count() - usize::from(file.ends_with("mod.rs"));
+        let code = code(text);
+        for (line, name) in names_from_root(&code, depth) {
+            if name != effect && name != SHARED && effects.contains(name.as_str()) {
+                faults.push(format!("{path}:{line}: {effect} reaches into {name}; let them meet in stages.rs"));
+            }
+        }
+    }
+    faults
+}
+
+/// The first name, with its line, of every path that begins at the root of the crate.
+fn names_from_root(code: &str, depth: usize) -> Vec<(usize, String)> {
+    let mut names = Vec::new();
+    let line_of = |at: usize| 1 + code[..at].matches('\n').count();
+    let supers = "super::".repeat(depth);
+    for root in ["crate::", "magpie_passes::", &supers] {
+        for (at, _) in code.match_indices(root) {
+            // In `super::super::x` the inner `super` begins no path, except that of a module inside the file.
+            let mut rest = code[at + root.len()..].trim_start();
+            while let Some(deeper) = rest.strip_prefix("super::") {
+                rest = deeper.trim_start();
+            }
+            names.extend(first_names(rest).into_iter().map(|name| (line_of(at), name)));
+        }
+    }
+    names.sort();
+    names.dedup();
+    names
+}
+
+/// `a` of `a::b`; each first name of a group in braces.
+fn first_names(path: &str) -> Vec<String> {
+    let word =
+        |text: &str| text.trim_start().chars().take_while(|&c| c.is_alphanumeric() || c == '_').collect::<String>();
+    let Some(group) = path.strip_prefix('{') else { return vec![word(path)] };
+    let mut names = vec![word(group)];
+    let mut depth = 0;
+    for (at, c) in group.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => names.push(word(&group[at + 1..])),
+            _ => {}
+        }
+    }
+    names
+}
+
+/// An effect has one name in every folder: its code, its shaders, its page, and a test that looks at its image.
+pub fn four_folders(tree: &Tree) -> Vec<String> {
+    let mut faults = Vec::new();
+    let effects = tree.folders("passes/src");
+    let tested = image_tests(tree);
+    for effect in &effects {
+        let mut wants = |there: bool, what: String| {
+            if !there {
+                faults.push(format!("passes/src/{effect} has no {what}"));
+            }
+        };
+        wants(tree.has_folder(&format!("shaders/{effect}")), format!("shaders/{effect}"));
+        wants(tree.has(&format!("docs/passes/{effect}.md")), format!("docs/passes/{effect}.md"));
+        let named =
+            |name: &&String| *name == effect || name.strip_prefix(effect).is_some_and(|rest| rest.starts_with('_'));
+        wants(
+            tested.iter().any(|name| named(&name)),
+            format!("image test: a test `{effect}` or `{effect}_…` in tests/tests/images"),
+        );
+    }
+    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph.
+    let others = BTreeSet::from(["src", "tests", "lib", "check"]);
+    for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
+        faults.push(format!("shaders/{folder} has no passes/src/{folder}"));
+    }
+    faults
+}
+
+/// Names of the test functions in the files of the image tests.
+fn image_tests(tree: &Tree) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    let places = ["tests/tests/images", "tests/images"];
+    for (_, text) in tree.rust().filter(|(path, _)| places.iter().any(|place| path.starts_with(place))) {
+        let code = code(text);
+        for test in code.split("#[test]").skip(1) {
+            let name = test.split_whitespace().skip_while(|&word| word != "fn").nth(1).unwrap_or_default();
+            names.insert(name.chars().take_while(|&c| c.is_alphanumeric() || c == '_').collect());
+        }
+    }
+    names
+}
+
+#[test]
+fn an_effect_that_reaches_into_another_is_found() {
+    let files = |text: &'static str, path: &'static str| {
+        imports(&Tree::of(&[("passes/src/gi/mod.rs", ""), ("passes/src/denoise/mod.rs", ""), (path, text)]))
+    };
+    let fine = "use crate::{denoise::{Svgf, gi}, stages::{A, B}, sky::own};\nuse super::stages;\nuse magpie::gi::X; // crate::gi";
+    assert_eq!(files(fine, "passes/src/sky/mod.rs"), [""; 0]);
+    assert_eq!(files("use super::gi;", "passes/src/sky/part.rs"), [""; 0]); // sky::gi
+    assert_eq!(files("use crate::gi::X;", "passes/src/lib.rs"), [""; 0]);
+    let broken = [
+        ("use crate::gi::X;", "passes/src/sky/mod.rs"),
+        ("use crate::{stages::{A, B}, gi::X};", "passes/src/sky/mod.rs"),
+        ("use crate::{\n    gi,\n};", "passes/src/sky/part.rs"),
+        ("fn f() { crate::gi::g() }", "passes/src/denoise/part.rs"),
+        ("use super::gi::X;", "passes/src/sky/mod.rs"),
+        ("use super::super::gi::X;", "passes/src/sky/part.rs"),
+        ("mod m { use super::super::super::gi::X; }", "passes/src/sky/part.rs"),
+        ("use super::{stages::A, gi};", "passes/src/sky/mod.rs"),
+    ];
+    for (text, path) in broken {
+        let faults = files(text, path);
+        assert!(faults.len() == 1 && faults[0].contains("into gi"), "{text} in {path}: {faults:?}");
+    }
+}
+
+#[test]
+fn an_effect_that_lacks_a_folder_is_found() {
+    let whole = [
+        ("passes/src/sky/mod.rs", ""),
+        ("shaders/sky/sky.comp", ""),
+        ("docs/passes/sky.md", ""),
+        ("tests/tests/images.rs", "#[test]\nfn sky_is_blue() {}"),
+        ("shaders/src/sky.rs", ""),
+        ("shaders/lib/rng.glsl", ""),
+        ("shaders/check/nan.comp", ""),
+    ];
+    assert_eq!(four_folders(&Tree::of(&whole)), [""; 0]);
+    for (missing, part) in
+        [(0, "shaders/sky has no"), (1, "has no shaders/sky"), (2, "docs/passes/sky.md"), (3, "image test")]
+    {
+        let mut files = whole.to_vec();
+        files.remove(missing);
+        let faults = four_folders(&Tree::of(&files));
+        assert!(faults.len() == 1 && faults[0].contains(part), "{part}: {faults:?}");
+    }
+    let mut files = whole.to_vec();
+    files[3].1 = "fn sky() {}\n#[test]\nfn skyline() {} // #[test] fn sky() {}";
+    assert_eq!(four_folders(&Tree::of(&files)).len(), 1);
+}

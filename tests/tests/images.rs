@@ -1,0 +1,117 @@
+//! One image per effect on the courtyard, against a golden, with what must hold beyond it.
+use anyhow::Result;
+use magpie::pixels::Pixels;
+use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
+
+const SIZE: [u32; 2] = [240, 135];
+/// Different drivers round differently; a black, shifted or unshadowed picture is far beyond this.
+const LIMIT: f64 = 0.01;
+
+/// The output of one pass on the courtyard.
+fn output(pass: &str, output: &str, changes: &[&str]) -> Result<Option<Pixels>> {
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    let scene = builtin("courtyard")?;
+    linear(render(&gpu, &scene, &config(changes)?, SIZE, 2, Some((pass, output)))?).map(Some)
+}
+
+fn golden(name: &str, image: Option<&Pixels>) -> Result<()> {
+    image.map_or(Ok(()), |image| compare_with_golden(name, image, LIMIT))
+}
+
+#[test]
+fn gbuffer() -> Result<()> {
+    for name in ["base_colour", "normal", "material", "depth", "ids", "emission"] {
+        golden(&format!("gbuffer.{name}"), output("gbuffer.draw", name, &[])?.as_ref())?;
+    }
+    // A still camera and still objects do not move.
+    if let Some(motion) = output("gbuffer.draw", "motion", &[])? {
+        assert!(motion.values().iter().all(|v| v[0].abs() < 1e-6 && v[1].abs() < 1e-6));
+    }
+    Ok(())
+}
+
+#[test]
+fn shadows() -> Result<()> {
+    let Some(image) = output("shadows.trace", "visibility", &[])? else { return Ok(()) };
+    let values = image.values();
+    let lit = values.iter().filter(|v| v[0] == 1.0).count() as f64 / values.len() as f64;
+    assert!(values.iter().all(|v| v[0] == 0.0 || v[0] == 1.0), "hard shadows are 0 or 1");
+    assert!((0.1..0.9).contains(&lit), "{lit} of the pixels see the sun");
+    golden("shadows", Some(&image))
+}
+
+#[test]
+fn direct() -> Result<()> {
+    let Some(image) = output("direct.shade", "radiance", &[])? else { return Ok(()) };
+    let Some(unshadowed) = output("direct.shade", "radiance", &["stages.shadows=off"])? else { return Ok(()) };
+    let darker = image.values().iter().zip(unshadowed.values()).filter(|(a, b)| a[1] < b[1] * 0.5).count();
+    let brighter = image.values().iter().zip(unshadowed.values()).filter(|(a, b)| a[1] > b[1]).count();
+    assert!(darker > 500, "shadows darken {darker} pixels");
+    assert_eq!(brighter, 0, "no shadow makes a pixel brighter");
+    golden("direct", Some(&image))
+}
+
+#[test]
+fn gi() -> Result<()> {
+    golden("gi", output("gi.sky", "radiance", &[])?.as_ref())
+}
+
+#[test]
+fn reflections() -> Result<()> {
+    golden("reflections", output("reflections.sky", "radiance", &[])?.as_ref())
+}
+
+#[test]
+fn compose() -> Result<()> {
+    let (Some(sum), Some(direct), Some(gi), Some(reflections)) = (
+        output("compose.sum", "lit", &[])?,
+        output("direct.shade", "radiance", &[])?,
+        output("gi.sky", "radiance", &[])?,
+        output("reflections.sky", "radiance", &[])?,
+    ) else {
+        return Ok(());
+    };
+    let parts = direct.values().into_iter().zip(gi.values()).zip(reflections.values());
+    for (pixel, (sum, ((d, g), r))) in sum.values().iter().zip(parts).enumerate() {
+        for c in 0..3 {
+            let expected = d[c] + g[c] + r[c];
+            assert!((sum[c] - expected).abs() <= 1e-6 * expected.max(1.0), "pixel {pixel}: {} is not {expected}", sum[c]);
+        }
+    }
+    golden("compose", Some(&sum))
+}
+
+#[test]
+fn sky() -> Result<()> {
+    golden("sky", output("sky.fill", "lit", &[])?.as_ref())
+}
+
+#[test]
+fn post() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    for curve in ["agx", "aces", "none"] {
+        let picture = render(&gpu, &scene, &config(&[&format!("post.tone_map={curve}")])?, SIZE, 1, None)?;
+        compare_with_golden(&format!("post.{curve}"), &display(picture)?, LIMIT)?;
+    }
+    // Two stops are four times the light.
+    let picture = |stops: &str| -> Result<Pixels> {
+        let changes = ["post.tone_map=none", stops];
+        display(render(&gpu, &scene, &config(&changes)?, SIZE, 1, None)?)
+    };
+    let (dark, bright) = (picture("post.exposure=-4.0")?, picture("post.exposure=-2.0")?);
+    let decoded = |p: &Pixels| Pixels { format: magpie::graph::Format::Rgba8Srgb, ..p.clone() }.values();
+    for (d, b) in decoded(&dark).into_iter().zip(decoded(&bright)) {
+        if b[1] < 0.9 && d[1] > 0.05 {
+            assert!((b[1] / d[1] - 4.0).abs() < 0.4, "{} against {}", b[1], d[1]);
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn cornell() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let picture = render(&gpu, &builtin("cornell")?, &config(&[])?, [128, 128], 1, None)?;
+    compare_with_golden("cornell", &display(picture)?, LIMIT)
+}
