@@ -1,1 +1,244 @@
-//! camera
+//! Cameras and camera files.
+use super::SceneError;
+use glam::{Affine3A, Mat3A, Mat4, Vec3, Vec3A};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Near plane of a camera file that names none, metres.
+const DEFAULT_NEAR: f32 = 0.01;
+
+/// A pinhole camera that looks along its -z with y up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Name for `--camera` and messages.
+    pub name: String,
+    /// World from camera: a rotation and a translation, metres.
+    pub world_from_camera: Affine3A,
+    /// Full vertical angle of view, radians, above 0 and below pi.
+    pub vertical_fov: f32,
+    /// Distance of the near plane, metres, above 0. There is no far plane.
+    pub near: f32,
+}
+
+impl Camera {
+    /// A camera at `eye` (metres) that looks at `target`, with a full vertical angle of view in radians and a near plane
+    /// at a thousandth of the distance to the target.
+    ///
+    /// # Errors
+    /// [`SceneError::Camera`] when a number is not finite, `eye` is `target`, `up` has no length or lies along the
+    /// line of sight, or the angle is not between 0 and pi.
+    pub fn look_at(
+        name: impl Into<String>,
+        eye: Vec3,
+        target: Vec3,
+        up: Vec3,
+        vertical_fov: f32,
+    ) -> Result<Self, SceneError> {
+        let name = name.into();
+        let refuse = |reason: String| Err(SceneError::Camera { name: name.clone(), reason });
+        for (what, v) in [("position", eye), ("target", target), ("up", up)] {
+            if !v.is_finite() {
+                return refuse(format!("{what} is {v}, wanted finite numbers"));
+            }
+        }
+        if !(vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI) {
+            let degrees = vertical_fov.to_degrees();
+            return refuse(format!(
+                "vertical field of view is {degrees} degrees, wanted more than 0 and less than 180"
+            ));
+        }
+        // In double precision: eye and target may be close together far from the origin.
+        let back = (eye.as_dvec3() - target.as_dvec3()).try_normalize();
+        let Some(back) = back else {
+            return refuse(format!("position and target are both {eye}"));
+        };
+        let right = up.as_dvec3().try_normalize().map(|u| u.cross(back)).filter(|r| r.length() > 1e-6);
+        let Some(right) = right.and_then(|r| r.try_normalize()) else {
+            return refuse(format!("up {up} has no length or lies along the line of sight"));
+        };
+        let matrix =
+            Mat3A::from_cols(right.as_vec3().into(), back.cross(right).as_vec3().into(), back.as_vec3().into());
+        let near = (eye.as_dvec3().distance(target.as_dvec3()) * 1e-3) as f32;
+        Ok(Self {
+            name,
+            world_from_camera: Affine3A { matrix3: matrix, translation: eye.into() },
+            vertical_fov,
+            near: near.max(f32::MIN_POSITIVE),
+        })
+    }
+
+    /// A camera from a node's transform, whose scale is dropped: only the directions of its y and z axes count.
+    pub(super) fn rigid(matrix: Mat3A) -> Option<Mat3A> {
+        let z = matrix.z_axis.try_normalize()?;
+        let y = (matrix.y_axis - z * matrix.y_axis.dot(z)).try_normalize()?;
+        let rotation = Mat3A::from_cols(y.cross(z), y, z);
+        rotation.is_finite().then_some(rotation)
+    }
+
+    /// Camera from world.
+    pub fn view_from_world(&self) -> Mat4 {
+        // The inverse of a rotation is its transpose: exact, where a general inverse is not.
+        let rotation = self.world_from_camera.matrix3.transpose();
+        let translation = -(rotation * self.world_from_camera.translation);
+        Mat4::from(Affine3A { matrix3: rotation, translation })
+    }
+
+    /// Clip from camera for an aspect ratio (width over height): Vulkan's y down, depth 1 at the near plane and 0 at
+    /// infinity.
+    pub fn clip_from_view(&self, aspect: f32) -> Mat4 {
+        let f = 1.0 / (0.5 * self.vertical_fov).tan();
+        Mat4::from_cols_array_2d(&[
+            [f / aspect, 0.0, 0.0, 0.0],
+            [0.0, -f, 0.0, 0.0],
+            [0.0, 0.0, 0.0, -1.0],
+            [0.0, 0.0, self.near, 0.0],
+        ])
+    }
+
+    /// Where the camera is, metres.
+    pub fn eye(&self) -> Vec3 {
+        self.world_from_camera.translation.into()
+    }
+
+    /// Unit direction of the line of sight.
+    pub fn forward(&self) -> Vec3 {
+        let z: Vec3A = self.world_from_camera.matrix3.z_axis;
+        (-z).into()
+    }
+}
+
+/// A camera as a TOML file describes it; unknown keys are errors.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct CameraFile {
+    /// Where the camera is, metres.
+    pub position: [f32; 3],
+    /// What it looks at, metres.
+    pub target: [f32; 3],
+    /// Which way is up; y by default.
+    #[serde(default = "default_up")]
+    pub up: [f32; 3],
+    /// Full vertical angle of view, degrees, above 0 and below 180; 40 by default.
+    #[serde(default = "default_fov")]
+    pub vertical_fov_degrees: f32,
+    /// Distance of the near plane, metres, above 0; 0.01 by default.
+    pub near: Option<f32>,
+}
+
+fn default_up() -> [f32; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn default_fov() -> f32 {
+    40.0
+}
+
+impl CameraFile {
+    /// Reads and checks a camera file.
+    ///
+    /// # Errors
+    /// [`SceneError::Read`] when the file cannot be read, [`SceneError::CameraFile`] when it is no TOML, has an unknown
+    /// key or lacks one, or describes no camera.
+    pub fn read(path: &Path) -> Result<Self, SceneError> {
+        let text =
+            std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        let refuse = |reason: String| SceneError::CameraFile { path: path.to_owned(), reason };
+        let file: Self = toml::from_str(&text).map_err(|e| refuse(e.to_string().trim_end().to_owned()))?;
+        match file.camera("file") {
+            Ok(_) => Ok(file),
+            Err(SceneError::Camera { reason, .. }) => Err(refuse(reason)),
+            Err(other) => Err(other),
+        }
+    }
+
+    /// The camera that the file describes.
+    ///
+    /// # Errors
+    /// [`SceneError::Camera`], as [`Camera::look_at`] does, and when `near` is not above 0.
+    pub fn camera(&self, name: &str) -> Result<Camera, SceneError> {
+        let near = self.near.unwrap_or(DEFAULT_NEAR);
+        if !(near > 0.0 && near.is_finite()) {
+            let reason = format!("near is {near}, wanted a finite number of metres above 0");
+            return Err(SceneError::Camera { name: name.to_owned(), reason });
+        }
+        let fov = self.vertical_fov_degrees.to_radians();
+        let camera = Camera::look_at(name, self.position.into(), self.target.into(), self.up.into(), fov)?;
+        Ok(Camera { near, ..camera })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec4;
+
+    fn camera() -> Camera {
+        Camera::look_at("t", Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 0.5, -2.0), Vec3::Y, 0.7).unwrap()
+    }
+
+    #[test]
+    fn clip_space_is_reversed_infinite_and_y_down() {
+        let c = Camera { near: 0.25, ..camera() };
+        let clip = c.clip_from_view(1.5);
+        let project = |v: Vec3| {
+            let p: Vec4 = clip * v.extend(1.0);
+            p / p.w
+        };
+        assert!((project(Vec3::new(0.0, 0.0, -0.25)).z - 1.0).abs() < 1e-6);
+        assert!(project(Vec3::new(0.0, 0.0, -1e9)).z < 1e-9);
+        let top = project(Vec3::new(0.0, 2.0 * (0.35_f32).tan(), -2.0));
+        assert!((top.y + 1.0).abs() < 1e-6, "the top edge is at y = -1: {top}");
+        let right = project(Vec3::new(1.5 * 2.0 * (0.35_f32).tan(), 0.0, -2.0));
+        assert!((right.x - 1.0).abs() < 1e-6, "the right edge is at x = 1: {right}");
+    }
+
+    #[test]
+    fn view_undoes_the_camera_and_sees_the_target_ahead() {
+        let c = camera();
+        let both = c.view_from_world() * Mat4::from(c.world_from_camera);
+        assert!(both.abs_diff_eq(Mat4::IDENTITY, 1e-5), "{both}");
+        let seen = c.view_from_world().transform_point3(Vec3::new(-4.0, 0.5, -2.0));
+        assert!(seen.x.abs() < 1e-5 && seen.y.abs() < 1e-5 && seen.z < 0.0, "{seen}");
+        assert!((c.world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-5);
+        assert!(c.world_from_camera.matrix3.y_axis.y > 0.0);
+    }
+
+    #[test]
+    fn degenerate_cameras_are_refused() {
+        let look = |eye, target, up, fov| Camera::look_at("t", eye, target, up, fov).unwrap_err().to_string();
+        assert!(look(Vec3::ONE, Vec3::ONE, Vec3::Y, 0.7).contains("both"));
+        assert!(look(Vec3::Y, Vec3::ZERO, Vec3::Y, 0.7).contains("line of sight"));
+        assert!(look(Vec3::X, Vec3::ZERO, Vec3::ZERO, 0.7).contains("no length"));
+        assert!(look(Vec3::X, Vec3::splat(f32::NAN), Vec3::Y, 0.7).contains("target"));
+        for fov in [0.0, -1.0, 3.2, f32::NAN] {
+            assert!(look(Vec3::X, Vec3::ZERO, Vec3::Y, fov).contains("field of view"), "{fov}");
+        }
+    }
+
+    #[test]
+    fn camera_files_are_checked() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("c.toml");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            CameraFile::read(&path)
+        };
+        let good = read("position = [0.0, 1, 4]\ntarget = [0, 1, 0]\n").unwrap();
+        assert_eq!((good.up, good.vertical_fov_degrees, good.near), ([0.0, 1.0, 0.0], 40.0, None));
+        assert_eq!(good.camera("c").unwrap().near, DEFAULT_NEAR);
+        let base = "position = [0, 1, 4]\ntarget = [0, 1, 0]\n";
+        for (extra, says) in [
+            ("upp = [0, 1, 0]\n", "upp"),
+            ("vertical_fov_degrees = 180\n", "field of view"),
+            ("vertical_fov_degrees = nan\n", "field of view"),
+            ("near = 0.0\n", "near"),
+            ("up = [0, 0, 1]\n", "line of sight"),
+            ("up = [0, inf, 1]\n", "up"),
+        ] {
+            let message = read(&format!("{base}{extra}")).unwrap_err().to_string();
+            assert!(message.contains("c.toml") && message.contains(says), "{extra}: {message}");
+        }
+        assert!(read("position = [0, 1, 4]\n").unwrap_err().to_string().contains("target"));
+        assert!(matches!(CameraFile::read(&folder.path().join("none.toml")), Err(SceneError::Read { .. })));
+    }
+}

@@ -1,1 +1,239 @@
-//! mesh
+//! What a mesh lacks is made here: normals, tangents; and its bounds.
+use super::Mesh;
+use glam::{Vec2, Vec3, Vec4};
+
+impl Mesh {
+    /// Least and greatest corner of the positions, object space; `None` without vertices.
+    pub fn bounds(&self) -> Option<[Vec3; 2]> {
+        let first = *self.positions.first()?;
+        Some(self.positions.iter().fold([first; 2], |[lo, hi], p| [lo.min(*p), hi.max(*p)]))
+    }
+
+    /// The mesh without shared vertices: three of its own for every triangle.
+    pub(super) fn unweld(&mut self) {
+        fn spread<T: Copy>(table: &mut Vec<T>, indices: &[u32]) {
+            *table = indices.iter().map(|i| table[*i as usize]).collect();
+        }
+        spread(&mut self.positions, &self.indices);
+        spread(&mut self.uv0, &self.indices);
+        spread(&mut self.uv1, &self.indices);
+        spread(&mut self.colours, &self.indices);
+        if !self.normals.is_empty() {
+            spread(&mut self.normals, &self.indices);
+        }
+        if !self.tangents.is_empty() {
+            spread(&mut self.tangents, &self.indices);
+        }
+        self.indices = (0..self.indices.len() as u32).collect();
+    }
+
+    /// Flat normals, as glTF wants them where a file has none. Tangents are dropped.
+    pub(super) fn flat_normals(&mut self) {
+        self.tangents.clear();
+        self.normals.clear();
+        self.unweld();
+        for triangle in self.positions.chunks_exact(3) {
+            let normal = face_normal([triangle[0], triangle[1], triangle[2]]);
+            self.normals.extend([normal.normalize_or(Vec3::Y); 3]);
+        }
+    }
+
+    /// Makes every normal a unit vector; one without a direction becomes the mean of the faces around it, weighed by area.
+    /// Returns how many were repaired.
+    pub(super) fn repair_normals(&mut self) -> usize {
+        let mut lost = Vec::new();
+        for (i, n) in self.normals.iter_mut().enumerate() {
+            // In double precision, where the squares of small or large numbers neither vanish nor overflow.
+            match n.as_dvec3().try_normalize() {
+                Some(unit) => *n = unit.as_vec3(),
+                None => lost.push(i),
+            }
+        }
+        if lost.is_empty() {
+            return 0;
+        }
+        let mut sums = vec![Vec3::ZERO; self.positions.len()];
+        for t in self.indices.chunks_exact(3) {
+            let t = [t[0] as usize, t[1] as usize, t[2] as usize];
+            let normal = face_normal(t.map(|i| self.positions[i]));
+            for i in t {
+                sums[i] += normal;
+            }
+        }
+        for i in &lost {
+            self.normals[*i] = sums[*i].as_dvec3().normalize_or(glam::DVec3::Y).as_vec3();
+        }
+        lost.len()
+    }
+
+    /// Makes tangents for one set of texture coordinates, in the convention of glTF: texture v runs down, so the bitangent
+    /// `cross(normal, tangent) * w` points to smaller v.
+    ///
+    /// The tangent of a vertex is the sum of `dP/du` over its triangles, weighed by area, made orthogonal to the normal.
+    /// A vertex that mirrored and unmirrored triangles share is doubled. Where the coordinates have no area, any unit vector
+    /// orthogonal to the normal is taken.
+    pub(super) fn make_tangents(&mut self, second_uv: bool) {
+        let vertices = self.positions.len();
+        // Two sums per vertex: unmirrored, mirrored.
+        let mut sums = vec![[Vec3::ZERO; 2]; vertices];
+        let mut used = vec![[false; 2]; vertices];
+        let uv = if second_uv { &self.uv1 } else { &self.uv0 };
+        let mirrored: Vec<Option<bool>> = self
+            .indices
+            .chunks_exact(3)
+            .map(|t| {
+                let t = [t[0] as usize, t[1] as usize, t[2] as usize];
+                let (direction, mirrored) = uv_direction(t.map(|i| self.positions[i]), t.map(|i| uv[i]))?;
+                for i in t {
+                    sums[i][mirrored as usize] += direction;
+                    used[i][mirrored as usize] = true;
+                }
+                Some(mirrored)
+            })
+            .collect();
+
+        // The double of a vertex that needs one, 0 where none is.
+        let mut double = vec![0_u32; vertices];
+        for i in 0..vertices {
+            if used[i] == [true, true] && self.positions.len() < u32::MAX as usize {
+                double[i] = self.positions.len() as u32;
+                self.positions.push(self.positions[i]);
+                self.normals.push(self.normals[i]);
+                self.uv0.push(self.uv0[i]);
+                self.uv1.push(self.uv1[i]);
+                self.colours.push(self.colours[i]);
+            }
+        }
+        for (t, mirrored) in self.indices.chunks_exact_mut(3).zip(mirrored) {
+            for i in t {
+                if mirrored == Some(true) && double[*i as usize] != 0 {
+                    *i = double[*i as usize];
+                }
+            }
+        }
+
+        self.tangents = Vec::with_capacity(self.positions.len());
+        for i in 0..vertices {
+            let mirrored = !used[i][0] && used[i][1];
+            self.tangents.push(orthogonal(self.normals[i], sums[i][mirrored as usize], mirrored));
+        }
+        for i in 0..vertices {
+            if double[i] != 0 {
+                self.tangents.push(orthogonal(self.normals[i], sums[i][1], true));
+            }
+        }
+    }
+
+    /// Makes the tangents of a file unit vectors orthogonal to the normals, with `w` 1 or -1.
+    pub(super) fn repair_tangents(&mut self) {
+        for (t, n) in self.tangents.iter_mut().zip(&self.normals) {
+            *t = orthogonal(*n, t.truncate(), t.w < 0.0);
+        }
+    }
+}
+
+/// Twice the area times the normal of a triangle that is counter-clockwise from the front. Scaled down first where products
+/// would overflow.
+fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
+    let (u, v) = (b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3());
+    let normal = u.cross(v);
+    let size = normal.length();
+    if size > 1e30 { (normal / size * 1e30).as_vec3() } else { normal.as_vec3() }
+}
+
+/// Direction of growing u times the area, and whether the coordinates are mirrored; `None` where they have no area.
+fn uv_direction(p: [Vec3; 3], uv: [Vec2; 3]) -> Option<(Vec3, bool)> {
+    let (e1, e2) = (p[1].as_dvec3() - p[0].as_dvec3(), p[2].as_dvec3() - p[0].as_dvec3());
+    let (d1, d2) = (uv[1].as_dvec2() - uv[0].as_dvec2(), uv[2].as_dvec2() - uv[0].as_dvec2());
+    let area = d1.perp_dot(d2);
+    if area == 0.0 || !area.is_finite() {
+        return None;
+    }
+    // v runs down: coordinates that go round clockwise are the unmirrored ones.
+    let direction = ((e1 * d2.y - e2 * d1.y) * area.signum()).try_normalize()?;
+    let weight = e1.cross(e2).length().min(1e30);
+    Some(((direction * weight).as_vec3(), area > 0.0))
+}
+
+/// The unit tangent nearest to `direction` that is orthogonal to a unit normal.
+fn orthogonal(normal: Vec3, direction: Vec3, mirrored: bool) -> Vec4 {
+    let (n, d) = (normal.as_dvec3(), direction.as_dvec3());
+    let size = d.length();
+    let flat = d - n * n.dot(d);
+    // Below this share of its length only rounding is left of the direction.
+    let tangent = if size > 0.0 && flat.length() > 1e-6 * size {
+        (flat / flat.length()).as_vec3()
+    } else {
+        normal.any_orthonormal_vector()
+    };
+    tangent.extend(if mirrored { -1.0 } else { 1.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit square in x and y, facing z, with these texture coordinates.
+    fn square(uv: [Vec2; 4]) -> Mesh {
+        Mesh {
+            name: "square".into(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y],
+            normals: vec![Vec3::Z; 4],
+            uv0: uv.to_vec(),
+            uv1: vec![Vec2::ZERO; 4],
+            colours: vec![Vec4::ONE; 4],
+            indices: vec![0, 1, 2, 0, 2, 3],
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn tangents_follow_u_and_bitangents_go_up_the_texture() {
+        let v = Vec2::new;
+        let mut mesh = square([v(0.0, 1.0), v(1.0, 1.0), v(1.0, 0.0), v(0.0, 0.0)]);
+        mesh.make_tangents(false);
+        assert!(mesh.tangents.iter().all(|t| t.abs_diff_eq(Vec4::new(1.0, 0.0, 0.0, 1.0), 1e-6)));
+        let mut mesh = square([v(1.0, 1.0), v(0.0, 1.0), v(0.0, 0.0), v(1.0, 0.0)]);
+        mesh.make_tangents(false);
+        assert!(mesh.tangents.iter().all(|t| t.abs_diff_eq(Vec4::new(-1.0, 0.0, 0.0, -1.0), 1e-6)));
+    }
+
+    #[test]
+    fn a_mirror_seam_doubles_its_vertices() {
+        let v = Vec2::new;
+        let mut mesh = square([v(0.0, 1.0), v(1.0, 1.0), v(1.0, 0.0), v(2.0, 1.0)]);
+        mesh.make_tangents(false);
+        assert_eq!((mesh.positions.len(), mesh.tangents.len(), mesh.uv1.len()), (6, 6, 6));
+        assert_eq!(mesh.indices.len(), 6);
+        assert!(mesh.tangents[4].w == -1.0 && mesh.tangents[0].w == 1.0);
+    }
+
+    #[test]
+    fn degenerate_coordinates_still_give_unit_tangents() {
+        let mut mesh = square([Vec2::ONE; 4]);
+        mesh.positions[2] = mesh.positions[1];
+        mesh.make_tangents(false);
+        for t in &mesh.tangents {
+            assert!((t.truncate().length() - 1.0).abs() < 1e-6 && t.truncate().dot(Vec3::Z).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn lost_normals_come_from_the_faces() {
+        let mut mesh = square([Vec2::ZERO; 4]);
+        mesh.normals = vec![Vec3::ZERO, Vec3::Z * 3.0, Vec3::splat(1e-30), Vec3::Z];
+        assert_eq!(mesh.repair_normals(), 1);
+        assert_eq!(mesh.normals[0], Vec3::Z);
+        assert!((mesh.normals[2].length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn flat_normals_belong_to_one_triangle_each() {
+        let mut mesh = square([Vec2::ZERO; 4]);
+        mesh.positions[3].z = 1.0;
+        mesh.flat_normals();
+        assert_eq!((mesh.positions.len(), mesh.normals.len(), mesh.colours.len()), (6, 6, 6));
+        assert_eq!(mesh.normals[0], Vec3::Z);
+        assert!(mesh.normals[3] != Vec3::Z && mesh.normals[3] == mesh.normals[5]);
+    }
+}

@@ -1,1 +1,293 @@
-//! supply
+//! What a scene lacks to make a picture: a camera that frames it, a sun, a sky.
+use super::{Camera, Daylight, Light, Material, Scene};
+use glam::{DMat3, DVec3, Vec3};
+
+/// Aspect ratio that a supplied camera frames for.
+const ASPECT: f64 = 16.0 / 9.0;
+/// Vertical angle of view of a supplied camera, radians (35 degrees).
+const FOV: f64 = 0.610_865_238_198_015_3;
+/// Share of the picture's half width and height that the scene fills.
+const FILL: f64 = 0.94;
+/// Directions from which a supplied camera may look, degrees: azimuth from +z, the front of a glTF scene, towards +x, and
+/// elevation. The first counts unless another sees clearly more.
+const VIEWS: [[f64; 2]; 8] = [
+    [35.0, 20.0],
+    [-35.0, 20.0],
+    [12.0, 30.0],
+    [-12.0, 30.0],
+    [145.0, 20.0],
+    [-145.0, 20.0],
+    [168.0, 30.0],
+    [-168.0, 30.0],
+];
+/// How much more another view must see.
+const CLEARLY_MORE: f64 = 1.15;
+/// Elevation of a supplied sun and its angle to the side of the camera, degrees.
+const SUN: [f32; 2] = [50.0, 50.0];
+/// Resolution at which visible instances are counted.
+const PROBE: [usize; 2] = [256, 144];
+
+/// Supplies what is missing, a notice for each: a camera that frames the geometry; where there is neither light nor
+/// daylight, a sun and a sky that match; a default material.
+pub fn supply_missing(scene: &mut Scene) {
+    if scene.materials.is_empty() {
+        scene.materials.push(Material::default());
+    }
+    if scene.cameras.is_empty() {
+        let camera = frame(scene);
+        let eye = camera.eye();
+        scene.notices.push(format!("the scene has no camera: one at {eye:.2} frames it"));
+        scene.cameras.push(camera);
+    }
+    if scene.lights.is_empty() && scene.daylight.is_none() {
+        let to_sun = sun_for(&scene.cameras[0]);
+        let daylight = Daylight { to_sun, ..Daylight::default() };
+        scene.lights.push(Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance });
+        scene.daylight = Some(daylight);
+        scene.notices.push(format!("the scene has no light: a sun from {to_sun:.2} and a clear sky are supplied"));
+    }
+}
+
+/// Behind the camera, to its left and above: fronts are lit, and shadows fall to the right and away, where they are seen.
+fn sun_for(camera: &Camera) -> Vec3 {
+    let forward = camera.forward();
+    // A camera that looks straight down has its top for a forward direction.
+    let flat = Vec3::new(forward.x, 0.0, forward.z);
+    let ahead = flat.try_normalize().unwrap_or_else(|| {
+        let up = camera.world_from_camera.matrix3.y_axis;
+        Vec3::new(up.x, 0.0, up.z).normalize_or(Vec3::NEG_Z)
+    });
+    let [elevation, side] = SUN.map(f32::to_radians);
+    let left = Vec3::Y.cross(ahead);
+    let around = -ahead * side.cos() + left * side.sin();
+    (around * elevation.cos() + Vec3::Y * elevation.sin()).normalize()
+}
+
+/// A rotation (camera axes in columns), an eye and the greatest depth of a vertex.
+struct View {
+    axes: DMat3,
+    eye: DVec3,
+    depth: f64,
+}
+
+/// The nearest camera in the direction of one of [`VIEWS`] that has every vertex in its picture.
+fn frame(scene: &Scene) -> Camera {
+    let mut best: Option<(f64, View)> = None;
+    for [azimuth, elevation] in VIEWS {
+        let view = fit(scene, azimuth.to_radians(), elevation.to_radians());
+        let seen = seen(scene, &view);
+        if best.as_ref().is_none_or(|(most, _)| seen > most * CLEARLY_MORE) {
+            best = Some((seen, view));
+        }
+    }
+    let view = best.map_or_else(|| fit(scene, 0.6, 0.35), |(_, view)| view);
+    let world_from_camera = glam::Affine3A {
+        matrix3: glam::Mat3A::from(view.axes.as_mat3()),
+        translation: view.eye.as_vec3().into(),
+    };
+    let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
+    Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
+}
+
+fn vertices(scene: &Scene) -> impl Iterator<Item = DVec3> {
+    scene.instances.iter().flat_map(|instance| {
+        let world = instance.world_from_object;
+        scene.meshes[instance.mesh as usize].positions.iter().map(move |p| world.transform_point3(*p).as_dvec3())
+    })
+}
+
+/// Moves the eye back until all vertices lie within the four planes of the picture. Each plane gives a linear bound: for
+/// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the greatest `q.x + s q.z` counts.
+fn fit(scene: &Scene, azimuth: f64, elevation: f64) -> View {
+    let back = DVec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), azimuth.cos() * elevation.cos());
+    let right = DVec3::Y.cross(back).normalize();
+    let axes = DMat3::from_cols(right, back.cross(right), back);
+    let into_camera = axes.transpose();
+    let sy = (0.5 * FOV).tan() * FILL;
+    let sx = sy * ASPECT;
+    let mut most = [f64::NEG_INFINITY; 5];
+    let mut least_z = f64::INFINITY;
+    for p in vertices(scene) {
+        let q = into_camera * p;
+        let bounds = [q.x + sx * q.z, sx * q.z - q.x, q.y + sy * q.z, sy * q.z - q.y, q.z];
+        for (most, bound) in most.iter_mut().zip(bounds) {
+            *most = most.max(bound);
+        }
+        least_z = least_z.min(q.z);
+    }
+    if !least_z.is_finite() {
+        // Nothing to frame.
+        return View { axes, eye: back * 5.0, depth: 5.0 };
+    }
+    let [right, left, top, bottom, front] = most;
+    let z = (0.5 * (right + left) / sx).max(0.5 * (top + bottom) / sy);
+    // A single point, or a flat thing seen from the side, has no extent to stand back from.
+    let extent = (front - least_z).max(z - front).max(front.abs() * 1e-6).max(1e-6);
+    let z = z.max(front + 0.05 * extent);
+    let eye = axes * DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), z);
+    View { axes, eye, depth: z - least_z }
+}
+
+/// How much of the scene a view shows: the number of instances of which at least a few pixels are visible.
+fn seen(scene: &Scene, view: &View) -> f64 {
+    const ENOUGH: u32 = 3;
+    let [width, height] = PROBE;
+    let mut nearest = vec![(f64::INFINITY, u32::MAX); width * height];
+    let into_camera = view.axes.transpose();
+    let scale = height as f64 * 0.5 / (0.5 * FOV).tan();
+    for (id, instance) in scene.instances.iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let world = instance.world_from_object;
+        let culled = !scene.materials[instance.material as usize].double_sided;
+        let turned = world.matrix3.determinant() < 0.0;
+        let corners: Vec<DVec3> = mesh
+            .positions
+            .iter()
+            .map(|p| {
+                let q = into_camera * (world.transform_point3(*p).as_dvec3() - view.eye);
+                let depth = (-q.z).max(1e-9);
+                DVec3::new(
+                    width as f64 * 0.5 + q.x / depth * scale,
+                    height as f64 * 0.5 + q.y / depth * scale,
+                    depth,
+                )
+            })
+            .collect();
+        for t in mesh.indices.chunks_exact(3) {
+            let t = [corners[t[0] as usize], corners[t[1] as usize], corners[t[2] as usize]];
+            draw(t, culled, turned, |at, depth| {
+                if depth < nearest[at].0 {
+                    nearest[at] = (depth, id as u32);
+                }
+            });
+        }
+    }
+    let mut pixels = vec![0_u32; scene.instances.len()];
+    for (_, id) in nearest {
+        if let Some(n) = pixels.get_mut(id as usize) {
+            *n += 1;
+        }
+    }
+    pixels.iter().filter(|n| **n >= ENOUGH).count() as f64
+}
+
+/// Calls `put` with each pixel whose centre a triangle covers, and the depth there (interpolated as the inverse).
+fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(usize, f64)) {
+    let [width, height] = PROBE;
+    let area = (b - a).truncate().perp_dot((c - a).truncate());
+    if area == 0.0 || !area.is_finite() || (culled && (area > 0.0) == turned) {
+        return;
+    }
+    let range = |axis: usize, size: usize| {
+        let lo = (a[axis].min(b[axis]).min(c[axis]) - 0.5).ceil().max(0.0) as usize;
+        let hi = (a[axis].max(b[axis]).max(c[axis]) - 0.5).floor().min(size as f64 - 1.0);
+        lo..(hi + 1.0).max(0.0) as usize
+    };
+    for y in range(1, height) {
+        for x in range(0, width) {
+            let p = glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            let weight = |u: DVec3, v: DVec3| (v - u).truncate().perp_dot(p - u.truncate()) / area;
+            let (wa, wb, wc) = (weight(b, c), weight(c, a), weight(a, b));
+            if wa >= 0.0 && wb >= 0.0 && wc >= 0.0 {
+                put(y * width + x, 1.0 / (wa / a.z + wb / b.z + wc / c.z));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Instance, Mesh};
+    use glam::{Affine3A, Vec4};
+
+    fn cloud(points: Vec<Vec3>) -> Scene {
+        let n = points.len() as u32;
+        let mesh = Mesh {
+            positions: points,
+            colours: vec![Vec4::ONE; n as usize],
+            indices: (0..n).flat_map(|i| [i, (i + 1) % n, (i + 2) % n]).collect(),
+            ..Mesh::default()
+        };
+        let instance =
+            Instance { name: "i".into(), mesh: 0, material: 0, world_from_object: Affine3A::from_scale(Vec3::splat(2.0)) };
+        Scene { meshes: vec![mesh], instances: vec![instance], ..Scene::default() }
+    }
+
+    fn corners(half: Vec3, centre: Vec3) -> Vec<Vec3> {
+        (0..8).map(|i| centre + half * Vec3::new([-1.0, 1.0][i & 1], [-1.0, 1.0][i >> 1 & 1], [-1.0, 1.0][i >> 2])).collect()
+    }
+
+    #[test]
+    fn the_supplied_camera_frames_tightly() {
+        for (half, centre) in [
+            (Vec3::ONE, Vec3::ZERO),
+            (Vec3::new(50.0, 1.0, 1.0), Vec3::splat(1000.0)),
+            (Vec3::new(1e-3, 2e-3, 1e-3), Vec3::ZERO),
+            (Vec3::new(1.0, 40.0, 1.0), Vec3::NEG_X),
+        ] {
+            let mut scene = cloud(corners(half, centre));
+            supply_missing(&mut scene);
+            let camera = &scene.cameras[0];
+            let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world();
+            let mut most = 0.0_f32;
+            for p in vertices(&scene) {
+                let p = clip * p.as_vec3().extend(1.0);
+                assert!(p.w > camera.near, "in front of the near plane: {half} {p}");
+                most = most.max((p.x / p.w).abs()).max((p.y / p.w).abs());
+            }
+            assert!(most > 0.90 && most < 0.98, "{half}: {most}");
+        }
+    }
+
+    #[test]
+    fn the_sun_lights_what_the_camera_sees() {
+        let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
+        supply_missing(&mut scene);
+        let Light::Directional { direction, .. } = scene.lights[0] else { panic!("not a sun") };
+        let to_sun = scene.daylight.as_ref().unwrap().to_sun;
+        assert!(to_sun.abs_diff_eq(-direction, 1e-6) && (to_sun.length() - 1.0).abs() < 1e-5);
+        assert!((to_sun.y.asin().to_degrees() - 50.0).abs() < 0.1);
+        let forward = scene.cameras[0].forward();
+        assert!(direction.dot(forward) > 0.3, "from behind the camera");
+        let right = Vec3::from(scene.cameras[0].world_from_camera.matrix3.x_axis);
+        assert!(direction.dot(right) > 0.3, "from its left");
+        assert_eq!(scene.notices.len(), 2, "{:?}", scene.notices);
+    }
+
+    #[test]
+    fn what_is_there_is_kept() {
+        let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
+        let camera = Camera::look_at("own", Vec3::Y * 5.0, Vec3::ZERO, Vec3::X, 1.0).unwrap();
+        scene.cameras.push(camera.clone());
+        scene.lights.push(Light::Point { position: Vec3::Y, intensity: Vec3::ONE, range: None });
+        supply_missing(&mut scene);
+        assert_eq!(scene.cameras, [camera]);
+        assert!(scene.daylight.is_none() && scene.lights.len() == 1 && scene.notices.is_empty());
+    }
+
+    #[test]
+    fn points_and_nothing_are_framed_too() {
+        for points in [vec![], vec![Vec3::splat(3.0); 3], corners(Vec3::new(1.0, 0.0, 0.0), Vec3::ZERO)] {
+            let mut scene = cloud(points);
+            supply_missing(&mut scene);
+            let camera = &scene.cameras[0];
+            assert!(camera.world_from_camera.is_finite() && camera.near > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_wall_in_front_is_walked_around() {
+        // Many small things behind a wall that hides them from the front.
+        let mut scene = cloud(corners(Vec3::new(4.0, 3.0, 0.1), Vec3::new(0.0, 0.0, 3.0)));
+        scene.meshes[0].indices = (0..8).flat_map(|a| (0..8).flat_map(move |b| (0..8).flat_map(move |c| [a, b, c]))).collect();
+        scene.materials.push(Material { double_sided: true, ..Material::default() });
+        scene.meshes.push(cloud(corners(Vec3::splat(0.3), Vec3::ZERO)).meshes.remove(0));
+        for i in 0..12 {
+            let at = Affine3A::from_translation(Vec3::new(i as f32 - 6.0, -4.0, -5.0));
+            scene.instances.push(Instance { name: "small".into(), mesh: 1, material: 0, world_from_object: at });
+        }
+        supply_missing(&mut scene);
+        assert!(scene.cameras[0].eye().z < 0.0, "{}", scene.cameras[0].eye());
+    }
+}

@@ -1,0 +1,135 @@
+//! Plants: cards with a leafy texture around a dark core.
+use super::shapes::{Shape, sphere};
+use crate::scene::{ColourSpace, Texture};
+use glam::{Quat, Vec2, Vec3};
+use std::f32::consts::TAU;
+
+/// Edge of the leaf texture, texels.
+const EDGE: usize = 128;
+
+/// A small generator of pseudo-random numbers (PCG, O'Neill 2014): the same plants in every run.
+pub(super) struct Dice(u64);
+
+impl Dice {
+    pub fn new(seed: u64) -> Self {
+        let mut dice = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        dice.next();
+        dice
+    }
+
+    fn next(&mut self) -> u32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mixed = (((old >> 18) ^ old) >> 27) as u32;
+        mixed.rotate_right((old >> 59) as u32)
+    }
+
+    /// Uniform from `lo` to `hi`.
+    pub fn range(&mut self, lo: f32, hi: f32) -> f32 {
+        lo + (hi - lo) * (self.next() >> 8) as f32 / 16_777_216.0
+    }
+
+    /// A unit vector, all directions alike.
+    pub fn direction(&mut self) -> Vec3 {
+        let y = self.range(-1.0, 1.0);
+        let (s, c) = self.range(0.0, TAU).sin_cos();
+        let r = (1.0 - y * y).max(0.0).sqrt();
+        Vec3::new(r * c, y, r * s)
+    }
+}
+
+/// A twig with seven leaves: colour everywhere, alpha only on the leaves, so that no dark fringe is filtered in.
+pub(super) fn leaf_texture() -> Texture {
+    let leaves: Vec<(Vec2, f32, f32)> = (0..7)
+        .map(|i| {
+            let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let height = 0.90 - 0.115 * i as f32;
+            let (angle, size) = if i == 6 { (0.0, 0.17) } else { (side * (1.05 - 0.07 * i as f32), 0.21 - 0.008 * i as f32) };
+            (Vec2::new(0.5, height), angle, size)
+        })
+        .collect();
+    let mut rgba = Vec::with_capacity(EDGE * EDGE * 4);
+    for y in 0..EDGE {
+        for x in 0..EDGE {
+            let p = (Vec2::new(x as f32, y as f32) + 0.5) / EDGE as f32;
+            // A stem, then the leaf whose middle is nearest.
+            let mut cover: f32 = if (p.x - 0.5).abs() < 0.012 && p.y > 0.2 { 1.0 } else { 0.0 };
+            let (mut rib, mut shade) = (0.0_f32, 0.5_f32);
+            for (i, (root, angle, size)) in leaves.iter().enumerate() {
+                let (s, c) = angle.sin_cos();
+                let axis = Vec2::new(s, -c);
+                let q = p - *root;
+                let (along, across) = (q.dot(axis) / (2.0 * size), q.perp_dot(axis).abs() / size);
+                if !(0.0..=1.0).contains(&along) {
+                    continue;
+                }
+                // Pointed at the end, widest below the middle.
+                let width = 0.62 * along.powf(0.6) * (1.0 - along).powf(0.85) * 1.35;
+                let inside = ((width - across) * size * EDGE as f32 + 0.5).clamp(0.0, 1.0);
+                if inside > 0.0 {
+                    cover = cover.max(inside);
+                    rib = (1.0 - across * 14.0).max(0.0);
+                    shade = 0.35 + 0.09 * i as f32 + 0.25 * along;
+                }
+            }
+            let tone = (shade + 0.35 * rib).clamp(0.0, 1.0);
+            let green = Vec3::new(58.0, 96.0, 34.0).lerp(Vec3::new(132.0, 164.0, 66.0), tone);
+            rgba.extend([green.x as u8, green.y as u8, green.z as u8, (cover * 255.0) as u8]);
+        }
+    }
+    Texture::new("leaves".to_owned(), [EDGE as u32; 2], ColourSpace::Srgb, rgba)
+}
+
+/// Leaf cards scattered over an ellipsoid around the origin, normals away from its middle: for a double-sided material.
+pub(super) fn crown(seed: u64, half: Vec3, cards: usize, size: f32) -> Shape {
+    let mut dice = Dice::new(seed);
+    let mut shape = Shape::default();
+    for _ in 0..cards {
+        let out = dice.direction();
+        // Lumps: a few bulges over the ellipsoid make an outline.
+        let lump = 1.0 + 0.10 * (5.0 * out.x + 1.0).sin() * (4.0 * out.y).cos() + 0.06 * (7.0 * out.z + 2.0).sin();
+        let centre = out * half * lump * dice.range(0.80, 1.0);
+        let normal = (out / half).normalize();
+        let size = size * dice.range(0.75, 1.25);
+        // Twigs point outwards and up, with some disorder.
+        let up = (normal * 0.6 + Vec3::Y * 0.5 + dice.direction() * 0.7).normalize_or(Vec3::Y);
+        let right = up.cross(dice.direction()).normalize_or(Vec3::X);
+        card(&mut shape, centre, right * (0.5 * size), up * (0.5 * size), normal);
+    }
+    shape
+}
+
+/// Cards in a slab around the origin: a climber on a wall (thin in z) or on a roof of beams (thin in y).
+pub(super) fn climber(seed: u64, half: Vec3, outward: Vec3, cards: usize, size: f32) -> Shape {
+    let mut dice = Dice::new(seed);
+    let mut shape = Shape::default();
+    for _ in 0..cards {
+        // Denser in the middle than at the edges.
+        let mut bell = || 0.5 * (dice.range(-1.0, 1.0) + dice.range(-1.0, 1.0));
+        let centre = half * Vec3::new(bell(), bell(), bell()) * 1.2;
+        let turn = Quat::from_axis_angle(outward, dice.range(0.0, TAU));
+        let normal = (outward + dice.direction() * 0.55).normalize_or(outward);
+        let right = turn * normal.any_orthonormal_vector();
+        let right = (right - normal * normal.dot(right)).normalize_or(normal.any_orthonormal_vector());
+        let size = 0.5 * size * dice.range(0.75, 1.25);
+        card(&mut shape, centre, right * size, normal.cross(right) * size, normal);
+    }
+    shape
+}
+
+fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(x, y)| shape.vertex(centre + right * x + up * y, normal, Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y)));
+    shape.triangle([corners[0], corners[1], corners[2]]);
+    shape.triangle([corners[0], corners[2], corners[3]]);
+}
+
+/// What one does not see through: the shade inside a crown.
+pub(super) fn core(half: Vec3) -> Shape {
+    let mut shape = sphere(1.0, 10, 16);
+    for (p, n) in shape.mesh.positions.iter_mut().zip(&mut shape.mesh.normals) {
+        *p *= half;
+        *n = (*n / half).normalize();
+    }
+    shape
+}

@@ -1,0 +1,78 @@
+//! Puts a scene together.
+use super::shapes::Shape;
+use crate::scene::{Camera, Instance, Material, Scene};
+use glam::{Affine3A, Quat, Vec3, Vec4};
+
+/// A scene being made.
+pub(super) struct Stage {
+    pub scene: Scene,
+}
+
+/// A matte material of an albedo.
+pub(super) fn matte(name: &str, colour: [f32; 3]) -> Material {
+    dielectric(name, colour, 0.9)
+}
+
+/// A material that is no metal.
+pub(super) fn dielectric(name: &str, colour: [f32; 3], roughness: f32) -> Material {
+    Material {
+        name: name.to_owned(),
+        base_colour: Vec3::from(colour).extend(1.0),
+        metalness: 0.0,
+        roughness,
+        ..Material::default()
+    }
+}
+
+/// A metal of this reflectance at normal incidence.
+pub(super) fn metal(name: &str, colour: [f32; 3], roughness: f32) -> Material {
+    Material { metalness: 1.0, ..dielectric(name, colour, roughness) }
+}
+
+/// A place, turned around y.
+pub(super) fn at(x: f32, y: f32, z: f32, turn_degrees: f32) -> Affine3A {
+    Affine3A::from_rotation_translation(Quat::from_rotation_y(turn_degrees.to_radians()), Vec3::new(x, y, z))
+}
+
+/// A place, turned around y and scaled.
+pub(super) fn scaled(x: f32, y: f32, z: f32, turn_degrees: f32, scale: f32) -> Affine3A {
+    at(x, y, z, turn_degrees) * Affine3A::from_scale(Vec3::splat(scale))
+}
+
+impl Stage {
+    pub fn new(name: &str) -> Self {
+        Self { scene: Scene { name: name.to_owned(), ..Scene::default() } }
+    }
+
+    pub fn material(&mut self, material: Material) -> u32 {
+        self.scene.materials.push(material);
+        self.scene.materials.len() as u32 - 1
+    }
+
+    pub fn mesh(&mut self, name: &str, shape: Shape) -> u32 {
+        let mut mesh = shape.mesh;
+        mesh.name = name.to_owned();
+        mesh.uv1 = mesh.uv0.clone();
+        mesh.colours = vec![Vec4::ONE; mesh.positions.len()];
+        mesh.make_tangents(false);
+        self.scene.meshes.push(mesh);
+        self.scene.meshes.len() as u32 - 1
+    }
+
+    pub fn put(&mut self, mesh: u32, material: u32, world_from_object: Affine3A) {
+        let name = self.scene.meshes[mesh as usize].name.clone();
+        self.scene.instances.push(Instance { name, mesh, material, world_from_object });
+    }
+
+    /// A mesh that is shown once.
+    pub fn add(&mut self, name: &str, shape: Shape, material: u32, world_from_object: Affine3A) {
+        let mesh = self.mesh(name, shape);
+        self.put(mesh, material, world_from_object);
+    }
+
+    /// A camera from numbers that are known to make one.
+    pub fn camera(&mut self, name: &str, eye: [f32; 3], target: [f32; 3], fov_degrees: f32) {
+        let camera = Camera::look_at(name, eye.into(), target.into(), Vec3::Y, fov_degrees.to_radians());
+        self.scene.cameras.extend(camera.map(|c| Camera { near: 0.05, ..c }));
+    }
+}

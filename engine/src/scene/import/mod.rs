@@ -1,0 +1,172 @@
+//! glTF 2.0 import (.gltf, .glb). The file is untrusted: sizes are checked before memory is taken, and nothing is indexed
+//! that was not checked. The `gltf` crate parses the text; its own validation is not used, because it knows no
+//! KHR_mesh_quantization and does not look at the data.
+use super::error::Fault;
+use super::{Scene, SceneError};
+use gltf::json;
+use rayon::prelude::*;
+use std::path::Path;
+
+mod accessor;
+mod file;
+mod geometry;
+mod images;
+mod material;
+mod nodes;
+#[cfg(test)]
+mod tests;
+
+use accessor::Data;
+
+/// Extensions that are carried out.
+const SUPPORTED: [&str; 5] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+/// Most vertices of all meshes together (72 bytes each).
+const MAX_VERTICES: u64 = 1 << 26;
+/// Most indices of all meshes together (4 bytes each).
+const MAX_INDICES: u64 = 1 << 28;
+/// Most instances.
+const MAX_INSTANCES: u64 = 1 << 22;
+
+/// A fault and the element that has it; the file's name is added at the door.
+#[derive(Debug)]
+struct At {
+    element: String,
+    fault: Fault,
+}
+
+type Import<T> = Result<T, At>;
+
+/// Names the element of a fault.
+trait Of<T> {
+    fn of(self, element: impl FnOnce() -> String) -> Import<T>;
+}
+
+impl<T> Of<T> for Result<T, Fault> {
+    fn of(self, element: impl FnOnce() -> String) -> Import<T> {
+        self.map_err(|fault| At { element: element(), fault })
+    }
+}
+
+/// `table[index]`, or a fault that names the kind of element.
+fn refer<'a, T>(table: &'a [T], index: usize, what: &'static str) -> Result<&'a T, Fault> {
+    table.get(index).ok_or(Fault::Reference { what, index, count: table.len() })
+}
+
+/// A name from a file, fit for a line of text: no control characters and not too long.
+fn label(name: Option<&str>, fallback: impl FnOnce() -> String) -> String {
+    let text: String = name.unwrap_or_default().chars().filter(|c| !c.is_control()).take(80).collect();
+    if text.trim().is_empty() { fallback() } else { text }
+}
+
+/// Reads a glTF 2.0 scene. What it lacks (lights, cameras) is left to [`supply_missing`](super::supply_missing).
+///
+/// # Errors
+/// [`SceneError`], naming the file and the element that is at fault.
+pub fn load(path: &Path) -> Result<Scene, SceneError> {
+    let (root, bin) = file::open(path)?;
+    let mut notices = Vec::new();
+    check_extensions(&root, path, &mut notices)?;
+    let scene = assemble(&root, bin, path, notices)
+        .map_err(|At { element, fault }| SceneError::Element { path: path.to_owned(), element, fault })?;
+    if scene.instances.is_empty() {
+        return Err(SceneError::NoGeometry { path: path.to_owned() });
+    }
+    Ok(scene)
+}
+
+fn check_extensions(root: &json::Root, path: &Path, notices: &mut Vec<String>) -> Result<(), SceneError> {
+    let unknown = |names: &[String]| {
+        let mut names: Vec<String> = names
+            .iter()
+            .filter(|n| !SUPPORTED.contains(&n.as_str()))
+            .map(|n| label(Some(n), || "an extension without a name".to_owned()))
+            .collect();
+        names.sort();
+        names.dedup();
+        names
+    };
+    let required = unknown(&root.extensions_required);
+    if !required.is_empty() {
+        return Err(SceneError::Extensions { path: path.to_owned(), names: required.join(", ") });
+    }
+    for name in unknown(&root.extensions_used) {
+        notices.push(format!("extension {name} is present but not supported: ignored"));
+    }
+    for (count, what) in [(root.animations.len(), "animation"), (root.skins.len(), "skin")] {
+        if count > 0 {
+            notices.push(format!("{count} {what}{} ignored: not supported", if count == 1 { "" } else { "s" }));
+        }
+    }
+    Ok(())
+}
+
+fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: Vec<String>) -> Import<Scene> {
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let buffers = file::buffers(root, bin, folder)?;
+    let data = Data::new(root, &buffers);
+    let mut placed = nodes::walk(root, &mut notices)?;
+    let mut materials = material::read(root, &mut notices)?;
+    let textures = images::decode(&data, folder, &materials.requests)?;
+
+    // Primitives that are shown, each once, in the order of the file.
+    let mut wanted: Vec<usize> = placed.shown.iter().map(|shown| shown.mesh).collect();
+    wanted.sort_unstable();
+    wanted.dedup();
+    let mut primitives = Vec::new();
+    for mesh in wanted {
+        let primitive_count = refer(&root.meshes, mesh, "mesh").of(|| "scene".to_owned())?.primitives.len();
+        primitives.extend((0..primitive_count).map(|p| (mesh, p)));
+    }
+    geometry::check_budget(&data, &primitives)?;
+    let normal_uv = |material: Option<usize>| {
+        material.and_then(|m| materials.materials.get(m)).and_then(|m| m.normal_texture).map_or(0, |t| t.uv_set)
+    };
+    let read: Vec<geometry::Read> = primitives
+        .par_iter()
+        .map(|(mesh, primitive)| geometry::read(&data, *mesh, *primitive, &normal_uv))
+        .collect::<Import<_>>()?;
+
+    let mut scene = Scene {
+        name: path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
+        textures,
+        samplers: std::mem::take(&mut materials.samplers),
+        lights: std::mem::take(&mut placed.lights),
+        cameras: std::mem::take(&mut placed.cameras),
+        ..Scene::default()
+    };
+    let mut first_of_mesh = std::collections::HashMap::new();
+    let mut kept: Vec<Option<(u32, Option<usize>)>> = Vec::new();
+    for ((mesh, primitive), read) in primitives.iter().zip(read) {
+        if *primitive == 0 {
+            first_of_mesh.insert(*mesh, kept.len());
+        }
+        notices.extend(read.notices);
+        kept.push(read.mesh.map(|m| {
+            scene.meshes.push(m);
+            (scene.meshes.len() as u32 - 1, read.material)
+        }));
+    }
+    scene.materials = materials.materials;
+    let default_material = scene.materials.len() as u32;
+    let mut needs_default = scene.materials.is_empty();
+    nodes::place(root, &placed, &mut scene, &mut notices, |mesh, primitive| {
+        let first = first_of_mesh.get(&mesh)?;
+        let (index, material) = (*kept.get(first + primitive)?)?;
+        needs_default |= material.is_none();
+        Some((index, material.map_or(default_material, |m| m as u32)))
+    })?;
+    if needs_default {
+        scene.materials.push(super::Material::default());
+    }
+    scene.notices = notices;
+    Ok(scene)
+}
