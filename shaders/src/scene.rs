@@ -18,6 +18,8 @@ pub const LIGHT_SPOT: u32 = 2;
 pub const LIGHT_RECTANGLE: u32 = 3;
 /// [`TextureSlot::image`] of a slot without a texture.
 pub const NO_TEXTURE: u32 = 4294967295;
+/// Entries of the stack that a ray's walk through both levels of the BVH has; a deeper tree is refused when it is built.
+pub const TRAVERSAL_STACK: u32 = 48;
 
 /// Root of the scene's tables.
 #[repr(C)]

@@ -1,0 +1,73 @@
+//! Axis-aligned boxes.
+use glam::{Affine3A, Vec3};
+
+/// An axis-aligned box. Where `min > max` it is empty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: Vec3,
+    /// Upper corner.
+    pub max: Vec3,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl Bounds {
+    /// The box that holds nothing.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The least box around some points.
+    pub fn of_points(points: &[Vec3]) -> Self {
+        points.iter().fold(Self::EMPTY, |b, &p| b.union(Self { min: p, max: p }))
+    }
+
+    /// The least box around two boxes.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// It holds no point.
+    pub fn is_empty(&self) -> bool {
+        !self.min.cmple(self.max).all()
+    }
+
+    /// The centre of a box that is not empty.
+    pub fn centre(&self) -> Vec3 {
+        0.5 * self.min + 0.5 * self.max
+    }
+
+    /// Half the surface of a box that is not empty.
+    pub fn half_area(&self) -> f32 {
+        let d = self.max - self.min;
+        d.x * d.y + d.y * d.z + d.z * d.x
+    }
+
+    /// A box in the world around the image of this one.
+    ///
+    /// Each axis is the sum of the least and greatest products (Arvo 1990, "Transforming axis-aligned bounding boxes"), in `f64`.
+    /// It is then widened by the error that a shader makes when it moves a point with `f32` arithmetic, so that a point on the
+    /// surface of the mesh never falls outside for rounding alone.
+    pub fn transformed(&self, world_from_object: &Affine3A) -> Self {
+        if self.is_empty() {
+            return Self::EMPTY;
+        }
+        /// Eight unit roundoffs of `f32`: one per product and sum of a row, both ways, with some to spare.
+        const ROUNDING: f64 = 8.0 / (1_u64 << 24) as f64;
+        let (lower, upper) = (self.min.as_dvec3(), self.max.as_dvec3());
+        let offset = world_from_object.translation.as_dvec3();
+        let (mut min, mut max, mut size) = (offset, offset, offset.abs());
+        for axis in 0..3 {
+            let column = world_from_object.matrix3.col(axis).as_dvec3();
+            let (a, b) = (column * lower[axis], column * upper[axis]);
+            min += a.min(b);
+            max += a.max(b);
+            size += a.abs().max(b.abs());
+        }
+        let (min, max) = (min - ROUNDING * size, max + ROUNDING * size);
+        Self { min: min.as_vec3().map(f32::next_down), max: max.as_vec3().map(f32::next_up) }
+    }
+}

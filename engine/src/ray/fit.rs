@@ -1,0 +1,116 @@
+//! The eight children of a compressed node: reading them, fitting their boxes, and how much stack a walk needs.
+use super::Bounds;
+use glam::Vec3;
+use magpie_shaders::scene::BvhNode;
+use std::ops::Range;
+
+/// What one of the eight slots of a node holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Child {
+    /// Nothing.
+    None,
+    /// The node of this index.
+    Node(usize),
+    /// These primitives, in the order of the tree.
+    Primitives(Range<usize>),
+}
+
+/// Reads the slots of a node (Ylitie et al. 2017, section 3.2).
+pub fn children(node: &BvhNode) -> [Child; 8] {
+    let inner = node.exponents_and_mask >> 24;
+    std::array::from_fn(|slot| {
+        let meta = byte(&node.meta, slot);
+        if meta == 0 {
+            Child::None
+        } else if inner & (1 << slot) != 0 {
+            // Inner children lie one after the other, in the order of their slots.
+            Child::Node((node.child_base + (inner & ((1 << slot) - 1)).count_ones()) as usize)
+        } else {
+            // The upper three bits count in unary; the lower five say where the first lies.
+            let first = (node.primitive_base + (meta & 31)) as usize;
+            Child::Primitives(first..first + (meta >> 5).count_ones() as usize)
+        }
+    })
+}
+
+fn byte(words: &[u32; 2], slot: usize) -> u32 {
+    (words[slot / 4] >> (8 * (slot % 4))) & 255
+}
+
+/// Writes the grids and quantised boxes of every node anew around the primitives, and gives the box of the root.
+///
+/// `obvhs` computes them in `f32`, where a box can come out a rounding error too small. Here they are computed in `f64` and
+/// rounded outwards, so each decoded box holds what is below it. Nodes come before their children, as `obvhs` writes them.
+/// `primitives`: boxes in the order of the tree.
+pub(super) fn fit(nodes: &mut [BvhNode], primitives: &[Bounds]) -> Bounds {
+    let mut bounds = vec![Bounds::EMPTY; nodes.len()];
+    for index in (0..nodes.len()).rev() {
+        let boxes = children(&nodes[index]).map(|child| match child {
+            Child::None => Bounds::EMPTY,
+            Child::Node(node) => bounds[node],
+            Child::Primitives(range) => primitives[range].iter().fold(Bounds::EMPTY, |b, &p| b.union(p)),
+        });
+        bounds[index] = boxes.iter().fold(Bounds::EMPTY, |b, &c| b.union(c));
+        if !bounds[index].is_empty() {
+            quantise(&mut nodes[index], bounds[index], &boxes);
+        }
+    }
+    bounds.first().copied().unwrap_or_default()
+}
+
+/// Finest grid: cells of 2^-60. Below that, a cell times the inverse of a small direction would fade to nothing.
+const FINEST: i32 = -60;
+
+fn quantise(node: &mut BvhNode, bounds: Bounds, children: &[Bounds; 8]) {
+    node.origin = bounds.min.to_array();
+    let mut exponents = 0;
+    let cells = [0, 1, 2].map(|axis| {
+        let extent = f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
+        // The least power of two of which 255 reach across; the loop mends a logarithm that was rounded down.
+        let mut exponent = ((extent / 255.0).log2().ceil() as i32).max(FINEST);
+        while 255.0 * f64::from(exponent).exp2() < extent {
+            exponent += 1;
+        }
+        exponents |= ((exponent + 127) as u32) << (8 * axis);
+        f64::from(exponent).exp2()
+    });
+    node.exponents_and_mask = node.exponents_and_mask & 0xff00_0000 | exponents;
+
+    let planes = |axis: usize, side: fn(&Bounds) -> Vec3, round: fn(f64) -> f64| {
+        let mut words = [0_u32; 2];
+        for (slot, child) in children.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
+            let steps = (f64::from(side(child)[axis]) - f64::from(bounds.min[axis])) / cells[axis];
+            words[slot / 4] |= (round(steps) as u32).min(255) << (8 * (slot % 4));
+        }
+        words
+    };
+    (node.min_x, node.max_x) = (planes(0, |b| b.min, f64::floor), planes(0, |b| b.max, f64::ceil));
+    (node.min_y, node.max_y) = (planes(1, |b| b.min, f64::floor), planes(1, |b| b.max, f64::ceil));
+    (node.min_z, node.max_z) = (planes(2, |b| b.min, f64::floor), planes(2, |b| b.max, f64::ceil));
+}
+
+/// Stack entries that a walk of this tree needs at most.
+///
+/// On the way to an inner child, its siblings wait as one entry. `below` gives, for a primitive, what a walk of the tree behind it
+/// needs, or `None` where there is none (a triangle); on the way into it, the other primitives of the node wait as one entry, its
+/// inner children as another.
+pub(super) fn stack_need(nodes: &[BvhNode], below: impl Fn(usize) -> Option<u32>) -> u32 {
+    let mut needs = vec![0; nodes.len()];
+    for index in (0..nodes.len()).rev() {
+        let slots = children(&nodes[index]);
+        let inner = slots.iter().filter(|c| matches!(c, Child::Node(_))).count();
+        let leaves: usize = slots.iter().map(|c| if let Child::Primitives(r) = c { r.len() } else { 0 }).sum();
+        let waiting = u32::from(inner > 0) + u32::from(leaves > 1);
+        let of_primitive = |p: usize| below(p).map_or(0, |need| waiting + need);
+        needs[index] = slots
+            .into_iter()
+            .map(|child| match child {
+                Child::None => 0,
+                Child::Node(node) => u32::from(inner > 1) + needs[node],
+                Child::Primitives(range) => range.map(of_primitive).max().unwrap_or(0),
+            })
+            .max()
+            .unwrap_or(0);
+    }
+    needs.first().copied().unwrap_or(0)
+}

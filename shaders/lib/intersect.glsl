@@ -1,0 +1,127 @@
+// Intersection of a ray with boxes of a compressed node and with triangles. No scene, no bindings.
+#ifndef LIB_INTERSECT_GLSL
+#define LIB_INTERSECT_GLSL
+#include "shared/scene.glsl"
+
+// A ray as the box test wants it.
+struct BoxRay {
+    vec3 origin;
+    vec3 inverse;  // 1 / direction, always finite
+    uint octant;   // bit 2, 1, 0: x, y, z of the direction is not negative
+};
+
+// A ray as the triangle test wants it (Woop et al. 2013).
+struct TriangleRay {
+    vec3 origin;
+    uint axis;     // axis along which the direction is longest, permuted to be z
+    vec3 shear;    // x/z, y/z and 1/z of the permuted direction
+};
+
+struct TriangleHit {
+    float t;
+    vec2 barycentric;  // weights of the second and third corner
+    bool front;        // the ray meets the side from which the corners run counter-clockwise
+};
+
+// Smaller direction components count as this. Over any distance that f32 resolves in a scene the ray moves by less than a
+// rounding error, and coordinates up to 1e18 times the inverse stay finite, so that no 0 * infinity comes up.
+const float SMALLEST_COMPONENT = 1e-20;
+
+// Relative rounding error of a plane's distance, 16 unit roundoffs: the division is good to 5 (Vulkan allows 2.5 ulp), the
+// difference, the two products and the sum to 4, on either side. In the spirit of Ize 2013, "Robust BVH Ray Traversal".
+const float BOX_ROUNDING = 9.5367431640625e-7;
+
+const float SMALLEST_NORMAL = 1.17549435e-38;
+
+BoxRay box_ray(vec3 origin, vec3 direction)
+{
+    vec3 tiny = mix(vec3(SMALLEST_COMPONENT), vec3(-SMALLEST_COMPONENT), lessThan(direction, vec3(0.0)));
+    vec3 safe = mix(direction, tiny, lessThan(abs(direction), vec3(SMALLEST_COMPONENT)));
+    uint octant = (safe.x < 0.0 ? 0u : 4u) | (safe.y < 0.0 ? 0u : 2u) | (safe.z < 0.0 ? 0u : 1u);
+    return BoxRay(origin, 1.0 / safe, octant);
+}
+
+// Moves `axis` to z and keeps the handedness.
+vec3 axis_to_z(vec3 v, uint axis)
+{
+    return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v;
+}
+
+TriangleRay triangle_ray(vec3 origin, vec3 direction)
+{
+    vec3 size = abs(direction);
+    uint axis = size.x > size.y ? (size.x > size.z ? 0u : 2u) : (size.y > size.z ? 1u : 2u);
+    vec3 d = axis_to_z(direction, axis);
+    return TriangleRay(origin, axis, vec3(d.x / d.z, d.y / d.z, 1.0 / d.z));
+}
+
+// Hits of the eight children as one mask (Ylitie et al. 2017, section 3): bits 24 to 31 for inner children, the first to be
+// visited highest; bits 0 to 23 for primitives, counted from the node's first.
+uint hit_children(BvhNode node, BoxRay ray, float t_min, float t_max)
+{
+    uint e = node.exponents_and_mask;
+    vec3 cell = uintBitsToFloat(uvec3((e & 255u) << 23, ((e >> 8) & 255u) << 23, ((e >> 16) & 255u) << 23));
+    // Distance to plane q is q * scale + base. Near planes are taken closer and far ones further by the rounding error.
+    vec3 scale = cell * ray.inverse;
+    vec3 base = (node.origin - ray.origin) * ray.inverse;
+    vec3 slack = BOX_ROUNDING * (abs(base) + 255.0 * abs(scale));
+    vec3 near_base = base - slack;
+    vec3 far_base = base + slack;
+    bvec3 backwards = lessThan(ray.inverse, vec3(0.0));
+    uint hits = 0u;
+    for (int half_node = 0; half_node < 2; ++half_node) {
+        uvec3 lower = uvec3(node.min_x[half_node], node.min_y[half_node], node.min_z[half_node]);
+        uvec3 upper = uvec3(node.max_x[half_node], node.max_y[half_node], node.max_z[half_node]);
+        uvec3 near_planes = mix(lower, upper, backwards);
+        uvec3 far_planes = mix(upper, lower, backwards);
+        uint metas = node.meta[half_node];
+        for (int shift = 0; shift < 32; shift += 8) {
+            vec3 near = vec3((near_planes >> shift) & 255u) * scale + near_base;
+            vec3 far = vec3((far_planes >> shift) & 255u) * scale + far_base;
+            float enter = max(max(near.x, near.y), max(near.z, t_min));
+            float leave = min(min(far.x, far.y), min(far.z, t_max));
+            if (enter <= leave) {
+                // An empty slot has meta 0 and adds no bit. Inner slots count 24 to 31, to be ordered by the ray's octant.
+                uint meta = (metas >> shift) & 255u;
+                uint at = meta & 31u;
+                hits |= (meta >> 5) << (at >= 24u ? at ^ ray.octant : at);
+            }
+        }
+    }
+    return hits;
+}
+
+// Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection", both sides.
+//
+// The edge values of an edge that two triangles share are exact opposites, and as rounding is monotone none has the wrong
+// sign: at worst it is zero, which counts as inside. So there is no crack between them, and the paper's second try in double
+// precision, which decides between the two, is not needed. Products must not be contracted for that, hence `precise`.
+bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float t_max, out TriangleHit hit)
+{
+    precise vec3 a = axis_to_z(v0 - ray.origin, ray.axis);
+    precise vec3 b = axis_to_z(v1 - ray.origin, ray.axis);
+    precise vec3 c = axis_to_z(v2 - ray.origin, ray.axis);
+    precise vec2 p = a.xy - ray.shear.xy * a.z;
+    precise vec2 q = b.xy - ray.shear.xy * b.z;
+    precise vec2 r = c.xy - ray.shear.xy * c.z;
+    precise float u = r.x * q.y - r.y * q.x;
+    precise float v = p.x * r.y - p.y * r.x;
+    precise float w = q.x * p.y - q.y * p.x;
+    hit = TriangleHit(t_max, vec2(0.0), false);
+    if (min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0) {
+        return false;
+    }
+    precise float determinant = u + v + w;
+    // Edge on or without area. The form also refuses a NaN.
+    if (!(abs(determinant) >= SMALLEST_NORMAL)) {
+        return false;
+    }
+    precise float t = ray.shear.z * (u * a.z + v * b.z + w * c.z) / determinant;
+    if (!(t > t_min && t < t_max)) {
+        return false;
+    }
+    hit = TriangleHit(t, vec2(v, w) / determinant, (determinant > 0.0) == (ray.shear.z > 0.0));
+    return true;
+}
+
+#endif
