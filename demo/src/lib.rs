@@ -1,1 +1,45 @@
-//! The command line of Magpie as a library.
+//! The command line of Magpie as a library: parsing, printing and files; everything else is the engine's.
+
+mod args;
+mod commands;
+mod console;
+mod exit;
+mod input;
+mod output;
+mod picture;
+mod render;
+mod session;
+
+use std::ffi::OsString;
+
+use clap::Parser;
+
+pub use args::{Arguments, Command, Extent, Loudness, Rays, RenderArguments, ViewName};
+pub use exit::Failure;
+pub use picture::{PictureError, shown, write_exr, write_png};
+pub use render::render;
+
+/// Runs one command line, the program's name first, and gives the exit status: 0 done, 1 it failed while running, 2 wrong
+/// usage or bad input, 3 no usable device.
+#[must_use]
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let given: Vec<OsString> = arguments.into_iter().collect();
+    let arguments = match Arguments::try_parse_from(&given) {
+        Ok(arguments) => arguments,
+        Err(error) => return exit::report_usage(&error, &given),
+    };
+    console::listen(&arguments.loudness);
+    let done = match &arguments.command {
+        Command::Devices { json } => commands::devices(*json),
+        Command::Scenes => commands::scenes(),
+        Command::Stages { json } => commands::stages(*json),
+        Command::Render(render) => render::render(render, &arguments.loudness),
+    };
+    match done {
+        Ok(()) => 0,
+        Err(failure) => {
+            console::complain(&failure.message());
+            failure.status()
+        }
+    }
+}

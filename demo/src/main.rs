@@ -1,2 +1,6 @@
 //! The command line of Magpie.
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(magpie_demo::run(std::env::args_os()))
+}

@@ -1,1 +1,560 @@
-//! stage
+//! Stages: slots of the frame, each filled by one named implementation.
+//!
+//! A slot is a [`Stage`] with the types that go in and come out. Implementations register by name, the engine's and a
+//! user's alike, so that no central list has to be edited:
+//!
+//! ```text
+//! stages.shadows.register("mine", "My own shadows.", &[], |build, settings| Ok(Box::new(Mine::new(build, settings)?)));
+//! ```
+
+use std::{collections::BTreeMap, error::Error, fmt};
+
+use serde::Serialize;
+
+use crate::{
+    config::{Config, Suggestion, Value},
+    frame::View,
+    gpu::Gpu,
+    graph::FrameGraph,
+};
+
+/// One effect: adds its passes to the frame that is being declared.
+pub trait Effect {
+    /// What it reads: handles and plain values.
+    type In;
+    /// What it makes: handles and plain values.
+    type Out;
+
+    /// Adds one or more passes.
+    fn add(&mut self, g: &mut FrameGraph, view: &View, input: Self::In) -> Self::Out;
+}
+
+/// An effect of any type with these inputs and outputs.
+pub type BoxedEffect<In, Out> = Box<dyn Effect<In = In, Out = Out>>;
+
+/// What the constructor of an effect gets.
+pub struct Build<'a> {
+    /// The device on which it makes its pipelines.
+    pub gpu: &'a Gpu,
+}
+
+/// Values that a setting may take.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Range {
+    /// Every finite value of the default's type.
+    Any,
+    /// A number between these, both included.
+    Float {
+        /// Least.
+        min: f64,
+        /// Greatest.
+        max: f64,
+    },
+    /// A whole number between these, both included.
+    Integer {
+        /// Least.
+        min: i64,
+        /// Greatest.
+        max: i64,
+    },
+    /// One of these names.
+    OneOf(&'static [&'static str]),
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Any => f.write_str("any"),
+            Self::Float { min, max } => write!(f, "{min} to {max}"),
+            Self::Integer { min, max } => write!(f, "whole number, {min} to {max}"),
+            Self::OneOf(names) => write!(f, "{}", names.join(", ")),
+        }
+    }
+}
+
+/// One setting of an implementation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SettingSpec {
+    /// Name in the configuration.
+    pub key: &'static str,
+    /// Unit, such as `degrees`; empty for a plain number, switch or name.
+    pub unit: &'static str,
+    /// What it does, and what higher and lower values do.
+    pub about: &'static str,
+    /// Value when nothing else is said; its type is the setting's type.
+    pub default: Value,
+    /// Accepted values.
+    pub range: Range,
+}
+
+impl SettingSpec {
+    /// A number from `min` to `max`, both included.
+    #[must_use]
+    pub fn float(
+        key: &'static str,
+        unit: &'static str,
+        about: &'static str,
+        default: f64,
+        (min, max): (f64, f64),
+    ) -> Self {
+        Self { key, unit, about, default: Value::Float(default), range: Range::Float { min, max } }
+    }
+
+    /// A whole number from `min` to `max`, both included.
+    #[must_use]
+    pub fn integer(
+        key: &'static str,
+        unit: &'static str,
+        about: &'static str,
+        default: i64,
+        (min, max): (i64, i64),
+    ) -> Self {
+        Self { key, unit, about, default: Value::Integer(default), range: Range::Integer { min, max } }
+    }
+
+    /// A switch.
+    #[must_use]
+    pub fn switch(key: &'static str, about: &'static str, default: bool) -> Self {
+        Self { key, unit: "", about, default: Value::Bool(default), range: Range::Any }
+    }
+
+    /// One name out of several.
+    #[must_use]
+    pub fn choice(
+        key: &'static str,
+        about: &'static str,
+        default: &'static str,
+        names: &'static [&'static str],
+    ) -> Self {
+        Self { key, unit: "", about, default: Value::Text(default.to_owned()), range: Range::OneOf(names) }
+    }
+
+    /// Checks a value and gives it the setting's type: a whole number is a fine value for a number.
+    ///
+    /// # Errors
+    /// [`SettingFault`] when the type is wrong, or the value is not finite or out of range.
+    pub fn accept(&self, value: &Value) -> Result<Value, SettingFault> {
+        let value = match (&self.default, value) {
+            (Value::Float(_), Value::Integer(whole)) => Value::Float(*whole as f64),
+            (wanted, got) if wanted.kind() == got.kind() => got.clone(),
+            (wanted, got) => {
+                return Err(SettingFault::WrongType {
+                    wanted: wanted.kind(),
+                    range: self.range.clone(),
+                    got: got.clone(),
+                });
+            }
+        };
+        if let Value::Float(number) = value
+            && !number.is_finite()
+        {
+            return Err(SettingFault::NotFinite { range: self.range.clone(), got: number });
+        }
+        let inside = match (&self.range, &value) {
+            (Range::Any, _) => true,
+            (Range::Float { min, max }, Value::Float(x)) => (*min..=*max).contains(x),
+            (Range::Integer { min, max }, Value::Integer(x)) => (*min..=*max).contains(x),
+            (Range::OneOf(names), Value::Text(name)) => {
+                if names.contains(&name.as_str()) {
+                    true
+                } else {
+                    let suggestion = Suggestion::find(name, names.iter().copied());
+                    return Err(SettingFault::NotOneOf { names, got: name.clone(), suggestion });
+                }
+            }
+            _ => false,
+        };
+        if inside { Ok(value) } else { Err(SettingFault::OutOfRange { range: self.range.clone(), got: value }) }
+    }
+}
+
+/// Why a value does not suit a setting.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SettingFault {
+    /// Such as a text where a number belongs.
+    #[error("wanted a {wanted} ({range}), got the {} {got}", got.kind())]
+    WrongType {
+        /// Name of the wanted type.
+        wanted: &'static str,
+        /// Accepted values.
+        range: Range,
+        /// What was given.
+        got: Value,
+    },
+    /// NaN or infinite.
+    #[error("wanted a finite number ({range}), got {got}")]
+    NotFinite {
+        /// Accepted values.
+        range: Range,
+        /// What was given.
+        got: f64,
+    },
+    /// Too low or too high.
+    #[error("wanted {range}, got {got}")]
+    OutOfRange {
+        /// Accepted values.
+        range: Range,
+        /// What was given.
+        got: Value,
+    },
+    /// A name that is not in the list.
+    #[error("wanted one of {}, got \"{got}\"{suggestion}", names.join(", "))]
+    NotOneOf {
+        /// Accepted names.
+        names: &'static [&'static str],
+        /// What was given.
+        got: String,
+        /// The closest accepted name.
+        suggestion: Suggestion,
+    },
+}
+
+/// One implementation of a slot, as `magpie stages` shows it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImplementationInfo {
+    /// Name in the configuration.
+    pub name: String,
+    /// One line.
+    pub about: String,
+    /// Its settings.
+    pub settings: Vec<SettingSpec>,
+}
+
+/// One slot, as `magpie stages` shows it and as configurations are checked against it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SlotInfo {
+    /// Name in the configuration.
+    pub name: String,
+    /// One line.
+    pub about: String,
+    /// Name of the implementation that runs when nothing else is said.
+    pub default: String,
+    /// What can be chosen, in order of registration.
+    pub implementations: Vec<ImplementationInfo>,
+}
+
+impl SlotInfo {
+    /// The implementation of that name.
+    #[must_use]
+    pub fn implementation(&self, name: &str) -> Option<&ImplementationInfo> {
+        self.implementations.iter().find(|i| i.name == name)
+    }
+
+    /// Names of all implementations.
+    #[must_use]
+    pub fn names(&self) -> Vec<String> {
+        self.implementations.iter().map(|i| i.name.clone()).collect()
+    }
+
+    /// Mistakes in the description itself, one sentence each: a missing default implementation, a repeated key, a default
+    /// value that its own range refuses, a setting without a description. For tests of those who register effects.
+    #[must_use]
+    pub fn mistakes(&self) -> Vec<String> {
+        let slot = &self.name;
+        let mut found = Vec::new();
+        if self.implementation(&self.default).is_none() {
+            found.push(format!("{slot}: the default implementation \"{}\" is not registered", self.default));
+        }
+        for implementation in &self.implementations {
+            let mut seen = Vec::new();
+            for spec in &implementation.settings {
+                let key = format!("{slot}.{} of {}", spec.key, implementation.name);
+                if seen.contains(&spec.key) {
+                    found.push(format!("{key}: described twice"));
+                }
+                seen.push(spec.key);
+                if let Err(fault) = spec.accept(&spec.default) {
+                    found.push(format!("{key}: its default does not suit it: {fault}"));
+                }
+                if spec.about.is_empty() {
+                    found.push(format!("{key}: no description"));
+                }
+            }
+        }
+        found
+    }
+}
+
+/// The settings of one effect: every key that its implementation describes has a value of the described type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    slot: String,
+    values: BTreeMap<String, Value>,
+}
+
+impl Settings {
+    /// The defaults of `implementation` with `given` laid over them. Keys that it does not have are left out: they belong
+    /// to another implementation of the slot ([`Catalogue`](crate::config::Catalogue) refuses those that belong to none).
+    ///
+    /// # Errors
+    /// [`StageError::Setting`] for a value that does not suit its setting.
+    pub fn new(
+        slot: &str,
+        implementation: &ImplementationInfo,
+        given: &BTreeMap<String, Value>,
+    ) -> Result<Self, StageError> {
+        let mut values = BTreeMap::new();
+        for spec in &implementation.settings {
+            let value = spec.accept(given.get(spec.key).unwrap_or(&spec.default)).map_err(|fault| {
+                StageError::Setting { slot: slot.to_owned(), key: spec.key.to_owned(), fault: Box::new(fault) }
+            })?;
+            values.insert(spec.key.to_owned(), value);
+        }
+        Ok(Self { slot: slot.to_owned(), values })
+    }
+
+    fn read<T>(&self, key: &str, wanted: &'static str, read: impl Fn(&Value) -> Option<T>) -> Result<T, StageError> {
+        let got = self.values.get(key);
+        got.and_then(read).ok_or_else(|| StageError::NotDescribed {
+            slot: self.slot.clone(),
+            key: key.to_owned(),
+            wanted,
+            described: got.map_or("not described", Value::kind),
+        })
+    }
+
+    /// A number.
+    ///
+    /// # Errors
+    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a number.
+    pub fn f64(&self, key: &str) -> Result<f64, StageError> {
+        self.read(key, "number", |v| match v {
+            Value::Float(x) => Some(*x),
+            _ => None,
+        })
+    }
+
+    /// A number, rounded to single precision.
+    ///
+    /// # Errors
+    /// As [`Settings::f64`].
+    pub fn f32(&self, key: &str) -> Result<f32, StageError> {
+        self.f64(key).map(|x| x as f32)
+    }
+
+    /// A whole number.
+    ///
+    /// # Errors
+    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a whole number.
+    pub fn i64(&self, key: &str) -> Result<i64, StageError> {
+        self.read(key, "whole number", |v| match v {
+            Value::Integer(x) => Some(*x),
+            _ => None,
+        })
+    }
+
+    /// A whole number from 0 to 2^32 - 1; the described range must lie inside that.
+    ///
+    /// # Errors
+    /// As [`Settings::i64`].
+    pub fn u32(&self, key: &str) -> Result<u32, StageError> {
+        self.read(key, "whole number of 32 bits", |v| match v {
+            Value::Integer(x) => u32::try_from(*x).ok(),
+            _ => None,
+        })
+    }
+
+    /// A switch.
+    ///
+    /// # Errors
+    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a switch.
+    pub fn switch(&self, key: &str) -> Result<bool, StageError> {
+        self.read(key, "switch", |v| match v {
+            Value::Bool(on) => Some(*on),
+            _ => None,
+        })
+    }
+
+    /// A name or text.
+    ///
+    /// # Errors
+    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a text.
+    pub fn choice(&self, key: &str) -> Result<&str, StageError> {
+        match self.values.get(key) {
+            Some(Value::Text(text)) => Ok(text),
+            _ => self.read(key, "text", |_| None),
+        }
+    }
+
+    /// All values by key.
+    #[must_use]
+    pub fn values(&self) -> &BTreeMap<String, Value> {
+        &self.values
+    }
+}
+
+/// Why a slot could not be filled.
+#[derive(Debug, thiserror::Error)]
+pub enum StageError {
+    /// No implementation of that name.
+    #[error("stages.{slot}: unknown implementation \"{name}\"{suggestion}; known: {}", known.join(", "))]
+    UnknownImplementation {
+        /// The slot.
+        slot: String,
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: Vec<String>,
+        /// The closest known name.
+        suggestion: Suggestion,
+    },
+    /// A value that does not suit its setting.
+    #[error("{slot}.{key}: {fault}")]
+    Setting {
+        /// The slot.
+        slot: String,
+        /// The setting.
+        key: String,
+        /// What is wrong.
+        fault: Box<SettingFault>,
+    },
+    /// An effect asked for a setting that it did not describe: a mistake in the effect.
+    #[error("{slot}.{key}: the effect asked for a {wanted}, but registered it as: {described}")]
+    NotDescribed {
+        /// The slot.
+        slot: String,
+        /// The setting.
+        key: String,
+        /// Type that the effect asked for.
+        wanted: &'static str,
+        /// Type that it registered.
+        described: &'static str,
+    },
+    /// The constructor failed.
+    #[error("stages.{slot}: \"{implementation}\" could not be made")]
+    Construct {
+        /// The slot.
+        slot: String,
+        /// The implementation.
+        implementation: String,
+        /// What went wrong.
+        source: Box<dyn Error + Send + Sync>,
+    },
+    /// Anything that fails inside a constructor; [`Stage::choose`] adds slot and implementation.
+    #[error(transparent)]
+    Other(Box<dyn Error + Send + Sync>),
+}
+
+impl StageError {
+    /// Wraps what went wrong inside a constructor.
+    pub fn other(source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Other(source.into())
+    }
+}
+
+type Constructor<In, Out> =
+    Box<dyn Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync>;
+
+/// A slot of the frame and the implementations that can fill it.
+pub struct Stage<In, Out> {
+    info: SlotInfo,
+    constructors: Vec<Constructor<In, Out>>,
+}
+
+impl<In, Out> fmt::Debug for Stage<In, Out> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Stage").field(&self.info).finish()
+    }
+}
+
+impl<In, Out> Stage<In, Out> {
+    /// A slot without implementations.
+    #[must_use]
+    pub fn new(name: &str) -> Self {
+        let info = SlotInfo {
+            name: name.to_owned(),
+            about: String::new(),
+            default: String::new(),
+            implementations: Vec::new(),
+        };
+        Self { info, constructors: Vec::new() }
+    }
+
+    /// Says in one line what the slot is for.
+    #[must_use]
+    pub fn about(mut self, about: &str) -> Self {
+        self.info.about = about.to_owned();
+        self
+    }
+
+    /// Adds an implementation; see [`Stage::register`].
+    #[must_use]
+    pub fn with<F>(mut self, name: &str, about: &str, settings: &[SettingSpec], make: F) -> Self
+    where
+        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync + 'static,
+    {
+        self.register(name, about, settings, make);
+        self
+    }
+
+    /// Adds an implementation to a slot that stands already. The first one is the default, unless [`Stage::default_to`]
+    /// names another. One of the same name takes the place of the earlier one.
+    pub fn register<F>(&mut self, name: &str, about: &str, settings: &[SettingSpec], make: F)
+    where
+        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync + 'static,
+    {
+        let info = ImplementationInfo { name: name.to_owned(), about: about.to_owned(), settings: settings.to_vec() };
+        if self.info.default.is_empty() {
+            name.clone_into(&mut self.info.default);
+        }
+        if let Some(at) = self.info.implementations.iter().position(|i| i.name == name) {
+            self.info.implementations[at] = info;
+            self.constructors[at] = Box::new(make);
+        } else {
+            self.info.implementations.push(info);
+            self.constructors.push(Box::new(make));
+        }
+    }
+
+    /// Names the implementation that runs when nothing else is said.
+    #[must_use]
+    pub fn default_to(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.info.default);
+        self
+    }
+
+    /// Describes the slot.
+    #[must_use]
+    pub fn info(&self) -> &SlotInfo {
+        &self.info
+    }
+
+    /// Makes the implementation `name` with `given` laid over its default settings.
+    ///
+    /// # Errors
+    /// [`StageError`] for an unknown name (the known ones are listed), an unsuitable value, or a constructor that failed.
+    pub fn choose(
+        &self,
+        build: &Build<'_>,
+        name: &str,
+        given: &BTreeMap<String, Value>,
+    ) -> Result<BoxedEffect<In, Out>, StageError> {
+        let slot = &self.info.name;
+        let at = self.info.implementations.iter().position(|i| i.name == name).ok_or_else(|| {
+            let known = self.info.names();
+            let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
+            StageError::UnknownImplementation { slot: slot.clone(), name: name.to_owned(), known, suggestion }
+        })?;
+        let settings = Settings::new(slot, &self.info.implementations[at], given)?;
+        self.constructors[at](build, &settings).map_err(|source| match source {
+            StageError::Other(source) => {
+                StageError::Construct { slot: slot.clone(), implementation: name.to_owned(), source }
+            }
+            other => other,
+        })
+    }
+
+    /// Makes the implementation that `config` names for this slot, or the default, with the settings of `config`.
+    ///
+    /// # Errors
+    /// As [`Stage::choose`].
+    pub fn from_config(&self, build: &Build<'_>, config: &Config) -> Result<BoxedEffect<In, Out>, StageError> {
+        let name = config.stages.get(&self.info.name).unwrap_or(&self.info.default);
+        let none = BTreeMap::new();
+        self.choose(build, name, config.settings.get(&self.info.name).unwrap_or(&none))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,1 +1,86 @@
-//! measure/mod
+//! Measurements: what every frame and pass took, their statistics, and the files and tables that show them.
+//!
+//! Execution fills one [`FrameSample`] per frame; a [`Recorder`] keeps those after the warm-up and makes a [`Report`].
+
+mod recorder;
+mod report;
+mod statistics;
+mod table;
+mod trace;
+
+use serde::Serialize;
+
+pub use recorder::{MeasureError, Recorder};
+pub use report::{CSV_COLUMNS, Device, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run};
+pub use statistics::{Spread, median, nearest_rank};
+pub use table::pass_table;
+pub use trace::chrome_trace;
+
+/// One pass of one frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PassTime {
+    /// Full name, such as `shadows.trace`.
+    pub name: String,
+    /// Slot that declared it, such as `shadows`.
+    pub stage: String,
+    /// Queue on which it ran, such as `graphics`.
+    pub queue: &'static str,
+    /// GPU time, nanoseconds; none where the queue has no timestamps.
+    pub gpu_ns: Option<u64>,
+    /// Begin on the GPU, nanoseconds since the frame's first timestamp.
+    pub gpu_start_ns: Option<u64>,
+    /// Time to record it on the CPU, nanoseconds.
+    pub cpu_ns: u64,
+    /// Begin of recording, nanoseconds since the frame's [`start_ns`](FrameSample::start_ns).
+    pub cpu_start_ns: Option<u64>,
+    /// Draw calls.
+    pub draws: u32,
+    /// Dispatches and traces.
+    pub dispatches: u32,
+    /// Rays that looked for the closest hit.
+    pub rays_closest: u64,
+    /// Rays that looked for any hit.
+    pub rays_any: u64,
+}
+
+/// One frame.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameSample {
+    /// Begin of planning on the CPU, nanoseconds since the run began.
+    pub start_ns: Option<u64>,
+    /// From the first to the last timestamp, nanoseconds; none where the device has no timestamps.
+    pub gpu_ns: Option<u64>,
+    /// Whole frame on the CPU, nanoseconds.
+    pub cpu_ns: u64,
+    /// Declaring the graph, nanoseconds.
+    pub declare_ns: u64,
+    /// Planning it, nanoseconds; a cached plan takes next to nothing.
+    pub plan_ns: u64,
+    /// Recording it, nanoseconds.
+    pub record_ns: u64,
+    /// What ran, in order of submission.
+    pub passes: Vec<PassTime>,
+    /// Passes that were declared and culled.
+    pub culled: u32,
+    /// Barriers, batched ones counted one by one.
+    pub barriers: u32,
+    /// Memory in use.
+    pub memory: Memory,
+}
+
+/// Memory in use, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Memory {
+    /// Heaps of the transients, as placed.
+    pub transient_bytes: u64,
+    /// What the transients alive at the same time need at least.
+    pub transient_lower_bound: u64,
+    /// What they would take without aliasing.
+    pub transient_unaliased: u64,
+    /// Kept from frame to frame.
+    pub history_bytes: u64,
+    /// Geometry, materials and textures.
+    pub scene_bytes: u64,
+    /// Acceleration structures.
+    pub acceleration_bytes: u64,
+}

@@ -1,0 +1,250 @@
+//! The arguments of `magpie`.
+
+use std::{path::PathBuf, str::FromStr};
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+/// Greatest width and height of a picture, pixels.
+const MAX_EXTENT: u32 = 16_384;
+
+/// Magpie: a frame-graph-based hybrid renderer on Vulkan.
+#[derive(Debug, Parser)]
+#[command(name = "magpie", version, max_term_width = 120)]
+pub struct Arguments {
+    /// How much is said.
+    #[command(flatten)]
+    pub loudness: Loudness,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// How much is said on standard error.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct Loudness {
+    /// Say more; twice for even more
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Say nothing but errors, and show no progress
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List each Vulkan device: driver, ray backends, queues, limits; why one is refused
+    Devices {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// List the built-in scenes
+    Scenes,
+    /// List every stage, its implementations and their settings
+    Stages {
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Render without a window and print the pass table
+    Render(Box<RenderArguments>),
+}
+
+/// Arguments of `magpie render`.
+#[derive(Args, Debug)]
+pub struct RenderArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE", required_unless_present = "print_config")]
+    pub scene: Option<PathBuf>,
+    /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map
+    #[arg(long, value_name = "F.png|F.exr")]
+    pub out: Option<PathBuf>,
+    /// Width and height of the picture, pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
+    pub size: Extent,
+    /// Frames to measure; the last one is the picture
+    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub frames: u32,
+    /// Frames before them
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub warmup: u32,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub seed: u32,
+    /// Scene time from frame to frame, seconds
+    #[arg(long, value_name = "SECONDS", default_value = "0.0166667", allow_negative_numbers = true, value_parser = time_step)]
+    pub time_step: f32,
+    /// A camera of the scene by name, or a camera file
+    #[arg(long, value_name = "NAME|F.toml")]
+    pub camera: Option<PathBuf>,
+    /// Which implementation sits in each stage, and its settings
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// One value of the configuration: `stages.shadows=off`, `SLOT.SETTING=VALUE`; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+    /// Write the times of every pass
+    #[arg(long, value_name = "F.json|F.csv")]
+    pub timings: Option<PathBuf>,
+    /// Write a Chrome trace, which opens in Perfetto
+    #[arg(long, value_name = "F.json")]
+    pub trace: Option<PathBuf>,
+    /// Write this output of this pass to --out instead of the picture
+    #[arg(long, value_name = "PASS:OUTPUT", requires = "out")]
+    pub view: Option<ViewName>,
+    /// Write the plan of the last frame
+    #[arg(long, value_name = "F.txt|F.json|F.dot")]
+    pub dump_graph: Option<PathBuf>,
+    /// Turn on the validation layers and scan every output for NaN and Inf; any finding is an error
+    #[arg(long)]
+    pub check: bool,
+    /// Print the whole configuration as TOML, and do nothing else
+    #[arg(long)]
+    pub print_config: bool,
+}
+
+/// Width and height, pixels, each from 1 to 16384.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+}
+
+impl FromStr for Extent {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |digits: &str| {
+            let plain = !digits.is_empty() && digits.len() <= 5 && digits.bytes().all(|b| b.is_ascii_digit());
+            digits.parse().ok().filter(|n| plain && (1..=MAX_EXTENT).contains(n))
+        };
+        let sides = text.split_once('x').and_then(|(w, h)| Some(Self { width: side(w)?, height: side(h)? }));
+        sides.ok_or_else(|| format!("wanted WIDTHxHEIGHT in pixels, each from 1 to {MAX_EXTENT}, such as 640x360"))
+    }
+}
+
+/// One output of one pass.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ViewName {
+    /// Full name of the pass, such as `shadows.trace`.
+    pub pass: String,
+    /// Name of the output, such as `visibility`.
+    pub output: String,
+}
+
+impl FromStr for ViewName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.split_once(':') {
+            Some((pass, output)) if !pass.is_empty() && !output.is_empty() && !output.contains(':') => {
+                Ok(Self { pass: pass.to_owned(), output: output.to_owned() })
+            }
+            _ => Err("wanted PASS:OUTPUT, such as shadows.trace:visibility".to_owned()),
+        }
+    }
+}
+
+impl std::fmt::Display for ViewName {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}", self.pass, self.output)
+    }
+}
+
+/// How rays are traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Rays {
+    /// Compute shaders over Magpie's own hierarchy.
+    Software,
+    /// Ray queries in compute shaders.
+    Query,
+    /// Ray-tracing pipelines.
+    Pipeline,
+    /// Whatever suits the device.
+    Auto,
+}
+
+fn time_step(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
+        _ => Err("wanted a finite number of seconds above 0".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_declaration_holds_together() {
+        use clap::CommandFactory;
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_two_plain_numbers() {
+        let extent = |text: &str| text.parse::<Extent>().ok().map(|e| (e.width, e.height));
+        assert_eq!(extent("640x360"), Some((640, 360)));
+        assert_eq!(extent("1x16384"), Some((1, 16_384)));
+        for bad in [
+            "",
+            "x",
+            "640",
+            "640x",
+            "x360",
+            "0x10",
+            "10x0",
+            "640X360",
+            "640x360x2",
+            "+640x360",
+            "-1x5",
+            " 640x360",
+            "640 x360",
+            "16385x1",
+            "1x99999999999999999999",
+            "6.4x3",
+            "1e2x5",
+            "٣x٣",
+        ] {
+            assert_eq!(extent(bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn time_steps_are_finite_and_above_zero() {
+        assert_eq!(time_step("0.5"), Ok(0.5));
+        for bad in ["0", "-1", "nan", "inf", "1e99", "", "x", "1e-99"] {
+            assert!(time_step(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn views_name_pass_and_output() {
+        let view: ViewName = "shadows.trace:visibility".parse().unwrap();
+        assert_eq!((view.pass.as_str(), view.output.as_str()), ("shadows.trace", "visibility"));
+        assert_eq!(view.to_string(), "shadows.trace:visibility");
+        for bad in ["", ":", "a", "a:", ":b", "a:b:c"] {
+            assert!(bad.parse::<ViewName>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_manual() {
+        let arguments = Arguments::try_parse_from(["magpie", "render", "builtin:cornell"]).unwrap();
+        let Command::Render(render) = arguments.command else { panic!("another command") };
+        assert_eq!(render.size, Extent { width: 1280, height: 720 });
+        assert_eq!((render.frames, render.warmup, render.seed, render.rays), (32, 0, 0, Rays::Auto));
+        assert!((render.time_step - 1.0 / 60.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,102 @@
+//! Standard output, standard error and the log.
+
+use std::{
+    io::{self, ErrorKind, Write},
+    sync::{Mutex, PoisonError},
+};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use log::{Level, LevelFilter, Log, Metadata, Record};
+
+use crate::{args::Loudness, exit::Failure};
+
+/// Writes to standard output. A reader that went away, as `head` does, is no failure.
+pub(crate) fn print(text: &str) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::running(error).context("standard output")),
+        _ => Ok(()),
+    }
+}
+
+/// Writes an error message to standard error.
+pub(crate) fn complain(message: &str) {
+    say(&format!("error: {message}"));
+}
+
+/// Writes a line to standard error, above the progress bar if one is drawn.
+fn say(line: &str) {
+    let write = || {
+        // Nothing is left to be told when even stderr is gone.
+        let _ = writeln!(io::stderr().lock(), "{line}");
+    };
+    match &*BAR.lock().unwrap_or_else(PoisonError::into_inner) {
+        Some(bar) => bar.suspend(write),
+        None => write(),
+    }
+}
+
+static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// A progress bar on standard error; it is gone when this is dropped.
+pub(crate) struct Progress(ProgressBar);
+
+impl Progress {
+    /// Shows nothing when told to be quiet or when standard error is no terminal.
+    pub(crate) fn new(frames: u64, loudness: &Loudness) -> Self {
+        let target = if loudness.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} frames, {eta} left");
+        let bar = ProgressBar::with_draw_target(Some(frames), target)
+            .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+            .with_message("rendering");
+        *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        Self(bar)
+    }
+
+    /// One more frame is done.
+    pub(crate) fn step(&self) {
+        self.0.inc(1);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+        *BAR.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+struct Sink;
+
+impl Log for Sink {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        metadata.level() <= log::max_level()
+    }
+
+    fn log(&self, record: &Record<'_>) {
+        if !self.enabled(record.metadata()) {
+            return;
+        }
+        match record.level() {
+            Level::Error => say(&format!("error: {}", record.args())),
+            Level::Warn => say(&format!("warning: {}", record.args())),
+            Level::Info => say(&format!("info: {}", record.args())),
+            Level::Debug | Level::Trace => say(&format!("debug: {}: {}", record.target(), record.args())),
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// Sends the log to standard error. A program that uses this library with a log of its own keeps its own.
+pub(crate) fn listen(loudness: &Loudness) {
+    let level = match (loudness.quiet, loudness.verbose) {
+        (true, _) => LevelFilter::Error,
+        (false, 0) => LevelFilter::Warn,
+        (false, 1) => LevelFilter::Info,
+        (false, _) => LevelFilter::Debug,
+    };
+    if log::set_logger(&Sink).is_ok() {
+        log::set_max_level(level);
+    }
+}

@@ -1,0 +1,162 @@
+//! How a command fails, and the exit status of each kind.
+
+use std::{error::Error, ffi::OsString};
+
+use clap::error::ErrorKind;
+use magpie::{config::ConfigError, gpu::GpuError, scene::SceneError, stage::StageError};
+
+use crate::console;
+
+/// A command that did not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// Arguments that make no sense, alone or together.
+    #[error("{0}")]
+    Usage(String),
+    /// A file, name or value that was given is at fault.
+    #[error("{0:#}")]
+    Input(anyhow::Error),
+    /// Nothing to render on.
+    #[error("{0:#}")]
+    NoDevice(anyhow::Error),
+    /// It failed while running.
+    #[error("{0:#}")]
+    Run(anyhow::Error),
+}
+
+impl Failure {
+    /// A fault of what was given.
+    pub fn input(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Input(anyhow::Error::new(error))
+    }
+
+    /// A fault of what was given, in words.
+    pub fn bad(message: impl Into<String>) -> Self {
+        Self::Input(anyhow::Error::msg(message.into()))
+    }
+
+    /// A fault while running.
+    pub fn running(error: impl Error + Send + Sync + 'static) -> Self {
+        Self::Run(anyhow::Error::new(error))
+    }
+
+    /// Says what it was about: a file or an argument.
+    #[must_use]
+    pub fn context(self, what: impl Into<String>) -> Self {
+        let what = what.into();
+        match self {
+            Self::Usage(message) => Self::Usage(format!("{what}: {message}")),
+            Self::Input(error) => Self::Input(error.context(what)),
+            Self::NoDevice(error) => Self::NoDevice(error.context(what)),
+            Self::Run(error) => Self::Run(error.context(what)),
+        }
+    }
+
+    /// Exit status.
+    #[must_use]
+    pub const fn status(&self) -> u8 {
+        match self {
+            Self::Run(_) => 1,
+            Self::Usage(_) | Self::Input(_) => 2,
+            Self::NoDevice(_) => 3,
+        }
+    }
+
+    /// The whole chain of causes in one line. A cause that its parent already quotes is not said twice.
+    #[must_use]
+    pub fn message(&self) -> String {
+        let error = match self {
+            Self::Usage(message) => return message.clone(),
+            Self::Input(error) | Self::NoDevice(error) | Self::Run(error) => error,
+        };
+        let mut text = String::new();
+        for cause in error.chain().map(ToString::to_string) {
+            if text.is_empty() {
+                text = cause;
+            } else if !text.contains(&cause) {
+                text = format!("{text}: {cause}");
+            }
+        }
+        text
+    }
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<StageError> for Failure {
+    fn from(error: StageError) -> Self {
+        match error {
+            StageError::UnknownImplementation { .. } | StageError::Setting { .. } => Self::input(error),
+            StageError::NotDescribed { .. } | StageError::Construct { .. } | StageError::Other(_) => {
+                Self::running(error)
+            }
+        }
+    }
+}
+
+impl From<GpuError> for Failure {
+    fn from(error: GpuError) -> Self {
+        match error {
+            GpuError::NoLoader { .. }
+            | GpuError::NoDevice { .. }
+            | GpuError::UnknownDevice { .. }
+            | GpuError::MissingLayer { .. }
+            | GpuError::MissingExtension { .. } => Self::NoDevice(anyhow::Error::new(error)),
+            other => Self::running(other),
+        }
+    }
+}
+
+/// Shows what clap has to say, which may be the help that was asked for, and gives the exit status.
+pub(crate) fn report_usage(error: &clap::Error, given: &[OsString]) -> u8 {
+    // Clap does not say which one it is.
+    let odd = given.iter().position(|argument| argument.to_str().is_none());
+    if let (ErrorKind::InvalidUtf8, Some(at)) = (error.kind(), odd) {
+        let line: Vec<_> = given[..=at].iter().map(|a| a.to_string_lossy()).collect();
+        console::complain(&format!("argument {at}: wanted UTF-8 text, got {:?} in: {}", given[at], line.join(" ")));
+        return 2;
+    }
+    if error.use_stderr() {
+        // Nothing is left to be told when even stderr is gone.
+        let _ = error.print();
+        return 2;
+    }
+    match console::print(&error.render().to_string()) {
+        Ok(()) => 0,
+        Err(failure) => failure.status(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_has_its_status() {
+        let gpu = |refusals| Failure::from(GpuError::NoDevice { refusals });
+        assert_eq!(gpu(vec![]).status(), 3);
+        assert_eq!(Failure::from(GpuError::DeviceLost { during: "vkQueueSubmit2" }).status(), 1);
+        assert_eq!(Failure::Usage("x".to_owned()).status(), 2);
+        assert_eq!(Failure::from(ConfigError::Assignment { got: "x".to_owned() }).status(), 2);
+        assert_eq!(Failure::from(StageError::other("lost")).status(), 1);
+        assert_eq!(Failure::running(std::io::Error::other("disk")).status(), 1);
+    }
+
+    #[test]
+    fn the_message_is_the_chain_without_repetition() {
+        let failure = Failure::bad("wanted 1, got 2").context("--frames").context("magpie");
+        assert_eq!(failure.message(), "magpie: --frames: wanted 1, got 2");
+        let quoting = anyhow::Error::msg("disk full").context("a.png: disk full");
+        assert_eq!(Failure::Run(quoting).message(), "a.png: disk full");
+    }
+}

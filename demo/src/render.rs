@@ -1,0 +1,164 @@
+//! `magpie render`.
+
+use std::path::Path;
+
+use magpie::{
+    config::Config,
+    measure::{Recorder, Report, Run, chrome_trace, pass_table},
+};
+use magpie_passes::ReadBack;
+
+use crate::{
+    args::{Loudness, RenderArguments},
+    console::{self, Progress},
+    exit::Failure,
+    input,
+    output::{Output, keep_apart},
+    picture,
+    session::{self, Options, Session},
+};
+
+/// Findings that are told one by one; the rest is counted.
+const FINDINGS_SHOWN: usize = 20;
+
+/// Every file that a run writes.
+#[derive(Default)]
+struct Outputs {
+    picture: Option<Output>,
+    timings: Option<Output>,
+    trace: Option<Output>,
+    graph: Option<Output>,
+}
+
+impl Outputs {
+    fn plan(arguments: &RenderArguments) -> Result<Self, Failure> {
+        let plan = |argument, path: &Option<_>, endings: &[&str]| {
+            path.as_deref().map(|path: &Path| Output::plan(argument, path, endings)).transpose()
+        };
+        let outputs = Self {
+            picture: plan("--out", &arguments.out, &["png", "exr"])?,
+            timings: plan("--timings", &arguments.timings, &["json", "csv"])?,
+            trace: plan("--trace", &arguments.trace, &["json"])?,
+            graph: plan("--dump-graph", &arguments.dump_graph, &["txt", "json", "dot"])?,
+        };
+        let all = [&outputs.picture, &outputs.timings, &outputs.trace, &outputs.graph];
+        let all: Vec<&Output> = all.into_iter().flatten().collect();
+        let inputs =
+            [("scene", &arguments.scene), ("camera file", &arguments.camera), ("configuration", &arguments.config)];
+        let inputs: Vec<(&str, &Path)> = inputs.iter().filter_map(|(what, p)| Some((*what, p.as_deref()?))).collect();
+        keep_apart(&all, &inputs)?;
+        Ok(outputs)
+    }
+}
+
+/// Renders the frames and writes what was asked for. Whatever can be wrong with the arguments and files is found before a
+/// device is opened.
+///
+/// # Errors
+/// [`Failure`] of the kind that gives the right exit status.
+pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Failure> {
+    let outputs = Outputs::plan(arguments)?;
+    session::check_rays(arguments.rays)?;
+    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
+    if arguments.print_config {
+        return console::print(&config.to_toml()?);
+    }
+    let Some(scene_name) = &arguments.scene else {
+        return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
+    };
+    let scene = session::load_scene(scene_name)?;
+    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+
+    let options = Options {
+        device: arguments.device.as_deref(),
+        check: arguments.check,
+        size: arguments.size,
+        seed: arguments.seed,
+        time_step: arguments.time_step,
+    };
+    let mut session = Session::open(&scene, &config, &options)?;
+    log::info!("rendering {} on {}", scene.name, session.device().name);
+    let mut recorder = Recorder::new(arguments.warmup as usize);
+    let mut findings = Vec::new();
+    let mut picture = None;
+    let frames = arguments.warmup + arguments.frames;
+    let progress = Progress::new(u64::from(frames), loudness);
+    for frame in 1..=frames {
+        let read_back = frame == frames && outputs.picture.is_some();
+        let result = session.frame(&camera, arguments.view.as_ref(), read_back)?;
+        recorder.push(result.sample);
+        findings.extend(result.findings.iter().map(|finding| format!("frame {frame}: {finding}")));
+        if read_back {
+            picture = result.image;
+        }
+        progress.step();
+    }
+    drop(progress);
+
+    let run = describe_run(&session, arguments, scene_name, config);
+    let report = recorder.report(run).map_err(Failure::running)?;
+    write_outputs(&outputs, &session, arguments.view.is_some(), picture.as_ref(), &recorder, &report)?;
+    console::print(&pass_table(&report))?;
+    findings.extend(session.close()?);
+    tell_findings(&findings)
+}
+
+fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, config: Config) -> Run {
+    Run {
+        magpie: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: env!("MAGPIE_COMMIT").to_owned(),
+        device: session.device(),
+        rays: session.rays().to_owned(),
+        scene: scene.display().to_string(),
+        size: [arguments.size.width, arguments.size.height],
+        config,
+    }
+}
+
+fn write_outputs(
+    outputs: &Outputs,
+    session: &Session,
+    is_view: bool,
+    picture: Option<&ReadBack>,
+    recorder: &Recorder,
+    report: &Report,
+) -> Result<(), Failure> {
+    if let Some(output) = &outputs.picture {
+        let Some(image) = picture else {
+            return Err(Failure::Run(anyhow::anyhow!("the last frame brought no picture back from the device")));
+        };
+        let ReadBack { width, height, display, linear } = image;
+        output.write(|file| match (output.ending(), is_view) {
+            ("exr", _) => picture::write_exr(file, *width, *height, linear),
+            (_, true) => picture::write_png(file, *width, *height, &picture::shown(linear)),
+            (_, false) => picture::write_png(file, *width, *height, display),
+        })?;
+    }
+    if let Some(output) = &outputs.timings {
+        let csv = output.ending() == "csv";
+        output.write_text(&if csv { report.to_csv() } else { report.to_json().map_err(Failure::running)? })?;
+    }
+    if let Some(output) = &outputs.trace {
+        output.write_text(&chrome_trace(recorder.frames()).to_string())?;
+    }
+    if let Some(output) = &outputs.graph {
+        let dump = session.dump();
+        output.write_text(&match output.ending() {
+            "json" => dump.json,
+            "dot" => dump.dot,
+            _ => dump.text,
+        })?;
+    }
+    Ok(())
+}
+
+/// Any finding of `--check` is an error.
+fn tell_findings(findings: &[String]) -> Result<(), Failure> {
+    for finding in findings.iter().take(FINDINGS_SHOWN) {
+        console::complain(finding);
+    }
+    match findings.len() {
+        0 => Ok(()),
+        n => Err(Failure::Run(anyhow::anyhow!("--check: {n} finding(s), the first {} above", n.min(FINDINGS_SHOWN)))),
+    }
+}

@@ -1,0 +1,149 @@
+//! The one place where the command line meets the engine and the renderer.
+
+use std::path::Path;
+
+use magpie::{
+    config::{Catalogue, Config},
+    gpu::{DeviceReport, Gpu, GpuOptions},
+    graph::Dump,
+    measure::Device,
+    scene::{self, BUILTIN, Camera, CameraFile, Scene},
+};
+use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
+
+use crate::{
+    args::{Extent, Rays, ViewName},
+    exit::Failure,
+    input,
+};
+
+const BUILTIN_PREFIX: &str = "builtin:";
+
+/// Every slot with its implementations and settings.
+pub(crate) fn catalogue() -> Catalogue {
+    Slots::default().catalogue()
+}
+
+/// Every Vulkan device.
+pub(crate) fn devices() -> Result<Vec<DeviceReport>, Failure> {
+    Ok(magpie::gpu::devices()?)
+}
+
+/// Names of the built-in scenes, as they stand on the command line, with one line about each.
+pub(crate) fn scenes() -> Vec<(String, &'static str)> {
+    BUILTIN.iter().map(|(name, about)| (format!("{BUILTIN_PREFIX}{name}"), *about)).collect()
+}
+
+/// Loads or makes a scene and supplies what it lacks: light, a camera.
+pub(crate) fn load_scene(name: &Path) -> Result<Scene, Failure> {
+    let mut scene = match name.to_str().and_then(|n| n.strip_prefix(BUILTIN_PREFIX)) {
+        Some(wanted) => {
+            let (known, _) = input::find("built-in scene", wanted, BUILTIN, |(name, _)| name)?;
+            scene::builtin(known).ok_or_else(|| Failure::bad(format!("{BUILTIN_PREFIX}{known}: cannot be made")))?
+        }
+        None => scene::load(name)?,
+    };
+    scene::supply_missing(&mut scene);
+    for notice in &scene.notices {
+        log::info!("{}: {notice}", scene.name);
+    }
+    Ok(scene)
+}
+
+/// The scene's camera of that name, the camera of that file, or the scene's first one.
+pub(crate) fn camera(scene: &Scene, wanted: Option<&Path>) -> Result<Camera, Failure> {
+    let Some(wanted) = wanted else {
+        let first = scene.cameras.first().cloned();
+        return first.ok_or_else(|| Failure::bad(format!("{}: the scene has no camera", scene.name)));
+    };
+    if wanted.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        let file = CameraFile::read(wanted).map_err(|e| Failure::from(e).context("--camera"))?;
+        let name = wanted.file_stem().unwrap_or_default().to_string_lossy();
+        return file.camera(&name).map_err(|e| Failure::from(e).context(format!("--camera {}", wanted.display())));
+    }
+    let found = input::find("camera", &wanted.to_string_lossy(), &scene.cameras, |c| &c.name);
+    found.cloned().map_err(|f| f.context("--camera (a camera file ends in .toml)"))
+}
+
+/// What a session is opened with.
+pub(crate) struct Options<'a> {
+    pub(crate) device: Option<&'a str>,
+    pub(crate) check: bool,
+    pub(crate) size: Extent,
+    pub(crate) seed: u32,
+    pub(crate) time_step: f32,
+}
+
+/// A device and a renderer on it.
+pub(crate) struct Session {
+    renderer: Renderer,
+    gpu: Gpu,
+}
+
+impl Session {
+    pub(crate) fn open(scene: &Scene, config: &Config, options: &Options<'_>) -> Result<Self, Failure> {
+        let gpu = Gpu::new(&GpuOptions { device: options.device.map(str::to_owned), validation: options.check })?;
+        let Extent { width, height } = options.size;
+        let render_options =
+            RenderOptions { width, height, seed: options.seed, check: options.check, time_step: options.time_step };
+        let renderer = Renderer::new(&gpu, scene, config, render_options).map_err(failure)?;
+        Ok(Self { renderer, gpu })
+    }
+
+    /// Renders the next frame; `read_back` brings the picture, or the output that `view` names, to memory.
+    pub(crate) fn frame(
+        &mut self,
+        camera: &Camera,
+        view: Option<&ViewName>,
+        read_back: bool,
+    ) -> Result<FrameResult, Failure> {
+        let view = view.map(ToString::to_string);
+        self.renderer.frame(FrameRequest { camera, view: view.as_deref(), read_back }).map_err(failure)
+    }
+
+    /// The plan of the last frame.
+    pub(crate) fn dump(&self) -> Dump {
+        self.renderer.dump()
+    }
+
+    pub(crate) fn device(&self) -> Device {
+        let report = self.gpu.report();
+        Device { name: report.name.clone(), driver: report.driver.clone(), kind: report.kind.to_owned() }
+    }
+
+    /// Name of the ray backend in use.
+    pub(crate) fn rays(&self) -> &'static str {
+        "software"
+    }
+
+    /// Takes the renderer down and gives what the validation layers have said since the last frame.
+    pub(crate) fn close(self) -> Result<Vec<String>, Failure> {
+        let Self { renderer, gpu } = self;
+        drop(renderer);
+        gpu.wait_idle()?;
+        match gpu.check_validation() {
+            Ok(()) => Ok(Vec::new()),
+            Err(magpie::gpu::GpuError::Validation { messages }) => Ok(messages),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Refuses ray backends that this version does not have.
+pub(crate) fn check_rays(rays: Rays) -> Result<(), Failure> {
+    let name = match rays {
+        Rays::Auto | Rays::Software => return Ok(()),
+        Rays::Query => "query",
+        Rays::Pipeline => "pipeline",
+    };
+    Err(Failure::bad(format!("--rays {name}: this version traces rays in software; wanted auto or software")))
+}
+
+fn failure(error: RenderError) -> Failure {
+    match error {
+        RenderError::Gpu(error) => error.into(),
+        RenderError::Stage(error) => error.into(),
+        RenderError::UnknownView { .. } => Failure::input(error).context("--view"),
+        other => Failure::running(other),
+    }
+}

@@ -1,0 +1,72 @@
+//! Commands that need no device.
+#![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
+
+use std::process::{Command, Output, Stdio};
+
+use magpie::config::Config;
+use serde_json::Value;
+
+fn magpie(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_magpie")).args(arguments).stdin(Stdio::null()).output().unwrap()
+}
+
+fn said(arguments: &[&str]) -> String {
+    let output = magpie(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn scenes_are_listed_as_they_are_named_on_the_command_line() {
+    let text = said(&["scenes"]);
+    assert!(text.lines().any(|l| l.starts_with("builtin:cornell ")), "{text}");
+    assert!(text.lines().any(|l| l.starts_with("builtin:courtyard ")), "{text}");
+}
+
+#[test]
+fn stages_are_listed_for_people_and_programs() {
+    let text = said(&["stages"]);
+    let json: Value = serde_json::from_str(&said(&["stages", "--json"])).unwrap();
+    for slot in json.as_array().unwrap() {
+        let (name, default) = (slot["name"].as_str().unwrap(), slot["default"].as_str().unwrap());
+        assert!(text.contains(&format!("{name}: ")) && text.contains(&format!("  {default} (default): ")), "{text}");
+        assert!(slot["implementations"].as_array().unwrap().iter().any(|i| i["name"] == default));
+    }
+}
+
+#[test]
+fn the_printed_configuration_is_whole_and_reads_back() {
+    let text = said(&["render", "--print-config", "--set", "stages.shadows=off"]);
+    let config = Config::from_toml(&text, "printed").unwrap();
+    let catalogue = magpie_passes::Slots::default().catalogue();
+    catalogue.check(&config, "printed").unwrap();
+    assert_eq!(catalogue.complete(&config), config);
+    assert_eq!(config.stages["shadows"], "off");
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    assert!(said(&["--help"]).contains("render"));
+    assert!(said(&["render", "--help"]).contains("--dump-graph"));
+    assert!(said(&["--version"]).contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    for arguments in [&["stages", "--json"][..], &["scenes"], &["--help"], &["render", "--print-config"]] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let output = Command::new(env!("CARGO_BIN_EXE_magpie")).args(arguments).stdout(writer).output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && stderr.is_empty(), "{arguments:?}: {:?} {stderr}", output.status);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_a_failure() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_magpie")).arg("stages").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("standard output"));
+}

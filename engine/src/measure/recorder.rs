@@ -1,0 +1,141 @@
+//! Collects frames and reduces them to a report.
+
+use super::{
+    FrameSample, PassTime,
+    report::{FrameReport, GraphReport, Median, PassReport, Rays, Report, Run},
+    statistics::{Spread, median},
+};
+
+/// Why there is no report.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MeasureError {
+    /// Every frame belonged to the warm-up.
+    #[error("no frame to report: {seen} came in, and the first {warmup} are the warm-up")]
+    NoFrames {
+        /// Frames that came in.
+        seen: usize,
+        /// Frames of the warm-up.
+        warmup: usize,
+    },
+}
+
+/// Keeps the frames after the warm-up.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    warmup: usize,
+    seen: usize,
+    frames: Vec<FrameSample>,
+}
+
+impl Recorder {
+    /// Leaves out the first `warmup` frames.
+    #[must_use]
+    pub fn new(warmup: usize) -> Self {
+        Self { warmup, seen: 0, frames: Vec::new() }
+    }
+
+    /// Takes the next frame.
+    pub fn push(&mut self, frame: FrameSample) {
+        self.seen += 1;
+        if self.seen > self.warmup {
+            self.frames.push(frame);
+        }
+    }
+
+    /// The frames after the warm-up.
+    #[must_use]
+    pub fn frames(&self) -> &[FrameSample] {
+        &self.frames
+    }
+
+    /// Statistics over the frames. Figures of a pass are over the frames in which it ran; figures of the graph, and
+    /// counts, are medians, memory is that of the last frame.
+    ///
+    /// # Errors
+    /// [`MeasureError::NoFrames`] when nothing came after the warm-up.
+    pub fn report(&self, run: Run) -> Result<Report, MeasureError> {
+        let Some(last) = self.frames.last() else {
+            return Err(MeasureError::NoFrames { seen: self.seen, warmup: self.warmup });
+        };
+        let of = |value: fn(&FrameSample) -> u64| middle(self.frames.iter().map(value).collect());
+        let gpu = self.frames.iter().filter_map(|f| f.gpu_ns).collect();
+        Ok(Report {
+            run,
+            frames: self.frames.len(),
+            warmup: self.warmup,
+            frame: FrameReport { gpu_ms: Spread::of(gpu, 1e6), cpu_ms: Median { median: of(|f| f.cpu_ns) / 1e6 } },
+            graph: GraphReport {
+                declare_us: of(|f| f.declare_ns) / 1e3,
+                plan_us: of(|f| f.plan_ns) / 1e3,
+                record_us: of(|f| f.record_ns) / 1e3,
+                passes: of(|f| f.passes.len() as u64).round() as u64,
+                culled: of(|f| u64::from(f.culled)).round() as u64,
+                barriers: of(|f| u64::from(f.barriers)).round() as u64,
+                queues: of(queues).round() as u64,
+            },
+            memory: last.memory,
+            passes: self.columns().into_iter().map(Column::report).collect(),
+        })
+    }
+
+    /// Gathers the samples of each pass. A pass that first runs in a later frame is placed behind the one that it follows
+    /// there; a name that stands several times in a frame is several passes.
+    fn columns(&self) -> Vec<Column<'_>> {
+        let mut columns: Vec<Column<'_>> = Vec::new();
+        for frame in &self.frames {
+            let mut after = 0;
+            for (at, pass) in frame.passes.iter().enumerate() {
+                let occurrence = frame.passes[..at].iter().filter(|p| p.name == pass.name).count();
+                let place = columns.iter().position(|c| c.samples[0].name == pass.name && c.occurrence == occurrence);
+                let place = place.unwrap_or_else(|| {
+                    columns.insert(after, Column { occurrence, samples: vec![] });
+                    after
+                });
+                columns[place].samples.push(pass);
+                after = place + 1;
+            }
+        }
+        columns
+    }
+}
+
+/// All samples of one pass; there is at least one.
+struct Column<'a> {
+    occurrence: usize,
+    samples: Vec<&'a PassTime>,
+}
+
+impl Column<'_> {
+    fn report(self) -> PassReport {
+        let first = self.samples[0];
+        let of = |value: fn(&PassTime) -> u64| middle(self.samples.iter().map(|p| value(p)).collect());
+        let name = match self.occurrence {
+            0 => first.name.clone(),
+            n => format!("{} #{}", first.name, n + 1),
+        };
+        PassReport {
+            name,
+            stage: first.stage.clone(),
+            queue: first.queue,
+            frames: self.samples.len(),
+            gpu_ms: Spread::of(self.samples.iter().filter_map(|p| p.gpu_ns).collect(), 1e6),
+            cpu_us: of(|p| p.cpu_ns) / 1e3,
+            rays: Rays { closest: of(|p| p.rays_closest).round() as u64, any: of(|p| p.rays_any).round() as u64 },
+            draws: of(|p| u64::from(p.draws)).round() as u64,
+            dispatches: of(|p| u64::from(p.dispatches)).round() as u64,
+        }
+    }
+}
+
+/// Different queues of a frame.
+fn queues(frame: &FrameSample) -> u64 {
+    let passes = &frame.passes;
+    let first = |at: usize| !passes[..at].iter().any(|p| p.queue == passes[at].queue);
+    (0..passes.len()).filter(|&at| first(at)).count() as u64
+}
+
+/// Median of at least one value.
+fn middle(mut values: Vec<u64>) -> f64 {
+    values.sort_unstable();
+    median(&values).unwrap_or_default()
+}

@@ -1,0 +1,139 @@
+use serde_json::{Value, json};
+
+use super::*;
+use crate::measure::{FrameSample, MeasureError, PassTime, Recorder};
+
+fn run() -> Run {
+    let mut config = Config::default();
+    config.set("stages.shadows=off").unwrap();
+    config.set("shadows.cone_degrees=0.5").unwrap();
+    Run {
+        magpie: "0.1.0".to_owned(),
+        commit: "abc".to_owned(),
+        device: Device { name: "soft".to_owned(), driver: "mesa 1".to_owned(), kind: "cpu".to_owned() },
+        rays: "software".to_owned(),
+        scene: "builtin:cornell".to_owned(),
+        size: [640, 360],
+        config,
+    }
+}
+
+fn pass(name: &str, gpu_ms: u64) -> PassTime {
+    PassTime {
+        name: name.to_owned(),
+        stage: name.split('.').next().unwrap().to_owned(),
+        queue: "graphics",
+        gpu_ns: Some(gpu_ms * 1_000_000),
+        cpu_ns: 2_500,
+        dispatches: 1,
+        rays_any: 10,
+        ..PassTime::default()
+    }
+}
+
+fn frame(gpu_ms: u64, passes: Vec<PassTime>) -> FrameSample {
+    let memory = Memory { transient_bytes: 1024, ..Memory::default() };
+    FrameSample {
+        gpu_ns: Some(gpu_ms * 1_000_000),
+        cpu_ns: 4_000_000,
+        declare_ns: 1_500,
+        plan_ns: 500,
+        record_ns: 2_000,
+        passes,
+        culled: 1,
+        barriers: 7,
+        memory,
+        ..FrameSample::default()
+    }
+}
+
+fn recorder(frames: Vec<FrameSample>, warmup: usize) -> Recorder {
+    let mut recorder = Recorder::new(warmup);
+    frames.into_iter().for_each(|f| recorder.push(f));
+    recorder
+}
+
+#[test]
+fn json_has_the_documented_names() {
+    let frames = vec![frame(99, vec![pass("a.b", 98)]), frame(4, vec![pass("a.b", 2)]), frame(6, vec![pass("a.b", 4)])];
+    let report = recorder(frames, 1).report(run()).unwrap();
+    let got: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+    let wanted = json!({
+        "magpie": "0.1.0", "commit": "abc",
+        "device": {"name": "soft", "driver": "mesa 1", "kind": "cpu"}, "rays": "software",
+        "scene": "builtin:cornell", "size": [640, 360], "frames": 2, "warmup": 1,
+        "config": {"stages": {"shadows": "off"}, "shadows": {"cone_degrees": 0.5}},
+        "frame": {"gpu_ms": {"median": 5.0, "min": 4.0, "p99": 6.0, "max": 6.0}, "cpu_ms": {"median": 4.0}},
+        "graph": {"declare_us": 1.5, "plan_us": 0.5, "record_us": 2.0, "passes": 1, "culled": 1, "barriers": 7, "queues": 1},
+        "memory": {"transient_bytes": 1024, "transient_lower_bound": 0, "transient_unaliased": 0, "history_bytes": 0,
+                   "scene_bytes": 0, "acceleration_bytes": 0},
+        "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
+                    "gpu_ms": {"median": 3.0, "min": 2.0, "p99": 4.0, "max": 4.0}, "cpu_us": 2.5,
+                    "rays": {"closest": 0, "any": 10}, "draws": 0, "dispatches": 1}],
+    });
+    assert_eq!(got, wanted);
+}
+
+#[test]
+fn only_warm_up_is_no_report() {
+    let error = recorder(vec![frame(1, vec![])], 3).report(run()).unwrap_err();
+    assert_eq!(error, MeasureError::NoFrames { seen: 1, warmup: 3 });
+}
+
+#[test]
+fn passes_may_come_and_go() {
+    let frames = vec![
+        frame(9, vec![pass("a.x", 1), pass("c.x", 3)]),
+        frame(9, vec![pass("a.x", 1), pass("b.x", 2), pass("c.x", 5), pass("c.x", 7)]),
+        frame(9, vec![pass("b.x", 4)]),
+    ];
+    let report = recorder(frames, 0).report(run()).unwrap();
+    let rows: Vec<_> = report.passes.iter().map(|p| (p.name.as_str(), p.frames, p.gpu_ms.unwrap().median)).collect();
+    assert_eq!(rows, [("a.x", 2, 1.0), ("b.x", 2, 3.0), ("c.x", 2, 4.0), ("c.x #2", 1, 7.0)]);
+}
+
+#[test]
+fn a_device_without_timestamps_has_null_and_empty_times() {
+    let untimed = PassTime { gpu_ns: None, ..pass("a.x", 1) };
+    let report = recorder(vec![FrameSample { gpu_ns: None, ..frame(1, vec![untimed]) }], 0).report(run()).unwrap();
+    let json: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+    assert!(json["frame"]["gpu_ms"].is_null() && json["passes"][0]["gpu_ms"].is_null());
+    assert!(report.to_csv().contains("a.x,a,graphics,1,,,,,2.5,"));
+}
+
+/// Splits a line of CSV, quotes and all.
+fn fields(line: &str) -> Vec<String> {
+    let (mut fields, mut inside) = (vec![String::new()], false);
+    let mut letters = line.chars().peekable();
+    while let Some(letter) = letters.next() {
+        let field = fields.last_mut().unwrap();
+        match letter {
+            '"' if inside && letters.peek() == Some(&'"') => field.push(letters.next().unwrap()),
+            '"' => inside = !inside,
+            ',' if !inside => fields.push(String::new()),
+            _ => field.push(letter),
+        }
+    }
+    fields
+}
+
+#[test]
+fn csv_reads_back() {
+    let odd = PassTime { name: "odd.\"one\", here".to_owned(), ..pass("x", 3) };
+    let report = recorder(vec![frame(9, vec![pass("a.x", 1), odd])], 0).report(run()).unwrap();
+    let csv = report.to_csv();
+    let rows: Vec<_> = csv.lines().map(fields).collect();
+    assert_eq!(rows.len(), 3);
+    assert_eq!(rows[0], CSV_COLUMNS);
+    for (row, pass) in rows[1..].iter().zip(&report.passes) {
+        let json = serde_json::to_value(pass).unwrap();
+        assert_eq!(row.len(), CSV_COLUMNS.len());
+        for (column, field) in CSV_COLUMNS.iter().zip(row) {
+            let value = column.split('.').fold(&json, |v, name| &v[name]);
+            match value {
+                Value::String(text) => assert_eq!(text, field, "{column}"),
+                number => assert_eq!(number.as_f64().unwrap(), field.parse::<f64>().unwrap(), "{column}"),
+            }
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! The table of passes for a terminal.
+
+use super::Report;
+
+const RIGHT_FROM: usize = 2;
+
+/// One row per pass, then the total: GPU time, share of the frame, CPU time, rays, draws and dispatches. Columns that are
+/// zero in every row are left out.
+#[must_use]
+pub fn pass_table(report: &Report) -> String {
+    let frame_ms = report.frame.gpu_ms.map(|s| s.median);
+    let head = ["pass", "queue", "GPU ms", "min", "p99", "share", "CPU us", "rays", "draws", "dispatches"];
+    let mut rows = vec![head.map(str::to_owned).to_vec()];
+    let time = |ms: Option<f64>| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.3}"));
+    let share = |ms: Option<f64>| match (ms, frame_ms) {
+        (Some(ms), Some(frame)) if frame > 0.0 => format!("{:.1} %", 100.0 * ms / frame),
+        _ => "-".to_owned(),
+    };
+    for pass in &report.passes {
+        let median = pass.gpu_ms.map(|s| s.median);
+        rows.push(vec![
+            pass.name.clone(),
+            pass.queue.to_owned(),
+            time(median),
+            time(pass.gpu_ms.map(|s| s.min)),
+            time(pass.gpu_ms.map(|s| s.p99)),
+            share(median),
+            format!("{:.1}", pass.cpu_us),
+            count(pass.rays.closest + pass.rays.any),
+            pass.draws.to_string(),
+            pass.dispatches.to_string(),
+        ]);
+    }
+    let sum = |of: fn(&super::PassReport) -> u64| report.passes.iter().map(of).sum::<u64>();
+    let measured: Vec<f64> = report.passes.iter().filter_map(|p| p.gpu_ms.map(|s| s.median)).collect();
+    let passes_ms = (!measured.is_empty()).then(|| measured.iter().sum());
+    rows.push(vec![
+        "all passes".to_owned(),
+        String::new(),
+        time(passes_ms),
+        String::new(),
+        String::new(),
+        share(passes_ms),
+        format!("{:.1}", report.passes.iter().map(|p| p.cpu_us).sum::<f64>()),
+        count(sum(|p| p.rays.closest + p.rays.any)),
+        sum(|p| p.draws).to_string(),
+        sum(|p| p.dispatches).to_string(),
+    ]);
+    rows.push(vec![
+        "frame".to_owned(),
+        String::new(),
+        time(frame_ms),
+        time(report.frame.gpu_ms.map(|s| s.min)),
+        time(report.frame.gpu_ms.map(|s| s.p99)),
+        share(frame_ms),
+        format!("{:.1}", report.frame.cpu_ms.median * 1e3),
+    ]);
+    let ruled = [1, report.passes.len() + 1];
+    lay_out(&rows, &ruled)
+}
+
+/// `12.3 M` for large counts.
+fn count(n: u64) -> String {
+    match n {
+        0..10_000 => n.to_string(),
+        10_000..1_000_000 => format!("{:.1} k", n as f64 / 1e3),
+        _ => format!("{:.1} M", n as f64 / 1e6),
+    }
+}
+
+/// Aligns the columns; a rule stands before the rows of these indices.
+fn lay_out(rows: &[Vec<String>], ruled: &[usize]) -> String {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let cell = |row: &[String], column: usize| row.get(column).cloned().unwrap_or_default();
+    let shown: Vec<usize> = (0..columns)
+        .filter(|&c| c < RIGHT_FROM || rows[1..].iter().any(|r| !matches!(cell(r, c).as_str(), "" | "0")))
+        .collect();
+    let width = |c: usize| rows.iter().map(|r| cell(r, c).chars().count()).max().unwrap_or(0);
+    let total: usize = shown.iter().map(|&c| width(c) + 2).sum::<usize>().saturating_sub(2);
+    let mut text = String::new();
+    for (at, row) in rows.iter().enumerate() {
+        if ruled.contains(&at) {
+            text += &"-".repeat(total);
+            text.push('\n');
+        }
+        let cells: Vec<String> = shown
+            .iter()
+            .map(|&c| {
+                if c < RIGHT_FROM {
+                    format!("{:<1$}", cell(row, c), width(c))
+                } else {
+                    format!("{:>1$}", cell(row, c), width(c))
+                }
+            })
+            .collect();
+        text += cells.join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        config::Config,
+        measure::{Device, FrameSample, PassTime, Recorder, Run},
+    };
+
+    #[test]
+    fn the_table_lines_up_and_adds_up() {
+        let pass = |name: &str, gpu_ms: u64, rays_any| PassTime {
+            name: name.to_owned(),
+            queue: "graphics",
+            gpu_ns: Some(gpu_ms * 1_000_000),
+            dispatches: 1,
+            rays_any,
+            ..PassTime::default()
+        };
+        let passes = vec![pass("gbuffer.draw", 2, 0), pass("shadows.trace", 6, 230_400)];
+        let mut recorder = Recorder::new(0);
+        recorder.push(FrameSample { gpu_ns: Some(10_000_000), passes, ..FrameSample::default() });
+        let text = String::new;
+        let device = Device { name: text(), driver: text(), kind: text() };
+        let run = Run {
+            magpie: text(),
+            commit: text(),
+            device,
+            rays: text(),
+            scene: text(),
+            size: [1, 1],
+            config: Config::default(),
+        };
+        let table = pass_table(&recorder.report(run).unwrap());
+        let wanted = "\
+pass           queue     GPU ms     min     p99    share  CPU us     rays  dispatches
+-------------------------------------------------------------------------------------
+gbuffer.draw   graphics   2.000   2.000   2.000   20.0 %     0.0        0           1
+shadows.trace  graphics   6.000   6.000   6.000   60.0 %     0.0  230.4 k           1
+-------------------------------------------------------------------------------------
+all passes                8.000                   80.0 %     0.0  230.4 k           2
+frame                    10.000  10.000  10.000  100.0 %     0.0
+";
+        assert_eq!(table, wanted, "\n{table}");
+    }
+}

@@ -1,0 +1,64 @@
+use super::*;
+
+fn cone() -> SettingSpec {
+    SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, (0.0, 10.0))
+}
+
+fn implementation() -> ImplementationInfo {
+    let settings = vec![
+        cone(),
+        SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, (1, 64)),
+        SettingSpec::switch("jitter", "Moves the samples.", true),
+        SettingSpec::choice("curve", "Shape.", "agx", &["agx", "aces", "none"]),
+    ];
+    ImplementationInfo { name: "ray-traced".to_owned(), about: String::new(), settings }
+}
+
+#[test]
+fn settings_fill_in_defaults_and_keep_the_described_types() {
+    let given =
+        BTreeMap::from([("cone_degrees".to_owned(), Value::Integer(2)), ("of_another".to_owned(), Value::Bool(true))]);
+    let settings = Settings::new("shadows", &implementation(), &given).unwrap();
+    assert_eq!(settings.f32("cone_degrees").unwrap(), 2.0);
+    assert_eq!(settings.u32("rays").unwrap(), 1);
+    assert!(settings.switch("jitter").unwrap());
+    assert_eq!(settings.choice("curve").unwrap(), "agx");
+    assert_eq!(settings.values().len(), 4);
+}
+
+#[test]
+fn a_getter_of_the_wrong_type_says_what_was_registered() {
+    let settings = Settings::new("shadows", &implementation(), &BTreeMap::new()).unwrap();
+    let message = settings.f32("rays").unwrap_err().to_string();
+    assert!(message.contains("shadows.rays") && message.contains("whole number"), "{message}");
+    assert!(settings.choice("missing").unwrap_err().to_string().contains("not described"));
+}
+
+#[test]
+fn unsuitable_values_name_range_and_value() {
+    for (value, wanted) in [
+        (Value::Float(10.5), "wanted 0 to 10, got 10.5"),
+        (Value::Float(f64::NAN), "finite"),
+        (Value::Float(f64::INFINITY), "finite"),
+        (Value::Text("wide".to_owned()), "wanted a number (0 to 10), got the text \"wide\""),
+    ] {
+        let message = cone().accept(&value).unwrap_err().to_string();
+        assert!(message.contains(wanted), "{message}");
+    }
+    assert!(cone().accept(&Value::Float(10.0)).is_ok());
+    assert!(cone().accept(&Value::Float(0.0)).is_ok());
+}
+
+#[test]
+fn a_description_that_contradicts_itself_is_found() {
+    let bad = SettingSpec::float("cone_degrees", "degrees", "", 11.0, (0.0, 10.0));
+    let info = SlotInfo {
+        name: "shadows".to_owned(),
+        about: String::new(),
+        default: "gone".to_owned(),
+        implementations: vec![ImplementationInfo { settings: vec![bad, cone()], ..implementation() }],
+    };
+    assert_eq!(info.mistakes().len(), 4, "{:?}", info.mistakes());
+    let good = SlotInfo { default: "ray-traced".to_owned(), implementations: vec![implementation()], ..info };
+    assert!(good.mistakes().is_empty());
+}
