@@ -84,7 +84,7 @@ pub fn slots_with_vignette(strength: f32) -> anyhow::Result<(Slots, Config)> {
     let mut config = Config::default();
     config.set("stages.post=vignette")?;
     config.set(&format!("post.vignette={strength:?}"))?;
-    slots.catalogue().check(&config)?;
+    slots.catalogue().check(&config, "own_pass")?;
     Ok((slots, config))
 }
 

@@ -29,9 +29,7 @@ impl Pixels {
             Format::R8Unorm => [unorm(0), 0.0, 0.0, 1.0],
             Format::Rg8Unorm => [unorm(0), unorm(1), 0.0, 1.0],
             Format::Rgba8Unorm => [unorm(0), unorm(1), unorm(2), unorm(3)],
-            Format::Rgba8Srgb => {
-                [srgb_decode(unorm(0)), srgb_decode(unorm(1)), srgb_decode(unorm(2)), unorm(3)]
-            }
+            Format::Rgba8Srgb => [srgb_decode(unorm(0)), srgb_decode(unorm(1)), srgb_decode(unorm(2)), unorm(3)],
             Format::Rgba16Snorm => [snorm(0), snorm(1), snorm(2), snorm(3)],
             Format::Rg16Float => [half(0), half(1), 0.0, 1.0],
             Format::Rgba16Float => [half(0), half(1), half(2), half(3)],

@@ -1,8 +1,8 @@
 //! The whole frame on one screen: read this first.
 use crate::slots::Slots;
 use crate::stages::{
-    ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, SceneHandles, ShadowIn,
-    ShadowOut, SkyIn,
+    ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, SceneHandles,
+    ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
 use magpie::prelude::*;

@@ -183,8 +183,7 @@ impl Renderer {
         };
         let view = desc.declare(&self.gpu, &self.scene, &mut g, &mut imports.borrow_mut())?;
         let imported = self.scene.import(&mut g, &mut imports.borrow_mut());
-        let scene =
-            SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
+        let scene = SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
 
         // Observers see every image while it is new: the scan, and the copy for `--view`.
         let mut scan = None;
@@ -227,7 +226,6 @@ impl Renderer {
         }
         sample.declare_ns = declare_ns;
         sample.cpu_ns += declare_ns;
-        sample.queues = 1;
         sample.memory.transient_bytes = transient_bytes;
         sample.memory.transient_lower_bound = plan.memory.lower_bound;
         sample.memory.transient_unaliased = plan.memory.unaliased;

@@ -45,7 +45,7 @@ pub fn config(changes: &[&str]) -> Result<Config> {
     for change in changes {
         config.set(change)?;
     }
-    Slots::default().catalogue().check(&config)?;
+    Slots::default().catalogue().check(&config, "test")?;
     Ok(config)
 }
 

@@ -75,7 +75,11 @@ fn compose() -> Result<()> {
     for (pixel, (sum, ((d, g), r))) in sum.values().iter().zip(parts).enumerate() {
         for c in 0..3 {
             let expected = d[c] + g[c] + r[c];
-            assert!((sum[c] - expected).abs() <= 1e-6 * expected.max(1.0), "pixel {pixel}: {} is not {expected}", sum[c]);
+            assert!(
+                (sum[c] - expected).abs() <= 1e-6 * expected.max(1.0),
+                "pixel {pixel}: {} is not {expected}",
+                sum[c]
+            );
         }
     }
     golden("compose", Some(&sum))

@@ -24,8 +24,7 @@ impl Scope {
             Domain::Raster => vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER,
             Domain::Compute | Domain::Copy => vk::PipelineStageFlags2::COMPUTE_SHADER,
         };
-        let tests =
-            vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+        let tests = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
         let output = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
         let (storage_read, storage_write) =
             (vk::AccessFlags2::SHADER_STORAGE_READ, vk::AccessFlags2::SHADER_STORAGE_WRITE);

@@ -1,16 +1,23 @@
 //! The one descriptor set: sampled images, storage images and samplers, addressed by index.
-use super::device::lock;
 use super::GpuError;
+use super::device::lock;
 use crate::scene::{Sampler, Wrap};
 use ash::vk;
 use magpie_shaders::SamplerId;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Mutex;
 
-/// Places in the set. 32k sampled images cover big scenes and stay below every desktop driver's limit.
-const SAMPLED: u32 = 32_768;
-const STORAGE: u32 = 4_096;
+/// Places in the set: enough for big scenes, below every desktop driver's limit, and small enough for one set per pass when
+/// the validation layers are on.
+const SAMPLED: u32 = 8_192;
+const STORAGE: u32 = 1_024;
 const SAMPLERS: u32 = 128;
+
+const KINDS: [(vk::DescriptorType, u32); 3] = [
+    (vk::DescriptorType::SAMPLED_IMAGE, SAMPLED),
+    (vk::DescriptorType::STORAGE_IMAGE, STORAGE),
+    (vk::DescriptorType::SAMPLER, SAMPLERS),
+];
 
 pub(super) struct Bindless {
     pub layout: vk::DescriptorSetLayout,
@@ -18,6 +25,8 @@ pub(super) struct Bindless {
     pool: vk::DescriptorPool,
     sampled: Mutex<Slots>,
     storage: Mutex<Slots>,
+    /// Sampled images that no pass of a frame writes: textures.
+    textures: Mutex<BTreeSet<u32>>,
     samplers: Mutex<HashMap<Sampler, (u32, vk::Sampler)>>,
     anisotropy: f32,
 }
@@ -46,12 +55,7 @@ impl Slots {
 
 impl Bindless {
     pub fn new(device: &ash::Device, anisotropy: f32) -> Result<Self, GpuError> {
-        let kinds = [
-            (vk::DescriptorType::SAMPLED_IMAGE, SAMPLED),
-            (vk::DescriptorType::STORAGE_IMAGE, STORAGE),
-            (vk::DescriptorType::SAMPLER, SAMPLERS),
-        ];
-        let bindings: Vec<_> = kinds
+        let bindings: Vec<_> = KINDS
             .iter()
             .zip(0..)
             .map(|((kind, count), binding)| {
@@ -73,33 +77,26 @@ impl Bindless {
         // SAFETY: all pointers outlive the call.
         let layout = unsafe { device.create_descriptor_set_layout(&info, None) }
             .map_err(GpuError::call("vkCreateDescriptorSetLayout"))?;
-        let sizes = kinds.map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
-        let info = vk::DescriptorPoolCreateInfo::default()
-            .max_sets(1)
-            .pool_sizes(&sizes)
-            .flags(vk::DescriptorPoolCreateFlags::UPDATE_AFTER_BIND);
-        // SAFETY: as above.
-        let pool = unsafe { device.create_descriptor_pool(&info, None) }
-            .map_err(GpuError::call("vkCreateDescriptorPool"))?;
-        let layouts = [layout];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: the pool was made for one such set.
-        let sets = unsafe { device.allocate_descriptor_sets(&info) }
-            .map_err(GpuError::call("vkAllocateDescriptorSets"))?;
+        let (pool, set) = allocate(device, layout)?;
         let slots = |limit, what| Mutex::new(Slots { free: Vec::new(), next: 0, limit, what });
         Ok(Self {
             layout,
-            set: sets[0],
+            set,
             pool,
             sampled: slots(SAMPLED, "sampled images"),
             storage: slots(STORAGE, "storage images"),
+            textures: Mutex::default(),
             samplers: Mutex::default(),
             anisotropy,
         })
     }
 
-    pub fn add_sampled(&self, device: &ash::Device, view: vk::ImageView) -> Result<u32, GpuError> {
+    /// A place for a sampled image; `texture` says that no pass of a frame writes it.
+    pub fn add_sampled(&self, device: &ash::Device, view: vk::ImageView, texture: bool) -> Result<u32, GpuError> {
         let index = lock(&self.sampled).take()?;
+        if texture {
+            lock(&self.textures).insert(index);
+        }
         self.write_image(device, 0, index, view, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
         Ok(index)
     }
@@ -110,7 +107,14 @@ impl Bindless {
         Ok(index)
     }
 
-    fn write_image(&self, device: &ash::Device, binding: u32, index: u32, view: vk::ImageView, layout: vk::ImageLayout) {
+    fn write_image(
+        &self,
+        device: &ash::Device,
+        binding: u32,
+        index: u32,
+        view: vk::ImageView,
+        layout: vk::ImageLayout,
+    ) {
         let info = [vk::DescriptorImageInfo { image_view: view, image_layout: layout, ..Default::default() }];
         let kind = if binding == 0 { vk::DescriptorType::SAMPLED_IMAGE } else { vk::DescriptorType::STORAGE_IMAGE };
         let write = vk::WriteDescriptorSet::default()
@@ -124,6 +128,9 @@ impl Bindless {
     }
 
     pub fn release(&self, sampled: Option<u32>, storage: Option<u32>) {
+        if let Some(index) = sampled {
+            lock(&self.textures).remove(&index);
+        }
         lock(&self.sampled).free.extend(sampled);
         lock(&self.storage).free.extend(storage);
     }
@@ -136,7 +143,11 @@ impl Bindless {
         }
         let index = known.len() as u32;
         if index == SAMPLERS {
-            return Err(GpuError::Limit { what: "samplers".to_owned(), wanted: u64::from(index) + 1, limit: u64::from(SAMPLERS) });
+            return Err(GpuError::Limit {
+                what: "samplers".to_owned(),
+                wanted: u64::from(index) + 1,
+                limit: u64::from(SAMPLERS),
+            });
         }
         let filter = |linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
         let wrap = |w| match w {
@@ -148,7 +159,11 @@ impl Bindless {
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(filter(wanted.linear_magnify))
             .min_filter(filter(wanted.linear_minify))
-            .mipmap_mode(if wanted.linear_mips { vk::SamplerMipmapMode::LINEAR } else { vk::SamplerMipmapMode::NEAREST })
+            .mipmap_mode(if wanted.linear_mips {
+                vk::SamplerMipmapMode::LINEAR
+            } else {
+                vk::SamplerMipmapMode::NEAREST
+            })
             .address_mode_u(wrap(wanted.wrap[0]))
             .address_mode_v(wrap(wanted.wrap[1]))
             .max_lod(if wanted.mips { vk::LOD_CLAMP_NONE } else { 0.0 })
@@ -180,6 +195,74 @@ impl Bindless {
             device.destroy_descriptor_pool(self.pool, None);
             device.destroy_descriptor_set_layout(self.layout, None);
         }
+    }
+}
+
+/// A set of this layout from a pool of its own.
+fn allocate(
+    device: &ash::Device,
+    layout: vk::DescriptorSetLayout,
+) -> Result<(vk::DescriptorPool, vk::DescriptorSet), GpuError> {
+    let sizes = KINDS.map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
+    let info = vk::DescriptorPoolCreateInfo::default()
+        .max_sets(1)
+        .pool_sizes(&sizes)
+        .flags(vk::DescriptorPoolCreateFlags::UPDATE_AFTER_BIND);
+    // SAFETY: all pointers outlive the call.
+    let pool =
+        unsafe { device.create_descriptor_pool(&info, None) }.map_err(GpuError::call("vkCreateDescriptorPool"))?;
+    let layouts = [layout];
+    let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+    // SAFETY: the pool was made for one such set.
+    let sets = unsafe { device.allocate_descriptor_sets(&info) };
+    match sets {
+        Ok(sets) => Ok((pool, sets[0])),
+        Err(e) => {
+            // SAFETY: nothing was allocated from it.
+            unsafe { device.destroy_descriptor_pool(pool, None) };
+            Err(GpuError::call("vkAllocateDescriptorSets")(e))
+        }
+    }
+}
+
+/// The part of the bindless set that one pass declared: its images, every texture and sampler.
+///
+/// Synchronization validation cannot know which elements of the set a shader reads and takes every element for read. With a set
+/// per pass, what it sees is what the pass declared. Only used with the validation layers on.
+pub(crate) struct PassSet {
+    gpu: super::Gpu,
+    pool: vk::DescriptorPool,
+    pub(super) set: vk::DescriptorSet,
+}
+
+impl PassSet {
+    pub fn new(gpu: &super::Gpu, images: &[&super::Image]) -> Result<Self, GpuError> {
+        let (device, bindless) = (gpu.raw(), &gpu.0.bindless);
+        let (pool, set) = allocate(device, bindless.layout)?;
+        let copy = |binding, element| {
+            vk::CopyDescriptorSet::default()
+                .src_set(bindless.set)
+                .src_binding(binding)
+                .src_array_element(element)
+                .dst_set(set)
+                .dst_binding(binding)
+                .dst_array_element(element)
+                .descriptor_count(1)
+        };
+        let mut copies: Vec<_> = lock(&bindless.textures).iter().map(|i| copy(0, *i)).collect();
+        copies.extend(lock(&bindless.samplers).values().map(|(i, _)| copy(2, *i)));
+        copies.extend(images.iter().filter_map(|i| Some(copy(0, i.sampled()?.0))));
+        copies.extend(images.iter().filter_map(|i| Some(copy(1, i.storage()?.0))));
+        // SAFETY: every element was written when its image or sampler was made; the new set is not in use.
+        unsafe { device.update_descriptor_sets(&[], &copies) };
+        Ok(Self { gpu: gpu.clone(), pool, set })
+    }
+}
+
+impl Drop for PassSet {
+    fn drop(&mut self) {
+        // SAFETY: its owner waits for the device before it drops a frame.
+        unsafe { self.gpu.raw().destroy_descriptor_pool(self.pool, None) };
     }
 }
 

@@ -123,7 +123,8 @@ impl Buffer {
     /// [`GpuError::Limit`] past the end, or when the host cannot reach the memory.
     pub fn write(&mut self, offset: u64, data: &[u8]) -> Result<(), GpuError> {
         let (bytes, name) = (self.bytes, &self.name);
-        let past = || GpuError::Limit { what: format!("write to {name}"), wanted: offset + data.len() as u64, limit: bytes };
+        let past =
+            || GpuError::Limit { what: format!("write to {name}"), wanted: offset + data.len() as u64, limit: bytes };
         let mapped = self.memory.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(past)?;
         let end = (offset as usize).checked_add(data.len()).filter(|end| *end <= mapped.len()).ok_or_else(past)?;
         mapped[offset as usize..end].copy_from_slice(data);

@@ -71,10 +71,8 @@ pub(super) fn choose(
     let chosen = match wanted {
         Some(text) => {
             let named = reports.iter().find(|r| {
-                text.parse::<usize>().map_or_else(
-                    |_| r.name.to_lowercase().contains(&text.to_lowercase()),
-                    |index| r.index == index,
-                )
+                text.parse::<usize>()
+                    .map_or_else(|_| r.name.to_lowercase().contains(&text.to_lowercase()), |index| r.index == index)
             });
             let Some(found) = named else {
                 let known = reports.iter().map(|r| format!("{} = {}", r.index, r.name)).collect();
@@ -86,7 +84,8 @@ pub(super) fn choose(
             found
         }
         None => {
-            let rank = |kind: &str| ["discrete", "integrated", "virtual", "cpu"].iter().position(|k| *k == kind).unwrap_or(4);
+            let rank =
+                |kind: &str| ["discrete", "integrated", "virtual", "cpu"].iter().position(|k| *k == kind).unwrap_or(4);
             let best = reports.iter().filter(|r| r.accepted).min_by_key(|r| (rank(r.kind), r.index));
             best.ok_or_else(|| GpuError::NoDevice { refusals: reports.iter().map(refusal).collect() })?
         }
@@ -105,8 +104,7 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
     let raw = &instance.raw;
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-    let mut properties =
-        vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup);
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup);
     // SAFETY: the handle comes from this instance; the structs are core in 1.2 and 1.1 and skipped by older drivers.
     unsafe { raw.get_physical_device_properties2(device, &mut properties) };
     let properties = properties.properties;
@@ -255,8 +253,7 @@ fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<Stri
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-    let mut found =
-        vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
+    let mut found = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
     // SAFETY: the device speaks Vulkan 1.3, in which all three structs are core.
     unsafe { instance.raw.get_physical_device_features2(device, &mut found) };
     let core = found.features;

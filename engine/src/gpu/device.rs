@@ -1,11 +1,11 @@
 //! One opened device and everything that lives as long as it does.
+use super::GpuError;
 use super::bindless::Bindless;
 use super::choice::{self, DeviceReport};
 use super::instance::Instance;
 use super::pipeline::Pipelines;
 use super::pipeline_cache;
 use super::submit::Timeline;
-use super::GpuError;
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
 use std::mem::ManuallyDrop;
@@ -48,7 +48,13 @@ pub(super) struct Inner {
 /// What waits for the device before it is freed.
 pub(super) enum Garbage {
     Buffer(vk::Buffer, Allocation),
-    Image { image: vk::Image, views: Vec<vk::ImageView>, sampled: Option<u32>, storage: Option<u32>, memory: Allocation },
+    Image {
+        image: vk::Image,
+        views: Vec<vk::ImageView>,
+        sampled: Option<u32>,
+        storage: Option<u32>,
+        memory: Allocation,
+    },
 }
 
 /// A lock whose holder panicked still guards valid data here: every critical section leaves it whole.
@@ -78,7 +84,8 @@ impl Gpu {
         // The logical device.
         let available = choice::extensions(&instance, physical);
         let has_calibration = available.iter().any(|e| e.as_bytes() == ext::calibrated_timestamps::NAME.to_bytes());
-        let extensions: Vec<_> = has_calibration.then(|| ext::calibrated_timestamps::NAME.as_ptr()).into_iter().collect();
+        let extensions: Vec<_> =
+            has_calibration.then(|| ext::calibrated_timestamps::NAME.as_ptr()).into_iter().collect();
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
         let mut wanted = choice::needed();
         // SAFETY: the handle comes from this instance.
@@ -92,7 +99,8 @@ impl Gpu {
             .push_next(&mut wanted.v12)
             .push_next(&mut wanted.v13);
         // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
-        let raw = unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
+        let raw =
+            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
         // SAFETY: the family was asked for with one queue.
         let queue = unsafe { raw.get_device_queue(family, 0) };
 
@@ -106,7 +114,8 @@ impl Gpu {
             allocation_sizes: gpu_allocator::AllocationSizes::default(),
         })
         .map_err(|e| GpuError::Call { call: "Allocator::new", code: e.to_string() })?;
-        let anisotropy = if optional.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
+        let anisotropy =
+            if optional.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
         let bindless = Bindless::new(&raw, anisotropy)?;
         let (cache, cache_file) = pipeline_cache::open(&raw, &properties)?;
         let pipelines = Pipelines::new(&raw, bindless.layout)?;

@@ -1,5 +1,6 @@
 //! Recording commands. Safe to call; only the graph's execution does, in the order that its plan proved right.
 use super::access::{self, Scope};
+use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
 use super::query::Timestamps;
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
@@ -97,12 +98,21 @@ impl CommandEncoder {
                 .map_err(GpuError::call("vkResetCommandPool"))?;
             device.begin_command_buffer(self.buffer, &info).map_err(GpuError::call("vkBeginCommandBuffer"))?;
         }
-        let (layout, sets) = (self.gpu.0.pipelines.layout, [self.gpu.0.bindless.set]);
-        for point in [vk::PipelineBindPoint::COMPUTE, vk::PipelineBindPoint::GRAPHICS] {
-            // SAFETY: the command buffer is recording; layout and set live as long as the device.
-            unsafe { device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &sets, &[]) };
-        }
+        self.bind(self.gpu.0.bindless.set);
         Ok(())
+    }
+
+    /// Everything that follows sees this set instead of the whole.
+    pub fn bind_pass_set(&mut self, set: &PassSet) {
+        self.bind(set.set);
+    }
+
+    fn bind(&mut self, set: vk::DescriptorSet) {
+        let (device, layout) = (self.gpu.raw(), self.gpu.0.pipelines.layout);
+        for point in [vk::PipelineBindPoint::COMPUTE, vk::PipelineBindPoint::GRAPHICS] {
+            // SAFETY: the command buffer is recording; layout and set live until the device is done with it.
+            unsafe { device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]) };
+        }
     }
 
     pub fn finish(&mut self) -> Result<(), GpuError> {
@@ -188,9 +198,9 @@ impl CommandEncoder {
         };
         let colours: Vec<_> = colours.iter().map(|a| info(a, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)).collect();
         let depth = depth.map(|a| info(a, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL));
-        let area = vk::Rect2D { extent: vk::Extent2D { width: extent.width, height: extent.height }, ..Default::default() };
-        let mut rendering =
-            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
+        let area =
+            vk::Rect2D { extent: vk::Extent2D { width: extent.width, height: extent.height }, ..Default::default() };
+        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
         if let Some(depth) = &depth {
             rendering = rendering.depth_attachment(depth);
         }

@@ -38,7 +38,14 @@ impl Image {
     ///
     /// # Errors
     /// [`GpuError::Limit`] for an edge beyond the device's or a full bindless set, [`GpuError::OutOfMemory`].
-    pub fn new(gpu: &Gpu, name: &str, format: Format, extent: Extent, mips: u32, usage: ImageUse) -> Result<Self, GpuError> {
+    pub fn new(
+        gpu: &Gpu,
+        name: &str,
+        format: Format,
+        extent: Extent,
+        mips: u32,
+        usage: ImageUse,
+    ) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let limit = gpu.report().limits.get("max_image_edge").copied().unwrap_or(4096);
         let edge = u64::from(extent.width.max(extent.height));
@@ -106,7 +113,7 @@ impl Image {
         bound.map_err(GpuError::call("vkBindImageMemory"))?;
         made.view = made.make_view(mips)?;
         if usage.sampled {
-            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view)?);
+            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !usage.storage && !usage.attachment)?);
         }
         if usage.storage {
             let view = if mips == 1 { made.view } else { made.make_view(1)? };

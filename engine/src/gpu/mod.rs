@@ -19,12 +19,13 @@ mod pipeline_cache;
 mod query;
 mod submit;
 
+pub(crate) use access::Scope;
+pub(crate) use bindless::PassSet;
 pub use buffer::{Buffer, BufferMemory, BufferUse};
 pub use choice::{DeviceReport, QueueFamilyReport, devices};
 pub use device::{Gpu, GpuOptions};
-pub(crate) use access::Scope;
-pub(crate) use encoder::{Attachment, BufferBarrier, CommandEncoder, DrawRange, ImageBarrier, ImageRegion};
 pub use encoder::Cull;
+pub(crate) use encoder::{Attachment, BufferBarrier, CommandEncoder, DrawRange, ImageBarrier, ImageRegion};
 pub use error::GpuError;
 pub use image::{Image, ImageUse};
 pub use pipeline::{Kernel, RasterDesc, RasterKernel};

@@ -57,8 +57,8 @@ impl Pipelines {
         let push = [vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::ALL, offset: 0, size: PUSH_BYTES }];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
         // SAFETY: all pointers outlive the call.
-        let layout = unsafe { device.create_pipeline_layout(&info, None) }
-            .map_err(GpuError::call("vkCreatePipelineLayout"))?;
+        let layout =
+            unsafe { device.create_pipeline_layout(&info, None) }.map_err(GpuError::call("vkCreatePipelineLayout"))?;
         Ok(Self { layout, list: Mutex::default(), known: Mutex::default() })
     }
 
@@ -172,13 +172,11 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let stage = |flag, module| {
-            vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module).name(ENTRY)
-        };
-        let stages =
-            [stage(vk::ShaderStageFlags::VERTEX, vertex), stage(vk::ShaderStageFlags::FRAGMENT, fragment)];
+        let stage = |flag, module| vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module).name(ENTRY);
+        let stages = [stage(vk::ShaderStageFlags::VERTEX, vertex), stage(vk::ShaderStageFlags::FRAGMENT, fragment)];
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
-        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let assembly =
+            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let rasterization = vk::PipelineRasterizationStateCreateInfo::default().line_width(1.0);
         let multisample =

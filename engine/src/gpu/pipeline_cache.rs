@@ -73,8 +73,12 @@ mod tests {
 
     #[test]
     fn only_a_cache_of_the_same_driver_is_taken() {
-        let properties =
-            vk::PhysicalDeviceProperties { vendor_id: 7, device_id: 9, pipeline_cache_uuid: [3; 16], ..Default::default() };
+        let properties = vk::PhysicalDeviceProperties {
+            vendor_id: 7,
+            device_id: 9,
+            pipeline_cache_uuid: [3; 16],
+            ..Default::default()
+        };
         let good = header(&properties);
         assert!(belongs(&good, &properties));
         for at in [0, 4, 8, 12, 20] {

@@ -14,8 +14,7 @@ impl Timestamps {
     pub fn new(gpu: &Gpu, capacity: u32) -> Result<Self, GpuError> {
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(capacity);
         // SAFETY: `info` is complete.
-        let pool =
-            unsafe { gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))?;
+        let pool = unsafe { gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))?;
         let made = Self { gpu: gpu.clone(), pool, capacity };
         made.reset();
         Ok(made)

@@ -18,8 +18,7 @@ impl Timeline {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: all pointers outlive the call.
-        let semaphore =
-            unsafe { device.create_semaphore(&info, None) }.map_err(GpuError::call("vkCreateSemaphore"))?;
+        let semaphore = unsafe { device.create_semaphore(&info, None) }.map_err(GpuError::call("vkCreateSemaphore"))?;
         Ok(Self { semaphore, last: AtomicU64::new(0) })
     }
 

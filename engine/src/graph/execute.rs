@@ -15,8 +15,8 @@ use super::{
 };
 use crate::{
     gpu::{
-        self, Attachment, BufferBarrier, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier, ImageUse,
-        Scope, Timestamps,
+        self, Attachment, BufferBarrier, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier,
+        ImageUse, PassSet, Scope, Timestamps,
     },
     measure::{FrameSample, PassTime},
 };
@@ -138,7 +138,7 @@ impl Executor {
         let record_start = Instant::now();
         self.encoder.begin()?;
         self.encoder.timestamp(&self.timestamps, 0);
-        let mut times = Vec::with_capacity(plan.order.len());
+        let (mut times, mut sets) = (Vec::with_capacity(plan.order.len()), Vec::new());
         for (position, &index) in plan.order.iter().enumerate() {
             let pass = &declaration.passes[index as usize];
             let cpu_start = Instant::now();
@@ -146,6 +146,11 @@ impl Executor {
             let rays = self.rays.address().offset((position * RAY_WORDS) as u64);
             self.encoder.begin_label(&pass.name);
             self.encoder.timestamp(&self.timestamps, 1 + 2 * position as u32);
+            if self.gpu.validates() {
+                let set = PassSet::new(&self.gpu, &declared_images(&physical, pass))?;
+                self.encoder.bind_pass_set(&set);
+                sets.push(set); // lives until the device is done, at the end of this function
+            }
             let record = frame.records[index as usize].take();
             let recorded = record_pass(&mut self.encoder, &declaration, &physical, pass, index, rays, record);
             self.encoder.timestamp(&self.timestamps, 2 + 2 * position as u32);
@@ -325,6 +330,16 @@ fn issue(encoder: &mut CommandEncoder, physical: &[Physical], batch: &[Barrier])
     }
 }
 
+fn declared_images<'a>(physical: &'a [Physical], pass: &PassDecl) -> Vec<&'a gpu::Image> {
+    let objects = pass.uses.iter().filter(|u| !u.access.is_attachment()).map(|u| &physical[u.resource as usize]);
+    objects
+        .filter_map(|object| match object {
+            Physical::Image(image) => Some(&**image),
+            Physical::Buffer(_) | Physical::Unused => None,
+        })
+        .collect()
+}
+
 /// Records one pass, inside of its attachments if it has any.
 fn record_pass(
     encoder: &mut CommandEncoder,
@@ -339,8 +354,7 @@ fn record_pass(
     if raster {
         begin_rendering(encoder, declaration, physical, pass);
     }
-    let mut scope =
-        Record { encoder, physical, pass: index, name: &pass.name, rays, recorded: Recorded::default() };
+    let mut scope = Record { encoder, physical, pass: index, name: &pass.name, rays, recorded: Recorded::default() };
     if let Some(record) = record {
         record(&mut scope);
     }

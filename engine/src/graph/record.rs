@@ -167,7 +167,13 @@ impl Record<'_> {
     /// Past the end of either, or when a token belongs to another pass.
     pub fn copy_buffer(&mut self, from: CopySource, from_offset: u64, to: CopyTarget, to_offset: u64, bytes: u64) {
         let (source, target) = (self.buffer(from.resource, from.pass), self.buffer(to.resource, to.pass));
-        assert!(from_offset + bytes <= source.bytes(), "{}: {} holds {} bytes", self.name, source.name(), source.bytes());
+        assert!(
+            from_offset + bytes <= source.bytes(),
+            "{}: {} holds {} bytes",
+            self.name,
+            source.name(),
+            source.bytes()
+        );
         assert!(to_offset + bytes <= target.bytes(), "{}: {} holds {} bytes", self.name, target.name(), target.bytes());
         let (source, target) = (source.clone(), target.clone());
         self.encoder.copy_buffer(&source, from_offset, &target, to_offset, bytes);
@@ -178,7 +184,8 @@ impl Record<'_> {
     /// # Panics
     /// Past the end of the buffer, or when a token belongs to another pass.
     pub fn copy_to_image(&mut self, from: CopySource, to: CopyTarget, mips: &[MipCopy]) {
-        let (source, target) = (self.buffer(from.resource, from.pass).clone(), self.image(to.resource, to.pass).clone());
+        let (source, target) =
+            (self.buffer(from.resource, from.pass).clone(), self.image(to.resource, to.pass).clone());
         let regions: Vec<_> = mips.iter().map(|m| self.region(*m, &source, &target)).collect();
         self.encoder.copy_buffer_to_image(&source, &target, &regions);
     }
@@ -188,17 +195,24 @@ impl Record<'_> {
     /// # Panics
     /// As [`Record::copy_to_image`].
     pub fn copy_from_image(&mut self, from: CopySource, to: CopyTarget, mip: MipCopy) {
-        let (source, target) = (self.image(from.resource, from.pass).clone(), self.buffer(to.resource, to.pass).clone());
+        let (source, target) =
+            (self.image(from.resource, from.pass).clone(), self.buffer(to.resource, to.pass).clone());
         let region = self.region(mip, &target, &source);
         self.encoder.copy_image_to_buffer(&source, &target, region);
     }
 
     fn region(&self, copy: MipCopy, buffer: &gpu::Buffer, image: &gpu::Image) -> ImageRegion {
         let extent = image.extent().mip(copy.mip);
-        let bytes =
-            u64::from(extent.width) * u64::from(extent.height) * u64::from(image.format().bytes_per_pixel());
+        let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(image.format().bytes_per_pixel());
         let end = copy.offset + bytes;
-        assert!(end <= buffer.bytes(), "{}: mip {} ends at {end}, {} holds {}", self.name, copy.mip, buffer.name(), buffer.bytes());
+        assert!(
+            end <= buffer.bytes(),
+            "{}: mip {} ends at {end}, {} holds {}",
+            self.name,
+            copy.mip,
+            buffer.name(),
+            buffer.bytes()
+        );
         ImageRegion { buffer_offset: copy.offset, mip: copy.mip, extent }
     }
 

@@ -1,10 +1,10 @@
 //! A scene on the device: one buffer of tables, one of indices, one of acceleration structures, and the textures.
-use super::{AlphaMode, Daylight, Light, Material, Mesh, Scene, TextureUse, ColourSpace};
+use super::{AlphaMode, ColourSpace, Daylight, Light, Material, Mesh, Scene, TextureUse};
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Cull, Gpu, GpuError, Image, ImageUse};
 use crate::graph::execute::{ExecuteError, Executor, Imports};
 use crate::graph::{
-    Access, BufferDesc, Domain, Draw, Extent, Format, FrameGraph, Handle, ImageDesc, ImageState, MipCopy, Queue, Record,
-    Tlas, self as graph,
+    self as graph, Access, BufferDesc, Domain, Draw, Extent, Format, FrameGraph, Handle, ImageDesc, ImageState,
+    MipCopy, Queue, Record, Tlas,
 };
 use crate::ray::{MeshBvh, RayError, SceneBvh, object_from_world};
 use bytemuck::Pod;
@@ -193,7 +193,13 @@ impl Block {
         Ok(Arc::new(Buffer::new(gpu, name, self.0.len() as u64, BufferMemory::Device, usage)?))
     }
 
-    fn upload(&self, gpu: &Gpu, executor: &mut Executor, name: &str, usage: BufferUse) -> Result<Arc<Buffer>, ResidentError> {
+    fn upload(
+        &self,
+        gpu: &Gpu,
+        executor: &mut Executor,
+        name: &str,
+        usage: BufferUse,
+    ) -> Result<Arc<Buffer>, ResidentError> {
         let buffer = self.buffer(gpu, name, usage)?;
         self.copy_to(gpu, executor, &buffer)?;
         Ok(buffer)
@@ -207,7 +213,8 @@ impl Block {
         let mut staging = Buffer::new(gpu, "staging", bytes, BufferMemory::Upload, BufferUse::Storage)?;
         staging.write(0, &self.0)?;
         let (mut g, mut imports) = (FrameGraph::new(Extent::new(1, 1)), Imports::default());
-        let source = g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
+        let source =
+            g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
         let desc = BufferDesc::new(target.bytes());
         let to = g.import_buffer(target.name(), desc, Access::CopyWrite, imports.buffer(target));
         let to = g.pass("upload.buffer", Queue::Transfer, |p| {
@@ -239,7 +246,8 @@ fn upload_textures(gpu: &Gpu, executor: &mut Executor, scene: &Scene) -> Result<
         staging.write(0, &block.0)?;
 
         let (mut g, mut imports) = (FrameGraph::new(extent), Imports::default());
-        let source = g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
+        let source =
+            g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
         let desc = ImageDesc { mips: image.mips(), ..ImageDesc::fixed(format, extent) };
         let to = g.import_image("texture", desc, ImageState::UNDEFINED, imports.image(&image));
         let to = g.pass("upload.texture", Queue::Transfer, |p| {
@@ -379,7 +387,9 @@ fn key_light(lights: &[Light]) -> Option<u32> {
     let power = |l: &Light| match l {
         Light::Directional { illuminance, .. } => luminance(*illuminance),
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => luminance(*intensity),
-        Light::Rectangle { half_u, half_v, radiance, .. } => luminance(*radiance) * half_u.cross(*half_v).length() * 4.0,
+        Light::Rectangle { half_u, half_v, radiance, .. } => {
+            luminance(*radiance) * half_u.cross(*half_v).length() * 4.0
+        }
     };
     let strongest = || (0..lights.len()).max_by(|a, b| power(&lights[*a]).total_cmp(&power(&lights[*b])));
     sun.or_else(strongest).map(|i| i as u32)

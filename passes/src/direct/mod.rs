@@ -8,11 +8,12 @@ use magpie_shaders::direct::{NO_VISIBILITY, ShadeParams};
 
 /// The slot.
 pub fn stage() -> Stage<DirectIn, DirectOut> {
-    Stage::new("direct")
-        .about("Light straight from the lights, and what surfaces emit themselves.")
-        .with("all-lights", "Every light is evaluated at every pixel.", &[], |build, _| {
-            Ok(Box::new(AllLights::new(build.gpu)?))
-        })
+    Stage::new("direct").about("Light straight from the lights, and what surfaces emit themselves.").with(
+        "all-lights",
+        "Every light is evaluated at every pixel.",
+        &[],
+        |build, _| Ok(Box::new(AllLights::new(build.gpu)?)),
+    )
 }
 
 struct AllLights {

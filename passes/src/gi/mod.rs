@@ -10,9 +10,12 @@ use magpie_shaders::gi::SkyParams;
 pub fn stage() -> Stage<IndirectIn, IndirectOut> {
     Stage::new("gi")
         .about("Diffuse indirect light.")
-        .with("sky", "Irradiance of the whole sky, dimmed by the material's occlusion map only: no bounces, no occluders.", &[], |build, _| {
-            Ok(Box::new(Sky::new(build.gpu)?))
-        })
+        .with(
+            "sky",
+            "Irradiance of the whole sky, dimmed by the material's occlusion map only: no bounces, no occluders.",
+            &[],
+            |build, _| Ok(Box::new(Sky::new(build.gpu)?)),
+        )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 

@@ -15,19 +15,14 @@ pub fn stage() -> Stage<PostIn, PostOut> {
             "agx",
             &["agx", "aces", "none"],
         ),
-        SettingSpec::float(
-            "exposure",
-            "stops",
-            "Higher is brighter: each stop doubles the light.",
-            0.0,
-            (-24.0, 24.0),
-        ),
+        SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-24.0, 24.0)),
     ];
-    Stage::new("post")
-        .about("From linear radiance to a display.")
-        .with("standard", "Exposure, tone curve, sRGB.", &settings, |build, settings| {
-            Ok(Box::new(Standard::new(build.gpu, settings)?))
-        })
+    Stage::new("post").about("From linear radiance to a display.").with(
+        "standard",
+        "Exposure, tone curve, sRGB.",
+        &settings,
+        |build, settings| Ok(Box::new(Standard::new(build.gpu, settings)?)),
+    )
 }
 
 struct Standard {

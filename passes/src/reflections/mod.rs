@@ -10,9 +10,12 @@ use magpie_shaders::reflections::SkyParams;
 pub fn stage() -> Stage<IndirectIn, IndirectOut> {
     Stage::new("reflections")
         .about("Specular indirect light.")
-        .with("sky", "The sky in the mirror direction, blurred with roughness: no occluders, no other objects.", &[], |build, _| {
-            Ok(Box::new(Sky::new(build.gpu)?))
-        })
+        .with(
+            "sky",
+            "The sky in the mirror direction, blurred with roughness: no occluders, no other objects.",
+            &[],
+            |build, _| Ok(Box::new(Sky::new(build.gpu)?)),
+        )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 

@@ -91,15 +91,11 @@ pub(super) fn scene() -> Scene {
 
 /// Slabs with open joints over a bed of sand, and dry grass around.
 fn ground(stage: &mut Stage) {
-    let tones = [
-        [0.52, 0.46, 0.38],
-        [0.58, 0.52, 0.43],
-        [0.46, 0.41, 0.35],
-        [0.60, 0.50, 0.39],
-        [0.50, 0.47, 0.43],
-    ];
-    let tones: Vec<u32> =
-        (0..).zip(tones).map(|(i, c)| stage.material(dielectric(&format!("paving {i}"), c, 0.72 + 0.04 * i as f32))).collect();
+    let tones = [[0.52, 0.46, 0.38], [0.58, 0.52, 0.43], [0.46, 0.41, 0.35], [0.60, 0.50, 0.39], [0.50, 0.47, 0.43]];
+    let tones: Vec<u32> = (0..)
+        .zip(tones)
+        .map(|(i, c)| stage.material(dielectric(&format!("paving {i}"), c, 0.72 + 0.04 * i as f32)))
+        .collect();
     let bed = stage.material(matte("joints", [0.27, 0.23, 0.18]));
     let grass = stage.material(matte("dry grass", [0.30, 0.29, 0.13]));
     let slab = stage.mesh("slab", block(0.985, 0.10, 0.985, 0.008));
@@ -220,7 +216,10 @@ fn fountain(stage: &mut Stage, p: &Palette) {
             line(&[[1.62, 0.0], [1.62, 0.10]]),
             line(&[[1.62, 0.10], [1.50, 0.13]]),
             line(&[[1.50, 0.13], [1.47, 0.40]]),
-            curve(&[[1.47, 0.40], [1.56, 0.42], [1.60, 0.47], [1.56, 0.52], [1.48, 0.535], [1.36, 0.53], [1.31, 0.50]], 4),
+            curve(
+                &[[1.47, 0.40], [1.56, 0.42], [1.60, 0.47], [1.56, 0.52], [1.48, 0.535], [1.36, 0.53], [1.31, 0.50]],
+                4,
+            ),
             line(&[[1.31, 0.50], [1.29, 0.12]]),
             line(&[[1.29, 0.12], [0.0, 0.12]]),
         ],
@@ -244,10 +243,7 @@ fn fountain(stage: &mut Stage, p: &Palette) {
     let disc = lathe(&[line(&[[0.70, 1.315], [0.0, 1.315]])], 48);
     stage.add("upper water", disc, water, place);
     let holder = lathe(
-        &[
-            curve(&[[0.16, 1.12], [0.13, 1.24], [0.07, 1.36], [0.09, 1.44]], 4),
-            line(&[[0.09, 1.44], [0.0, 1.44]]),
-        ],
+        &[curve(&[[0.16, 1.12], [0.13, 1.24], [0.07, 1.36], [0.09, 1.44]], 4), line(&[[0.09, 1.44], [0.0, 1.44]])],
         28,
     );
     stage.add("holder", holder, p.pale, place);
@@ -276,7 +272,18 @@ fn table(stage: &mut Stage, p: &Palette) {
     let vase = lathe(
         &[
             line(&[[0.0, 0.0], [0.062, 0.0]]),
-            curve(&[[0.062, 0.0], [0.085, 0.03], [0.128, 0.15], [0.105, 0.27], [0.045, 0.37], [0.040, 0.42], [0.062, 0.46]], 7),
+            curve(
+                &[
+                    [0.062, 0.0],
+                    [0.085, 0.03],
+                    [0.128, 0.15],
+                    [0.105, 0.27],
+                    [0.045, 0.37],
+                    [0.040, 0.42],
+                    [0.062, 0.46],
+                ],
+                7,
+            ),
             curve(&[[0.062, 0.46], [0.060, 0.464], [0.055, 0.46]], 2),
             curve(&[[0.055, 0.46], [0.034, 0.42], [0.036, 0.37], [0.0, 0.34]], 4),
         ],
@@ -296,9 +303,17 @@ fn table(stage: &mut Stage, p: &Palette) {
         44,
     );
     let mut pot = body;
-    pot.join(&tube(&[[0.10, 0.055], [0.17, 0.075], [0.195, 0.13], [0.235, 0.185]], [0.030, 0.014], 20, 14), Affine3A::IDENTITY);
     pot.join(
-        &tube(&[[-0.105, 0.155], [-0.17, 0.165], [-0.205, 0.12], [-0.18, 0.06], [-0.115, 0.045]], [0.011, 0.011], 26, 12),
+        &tube(&[[0.10, 0.055], [0.17, 0.075], [0.195, 0.13], [0.235, 0.185]], [0.030, 0.014], 20, 14),
+        Affine3A::IDENTITY,
+    );
+    pot.join(
+        &tube(
+            &[[-0.105, 0.155], [-0.17, 0.165], [-0.205, 0.12], [-0.18, 0.06], [-0.115, 0.045]],
+            [0.011, 0.011],
+            26,
+            12,
+        ),
         Affine3A::IDENTITY,
     );
     let turn = Affine3A::from_rotation_y(0.5);
@@ -420,9 +435,7 @@ fn bench(stage: &mut Stage, p: &Palette) {
     let blue = stage.material(matte("blue cloth", [0.05, 0.11, 0.36]));
     let cream = stage.material(matte("cream cloth", [0.74, 0.68, 0.55]));
     let cushion = stage.mesh("cushion", cushion(Vec3::new(0.23, 0.075, 0.21), 0.45, 20, 36));
-    let lean = |x: f32, turn: f32| {
-        place * at(x, 0.66, -0.10, turn) * Affine3A::from_quat(Quat::from_rotation_x(1.15))
-    };
+    let lean = |x: f32, turn: f32| place * at(x, 0.66, -0.10, turn) * Affine3A::from_quat(Quat::from_rotation_x(1.15));
     stage.put(cushion, coral, lean(-0.55, 8.0));
     stage.put(cushion, cream, lean(-0.10, -6.0));
     stage.put(cushion, blue, place * at(0.52, 0.56, 0.0, 20.0));
@@ -462,7 +475,10 @@ fn pots(stage: &mut Stage, p: &Palette) {
     let jar = lathe(
         &[
             line(&[[0.0, 0.0], [0.17, 0.0]]),
-            curve(&[[0.17, 0.0], [0.24, 0.10], [0.36, 0.42], [0.30, 0.76], [0.17, 0.90], [0.16, 0.96], [0.22, 1.02]], 6),
+            curve(
+                &[[0.17, 0.0], [0.24, 0.10], [0.36, 0.42], [0.30, 0.76], [0.17, 0.90], [0.16, 0.96], [0.22, 1.02]],
+                6,
+            ),
             curve(&[[0.22, 1.02], [0.215, 1.03], [0.195, 1.02]], 2),
             curve(&[[0.195, 1.02], [0.14, 0.96], [0.14, 0.88], [0.0, 0.80]], 4),
         ],
@@ -501,7 +517,9 @@ fn plants(stage: &mut Stage, p: &Palette) {
     }
     let cypress = stage.mesh("cypress", crown(9, Vec3::new(0.62, 2.7, 0.62), 900, 0.40));
     let cypress_core = stage.mesh("cypress core", core(Vec3::new(0.46, 2.2, 0.46)));
-    for (x, z, turn, size) in [(-1.6, -9.0, 0.0, 1.1), (-8.4, -8.2, 90.0, 1.25), (6.4, -9.4, 200.0, 1.35), (0.3, -14.5, 310.0, 1.3)] {
+    for (x, z, turn, size) in
+        [(-1.6, -9.0, 0.0, 1.1), (-8.4, -8.2, 90.0, 1.25), (6.4, -9.4, 200.0, 1.35), (0.3, -14.5, 310.0, 1.3)]
+    {
         let place = scaled(x, 2.75 * size - 0.1, z, turn, size);
         stage.put(cypress, p.leaves, place);
         stage.put(cypress_core, p.shade, place);
@@ -513,7 +531,13 @@ fn plants(stage: &mut Stage, p: &Palette) {
     let hedge_core = stage.mesh("hedge core", core(Vec3::new(0.58, 0.42, 0.42)));
     let mut dice = Dice::new(4);
     for i in 0..9 {
-        let place = scaled(-7.2 - dice.range(0.0, 0.4), 0.42, -5.4 + 1.3 * i as f32, dice.range(0.0, 360.0), dice.range(0.9, 1.25));
+        let place = scaled(
+            -7.2 - dice.range(0.0, 0.4),
+            0.42,
+            -5.4 + 1.3 * i as f32,
+            dice.range(0.0, 360.0),
+            dice.range(0.9, 1.25),
+        );
         stage.put(hedge, p.olive, place);
         stage.put(hedge_core, p.shade, place);
     }

@@ -44,7 +44,8 @@ pub(super) fn leaf_texture() -> Texture {
         .map(|i| {
             let side = if i % 2 == 0 { 1.0 } else { -1.0 };
             let height = 0.90 - 0.115 * i as f32;
-            let (angle, size) = if i == 6 { (0.0, 0.17) } else { (side * (1.05 - 0.07 * i as f32), 0.21 - 0.008 * i as f32) };
+            let (angle, size) =
+                if i == 6 { (0.0, 0.17) } else { (side * (1.05 - 0.07 * i as f32), 0.21 - 0.008 * i as f32) };
             (Vec2::new(0.5, height), angle, size)
         })
         .collect();
