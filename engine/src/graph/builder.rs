@@ -162,7 +162,7 @@ impl PassBuilder<'_> {
             self.check_contents(resource, version, access);
         }
         if self.check_together(resource, access) {
-            let name = self.local_name(resource);
+            let name = self.name_of(resource);
             self.graph.name_output(self.pass, &name, resource, version + 1);
         }
         self.graph.declaration.resources[resource as usize].writers.push(Some(self.pass));
@@ -198,12 +198,6 @@ impl PassBuilder<'_> {
 
     fn name_of(&self, resource: u32) -> String {
         self.graph.declaration.resources[resource as usize].name.clone()
-    }
-
-    /// The name without the pass that made it.
-    fn local_name(&self, resource: u32) -> String {
-        let name = &self.graph.declaration.resources[resource as usize].name;
-        name.rsplit_once(':').map_or(name.as_str(), |(_, local)| local).to_owned()
     }
 
     fn check_format(&mut self, resource: u32, access: Access) {
@@ -253,8 +247,7 @@ impl PassBuilder<'_> {
 
     fn check_contents(&mut self, resource: u32, version: u32, access: Access) {
         let decl = &self.graph.declaration.resources[resource as usize];
-        let undefined = matches!(decl.origin, Origin::Imported { last, .. } if last.is_empty());
-        if version == 0 && undefined {
+        if version == 0 && decl.is_undefined() {
             let (pass, resource) = (self.decl().name.clone(), self.name_of(resource));
             self.graph.errors.push(GraphError::Unwritten { pass, resource, access });
         }

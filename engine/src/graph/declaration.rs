@@ -44,6 +44,11 @@ impl ResourceDecl {
         }
     }
 
+    /// Whether it was imported without contents, so that version 0 is nothing.
+    pub fn is_undefined(&self) -> bool {
+        matches!(self.origin, Origin::Imported { last, .. } if last.is_empty())
+    }
+
     /// Whether it is made and forgotten within the frame.
     pub fn is_transient(&self) -> bool {
         self.origin == Origin::Transient
@@ -156,7 +161,8 @@ pub enum Clear {
 /// An output of a pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedOutput {
-    /// Its name within the pass: that which it was made or imported by.
+    /// Its name within the pass: that which it was made or imported by. If the pass changes something made elsewhere whose name
+    /// is also that of another of its outputs, it is the resource's full name.
     pub name: String,
     /// Index of the resource.
     pub resource: u32,

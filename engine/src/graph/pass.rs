@@ -164,8 +164,24 @@ impl FrameGraph {
             (true, Some(_)) => Domain::Copy,
             (true, None) => Domain::Compute,
         };
-        self.declaration.passes[index as usize].domain = domain;
+        let outputs = self.short_names(&decl.outputs);
+        let decl = &mut self.declaration.passes[index as usize];
+        (decl.domain, decl.outputs) = (domain, outputs);
         errors
+    }
+
+    /// Outputs that change what another pass made carry its full name, `pass:output`. They lose the pass where that leaves no two
+    /// outputs with one name.
+    fn short_names(&self, outputs: &[NamedOutput]) -> Vec<NamedOutput> {
+        fn short(name: &str) -> &str {
+            name.rsplit_once(':').map_or(name, |(_, local)| local)
+        }
+        let is_unique = |name: &str| outputs.iter().filter(|o| short(&o.name) == name).count() == 1;
+        let shorten = |o: &NamedOutput| {
+            let name = if is_unique(short(&o.name)) { short(&o.name) } else { o.name.as_str() };
+            NamedOutput { name: name.to_owned(), ..*o }
+        };
+        outputs.iter().map(shorten).collect()
     }
 
     /// Lets `observer` see every image output of the passes declared from now on, each while it is still the newest version.

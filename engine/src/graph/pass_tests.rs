@@ -306,6 +306,19 @@ fn outputs_are_found_by_name() {
 }
 
 #[test]
+fn a_changed_output_keeps_its_full_name_where_the_short_one_is_taken() {
+    let mut g = graph();
+    let x = make(&mut g, "a");
+    with(&mut g, "b", |p| {
+        let _ = p.write(x);
+        let _ = p.create("x", ImageDesc::full(COLOUR));
+    });
+    let found = [g.find("b", "a:x"), g.find("b", "x")].map(|found| found.map(|image| (image.id(), image.version())));
+    assert_eq!(found, [Ok((0, 1)), Ok((1, 0))]);
+    assert_eq!(errors(g), []);
+}
+
+#[test]
 fn an_observer_sees_each_version_while_it_is_new_and_not_its_own() {
     let mut g = graph();
     let seen = Rc::new(RefCell::new(Vec::new()));

@@ -75,7 +75,7 @@ impl State {
         match decl.origin {
             // The memory was something else's a moment ago, or was used so in the frame before.
             Origin::Transient => unknown,
-            Origin::Imported { last, .. } if last.is_empty() => unknown,
+            Origin::Imported { .. } if decl.is_undefined() => unknown,
             Origin::Imported { last, layout, .. } => {
                 let readers: Uses = last.iter().filter(|(access, _)| !access.writes()).collect();
                 Self { layout, fresh: false, source: last, readers, visible: readers, ..unknown }

@@ -89,15 +89,18 @@ impl<'d> Search<'d> {
 
     /// The writer of a version before any weak changes, and the passes that made these.
     fn history(&self, resource: u32, version: u32) -> (Option<u32>, Vec<u32>) {
-        let writers = &self.declaration.resources[resource as usize].writers;
+        let decl = &self.declaration.resources[resource as usize];
+        // Before this version there are no contents that a change could leave as they were.
+        let first = if decl.is_undefined() { 1 } else { 0 };
         let mut changes = Vec::new();
-        for version in (1..=version).rev() {
-            match writers[version as usize] {
-                Some(writer) if self.pass(writer).weak => changes.push(writer),
+        let mut version = version;
+        loop {
+            match decl.writers[version as usize] {
+                Some(writer) if version > first && self.pass(writer).weak => changes.push(writer),
                 writer => return (writer, changes),
             }
+            version -= 1;
         }
-        (writers[0], changes)
     }
 
     /// The first use whose contents are not made, and the pass that would make them.
@@ -258,6 +261,25 @@ mod tests {
             } else {
                 assert_eq!(order(g).0, Vec::<String>::new());
             }
+        }
+    }
+
+    #[test]
+    fn the_first_contents_of_an_import_are_no_mere_change() {
+        for (state, kept) in [
+            (ImageState::UNDEFINED, vec!["a", "fill", "b"]),
+            (ImageState::last(Access::Sample, Domain::Compute), vec!["b"]),
+        ] {
+            let mut g = FrameGraph::new(Extent::new(8, 8));
+            let a = make(&mut g, "a");
+            let import = g.import_image("import", DESC(), state, ImportKey(0));
+            let import = g.weak_pass("fill", Queue::Graphics, |p| {
+                p.sample(a.read());
+                (p.write(import).0, |_: &mut Record| {})
+            });
+            let b = from(&mut g, "b", import.read());
+            g.output(b.read());
+            assert_eq!(order(g).0, kept);
         }
     }
 
