@@ -236,7 +236,7 @@ pub(crate) struct PassSet {
 }
 
 impl PassSet {
-    pub fn new(gpu: &super::Gpu, images: &[&super::Image]) -> Result<Self, GpuError> {
+    pub fn new(gpu: &super::Gpu, sampled: &[&super::Image], stored: &[&super::Image]) -> Result<Self, GpuError> {
         let (device, bindless) = (gpu.raw(), &gpu.0.bindless);
         let (pool, set) = allocate(device, bindless.layout)?;
         let copy = |binding, element| {
@@ -251,8 +251,8 @@ impl PassSet {
         };
         let mut copies: Vec<_> = lock(&bindless.textures).iter().map(|i| copy(0, *i)).collect();
         copies.extend(lock(&bindless.samplers).values().map(|(i, _)| copy(2, *i)));
-        copies.extend(images.iter().filter_map(|i| Some(copy(0, i.sampled()?.0))));
-        copies.extend(images.iter().filter_map(|i| Some(copy(1, i.storage()?.0))));
+        copies.extend(sampled.iter().filter_map(|i| Some(copy(0, i.sampled()?.0))));
+        copies.extend(stored.iter().filter_map(|i| Some(copy(1, i.storage()?.0))));
         // SAFETY: every element was written when its image or sampler was made; the new set is not in use.
         unsafe { device.update_descriptor_sets(&[], &copies) };
         Ok(Self { gpu: gpu.clone(), pool, set })

@@ -147,7 +147,9 @@ impl Executor {
             self.encoder.begin_label(&pass.name);
             self.encoder.timestamp(&self.timestamps, 1 + 2 * position as u32);
             if self.gpu.validates() {
-                let set = PassSet::new(&self.gpu, &declared_images(&physical, pass))?;
+                let sampled = images_used(&physical, pass, |access| access == Access::Sample);
+                let stored = images_used(&physical, pass, is_storage);
+                let set = PassSet::new(&self.gpu, &sampled, &stored)?;
                 self.encoder.bind_pass_set(&set);
                 sets.push(set); // lives until the device is done, at the end of this function
             }
@@ -291,7 +293,7 @@ fn image_use(uses: Uses) -> ImageUse {
     for (access, _) in uses.iter() {
         usage.sampled |= access == Access::Sample;
         usage.attachment |= access.is_attachment();
-        usage.storage |= matches!(access, Access::StorageRead | Access::StorageWrite | Access::StorageReadWrite);
+        usage.storage |= is_storage(access);
     }
     usage
 }
@@ -330,8 +332,12 @@ fn issue(encoder: &mut CommandEncoder, physical: &[Physical], batch: &[Barrier])
     }
 }
 
-fn declared_images<'a>(physical: &'a [Physical], pass: &PassDecl) -> Vec<&'a gpu::Image> {
-    let objects = pass.uses.iter().filter(|u| !u.access.is_attachment()).map(|u| &physical[u.resource as usize]);
+fn is_storage(access: Access) -> bool {
+    matches!(access, Access::StorageRead | Access::StorageWrite | Access::StorageReadWrite)
+}
+
+fn images_used<'a>(physical: &'a [Physical], pass: &PassDecl, how: impl Fn(Access) -> bool) -> Vec<&'a gpu::Image> {
+    let objects = pass.uses.iter().filter(|u| how(u.access)).map(|u| &physical[u.resource as usize]);
     objects
         .filter_map(|object| match object {
             Physical::Image(image) => Some(&**image),
