@@ -69,27 +69,9 @@ impl Daylight {
         // Tables of appendix A.2; each row is slope and offset over turbidity.
         let linear = |rows: [[f64; 2]; 5]| rows.map(|[slope, offset]| slope * t + offset);
         let perez = [
-            linear([
-                [0.1787, -1.4630],
-                [-0.3554, 0.4275],
-                [-0.0227, 5.3251],
-                [0.1206, -2.5771],
-                [-0.0670, 0.3703],
-            ]),
-            linear([
-                [-0.0193, -0.2592],
-                [-0.0665, 0.0008],
-                [-0.0004, 0.2125],
-                [-0.0641, -0.8989],
-                [-0.0033, 0.0452],
-            ]),
-            linear([
-                [-0.0167, -0.2608],
-                [-0.0950, 0.0092],
-                [-0.0079, 0.2102],
-                [-0.0441, -1.6537],
-                [-0.0109, 0.0529],
-            ]),
+            linear([[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]]),
+            linear([[-0.0193, -0.2592], [-0.0665, 0.0008], [-0.0004, 0.2125], [-0.0641, -0.8989], [-0.0033, 0.0452]]),
+            linear([[-0.0167, -0.2608], [-0.0950, 0.0092], [-0.0079, 0.2102], [-0.0441, -1.6537], [-0.0109, 0.0529]]),
         ];
         let chroma = |m: [[f64; 4]; 3]| {
             let row = |r: [f64; 4]| ((r[0] * theta + r[1]) * theta + r[2]) * theta + r[3];
@@ -288,14 +270,17 @@ mod tests {
             let n = 20_000;
             let radiance: Vec<(Vec3, Vec3)> = sphere(n).map(|d| (d, model.radiance(d))).collect();
             let greatest = 4.0 * PI as f32 / n as f32;
+            let mut sum = 0.0;
             for normal in sphere(40) {
                 let brute: Vec3 = radiance.iter().map(|(d, r)| *r * d.dot(normal).max(0.0)).sum::<Vec3>() * greatest;
                 let basis = sh_basis(normal.as_dvec3());
-                let ours: Vec3 =
-                    sky.irradiance_sh.iter().zip(basis).map(|(c, y)| Vec3::from(*c) * y as f32).sum();
+                let ours: Vec3 = sky.irradiance_sh.iter().zip(basis).map(|(c, y)| Vec3::from(*c) * y as f32).sum();
                 let error = ((ours - brute) / brute).abs().max_element();
-                assert!(error < 0.05, "{elevation} degrees, normal {normal}: {ours} against {brute}");
+                // The paper's bounds: 9 % at worst, 3 % on average.
+                assert!(error < 0.09, "{elevation} degrees, normal {normal}: {ours} against {brute}");
+                sum += error;
             }
+            assert!(sum / 40.0 < 0.03, "{elevation} degrees: mean error {}", sum / 40.0);
         }
     }
 

@@ -15,8 +15,8 @@ mod texture;
 
 pub use builtin::{BUILTIN, builtin};
 pub use camera::{Camera, CameraFile};
-pub use daylight::Daylight;
-pub use error::SceneError;
+pub use daylight::{Daylight, SkyModel};
+pub use error::{Fault, SceneError};
 pub use import::load;
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};

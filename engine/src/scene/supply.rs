@@ -20,8 +20,9 @@ const VIEWS: [[f64; 2]; 8] = [
     [168.0, 30.0],
     [-168.0, 30.0],
 ];
-/// How much more another view must see.
+/// How much more another view must see; twice as much where it looks from behind, which only walls in front excuse.
 const CLEARLY_MORE: f64 = 1.15;
+const FROM_BEHIND: f64 = 2.0;
 /// Elevation of a supplied sun and its angle to the side of the camera, degrees.
 const SUN: [f32; 2] = [50.0, 50.0];
 /// Resolution at which visible instances are counted.
@@ -76,15 +77,14 @@ fn frame(scene: &Scene) -> Camera {
     for [azimuth, elevation] in VIEWS {
         let view = fit(scene, azimuth.to_radians(), elevation.to_radians());
         let seen = seen(scene, &view);
-        if best.as_ref().is_none_or(|(most, _)| seen > most * CLEARLY_MORE) {
+        let more = if azimuth.abs() > 90.0 { FROM_BEHIND } else { CLEARLY_MORE };
+        if best.as_ref().is_none_or(|(most, _)| seen > most * more) {
             best = Some((seen, view));
         }
     }
     let view = best.map_or_else(|| fit(scene, 0.6, 0.35), |(_, view)| view);
-    let world_from_camera = glam::Affine3A {
-        matrix3: glam::Mat3A::from(view.axes.as_mat3()),
-        translation: view.eye.as_vec3().into(),
-    };
+    let world_from_camera =
+        glam::Affine3A { matrix3: glam::Mat3A::from(view.axes.as_mat3()), translation: view.eye.as_vec3().into() };
     let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
 }
@@ -146,11 +146,7 @@ fn seen(scene: &Scene, view: &View) -> f64 {
             .map(|p| {
                 let q = into_camera * (world.transform_point3(*p).as_dvec3() - view.eye);
                 let depth = (-q.z).max(1e-9);
-                DVec3::new(
-                    width as f64 * 0.5 + q.x / depth * scale,
-                    height as f64 * 0.5 + q.y / depth * scale,
-                    depth,
-                )
+                DVec3::new(width as f64 * 0.5 + q.x / depth * scale, height as f64 * 0.5 + q.y / depth * scale, depth)
             })
             .collect();
         for t in mesh.indices.chunks_exact(3) {
@@ -209,13 +205,19 @@ mod tests {
             indices: (0..n).flat_map(|i| [i, (i + 1) % n, (i + 2) % n]).collect(),
             ..Mesh::default()
         };
-        let instance =
-            Instance { name: "i".into(), mesh: 0, material: 0, world_from_object: Affine3A::from_scale(Vec3::splat(2.0)) };
+        let instance = Instance {
+            name: "i".into(),
+            mesh: 0,
+            material: 0,
+            world_from_object: Affine3A::from_scale(Vec3::splat(2.0)),
+        };
         Scene { meshes: vec![mesh], instances: vec![instance], ..Scene::default() }
     }
 
     fn corners(half: Vec3, centre: Vec3) -> Vec<Vec3> {
-        (0..8).map(|i| centre + half * Vec3::new([-1.0, 1.0][i & 1], [-1.0, 1.0][i >> 1 & 1], [-1.0, 1.0][i >> 2])).collect()
+        (0..8)
+            .map(|i| centre + half * Vec3::new([-1.0, 1.0][i & 1], [-1.0, 1.0][i >> 1 & 1], [-1.0, 1.0][i >> 2]))
+            .collect()
     }
 
     #[test]
@@ -280,7 +282,8 @@ mod tests {
     fn a_wall_in_front_is_walked_around() {
         // Many small things behind a wall that hides them from the front.
         let mut scene = cloud(corners(Vec3::new(4.0, 3.0, 0.1), Vec3::new(0.0, 0.0, 3.0)));
-        scene.meshes[0].indices = (0..8).flat_map(|a| (0..8).flat_map(move |b| (0..8).flat_map(move |c| [a, b, c]))).collect();
+        scene.meshes[0].indices =
+            (0..8).flat_map(|a| (0..8).flat_map(move |b| (0..8).flat_map(move |c| [a, b, c]))).collect();
         scene.materials.push(Material { double_sided: true, ..Material::default() });
         scene.meshes.push(cloud(corners(Vec3::splat(0.3), Vec3::ZERO)).meshes.remove(0));
         for i in 0..12 {

@@ -129,11 +129,7 @@ static CURVE: LazyLock<Curve> = LazyLock::new(|| {
 });
 
 fn decode(code: u8, colour_space: ColourSpace, channel: usize) -> f32 {
-    if colour_space == ColourSpace::Srgb && channel < 3 {
-        CURVE.linear[code as usize]
-    } else {
-        code as f32 / 255.0
-    }
+    if colour_space == ColourSpace::Srgb && channel < 3 { CURVE.linear[code as usize] } else { code as f32 / 255.0 }
 }
 
 /// The code nearest on the encoded scale.

@@ -44,7 +44,8 @@ pub(super) fn leaf_texture() -> Texture {
         .map(|i| {
             let side = if i % 2 == 0 { 1.0 } else { -1.0 };
             let height = 0.90 - 0.115 * i as f32;
-            let (angle, size) = if i == 6 { (0.0, 0.17) } else { (side * (1.05 - 0.07 * i as f32), 0.21 - 0.008 * i as f32) };
+            let (angle, size) =
+                if i == 6 { (0.0, 0.17) } else { (side * (1.05 - 0.07 * i as f32), 0.21 - 0.008 * i as f32) };
             (Vec2::new(0.5, height), angle, size)
         })
         .collect();
@@ -126,7 +127,7 @@ fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
 
 /// What one does not see through: the shade inside a crown.
 pub(super) fn core(half: Vec3) -> Shape {
-    let mut shape = sphere(1.0, 10, 16);
+    let mut shape = sphere(1.0, 8, 12);
     for (p, n) in shape.mesh.positions.iter_mut().zip(&mut shape.mesh.normals) {
         *p *= half;
         *n = (*n / half).normalize();

@@ -35,7 +35,8 @@ mod tests {
             assert!(!scene.instances.is_empty() && !scene.cameras.is_empty() && !scene.lights.is_empty(), "{name}");
             for mesh in &scene.meshes {
                 let n = mesh.positions.len();
-                let tables = [mesh.normals.len(), mesh.tangents.len(), mesh.uv0.len(), mesh.uv1.len(), mesh.colours.len()];
+                let tables =
+                    [mesh.normals.len(), mesh.tangents.len(), mesh.uv0.len(), mesh.uv1.len(), mesh.colours.len()];
                 assert_eq!(tables, [n; 5], "{name}: {}", mesh.name);
                 assert!(mesh.indices.len() % 3 == 0 && mesh.indices.iter().all(|i| (*i as usize) < n), "{}", mesh.name);
                 assert!(mesh.positions.iter().all(|p| p.is_finite()) && mesh.uv0.iter().all(|u| u.is_finite()));
@@ -65,10 +66,10 @@ mod tests {
         for (name, _) in BUILTIN {
             let scene = builtin(name).unwrap();
             for mesh in &scene.meshes {
-                let double = scene
-                    .instances
-                    .iter()
-                    .any(|i| std::ptr::eq(&scene.meshes[i.mesh as usize], mesh) && scene.materials[i.material as usize].double_sided);
+                let double = scene.instances.iter().any(|i| {
+                    std::ptr::eq(&scene.meshes[i.mesh as usize], mesh)
+                        && scene.materials[i.material as usize].double_sided
+                });
                 if double {
                     continue;
                 }
@@ -76,7 +77,11 @@ mod tests {
                     let [a, b, c] = [t[0], t[1], t[2]].map(|i| mesh.positions[i as usize]);
                     let face = (b - a).cross(c - a);
                     let mean: glam::Vec3 = t.iter().map(|i| mesh.normals[*i as usize]).sum();
-                    assert!(face.length() > 0.0 && face.normalize().dot(mean) > 0.0, "{name}: {} {a} {b} {c}", mesh.name);
+                    assert!(
+                        face.length() > 0.0 && face.normalize().dot(mean) > 0.0,
+                        "{name}: {} {a} {b} {c}",
+                        mesh.name
+                    );
                 }
             }
         }
@@ -85,14 +90,15 @@ mod tests {
     #[test]
     fn the_courtyard_has_what_it_is_to_have() {
         let scene = builtin("courtyard").unwrap();
-        let triangles: usize =
-            scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].indices.len() / 3).sum();
+        let triangles: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].indices.len() / 3).sum();
         assert!((20_000..=80_000).contains(&triangles), "{triangles} triangles");
         assert!(scene.meshes.len() * 2 < scene.instances.len(), "things are instanced");
         let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
         assert_eq!(names, ["default", "close"]);
         let daylight = scene.daylight.as_ref().unwrap();
-        assert!(matches!(scene.lights[0], Light::Directional { direction, .. } if direction.abs_diff_eq(-daylight.to_sun, 1e-6)));
+        assert!(
+            matches!(scene.lights[0], Light::Directional { direction, .. } if direction.abs_diff_eq(-daylight.to_sun, 1e-6))
+        );
         assert!(scene.lights.iter().any(|l| matches!(l, Light::Point { .. })));
         assert!(scene.materials.iter().any(|m| m.metalness == 1.0));
         assert!(scene.materials.iter().any(|m| matches!(m.alpha, crate::scene::AlphaMode::Mask(_))));

@@ -110,7 +110,11 @@ pub(super) fn lathe(curves: &[Vec<Vec2>], segments: usize) -> Shape {
             }
             let tangent = (curve[(i + 1).min(n - 1)] - curve[i.saturating_sub(1)]).normalize_or(Vec2::Y);
             // At the axis a smooth surface lies flat.
-            let normal = if p.x == 0.0 && n > 2 { Vec2::new(0.0, -tangent.x.signum()) } else { Vec2::new(tangent.y, -tangent.x) };
+            let normal = if p.x == 0.0 && n > 2 {
+                Vec2::new(0.0, -tangent.x.signum())
+            } else {
+                Vec2::new(tangent.y, -tangent.x)
+            };
             let ring: Vec<u32> = (0..=segments)
                 .map(|j| {
                     let (s, c) = (j as f32 / segments as f32 * TAU).sin_cos();
@@ -183,7 +187,8 @@ pub(super) fn cushion(half: Vec3, power: f32, rings: usize, segments: usize) -> 
         let (cx, cz) = (raise(dir.x, power), raise(dir.y, power));
         let (r, y) = (raise(flat, power), raise(p.y, power));
         let (nr, ny) = (raise(flat, 2.0 - power), raise(p.y, 2.0 - power));
-        *n = (Vec3::new(nr * raise(dir.x, 2.0 - power), ny, nr * raise(dir.y, 2.0 - power)) / half).normalize_or(Vec3::Y);
+        *n = (Vec3::new(nr * raise(dir.x, 2.0 - power), ny, nr * raise(dir.y, 2.0 - power)) / half)
+            .normalize_or(Vec3::Y);
         *p = half * Vec3::new(r * cx, y, r * cz);
     }
     let indices = std::mem::take(&mut shape.mesh.indices);

@@ -28,7 +28,9 @@ impl Allowed {
     fn wanted(self) -> &'static str {
         match self {
             Self::Geometry => "f32, or 8 and 16 bit integers with KHR_mesh_quantization",
-            Self::TextureCoordinates => "f32, normalised u8 or u16, or 8 and 16 bit integers with KHR_mesh_quantization",
+            Self::TextureCoordinates => {
+                "f32, normalised u8 or u16, or 8 and 16 bit integers with KHR_mesh_quantization"
+            }
             Self::Colour => "f32, normalised u8 or u16",
         }
     }
@@ -70,13 +72,9 @@ impl<'a> Data<'a> {
         let bytes = refer(self.buffers, buffer, "buffer")?;
         let start = view.byte_offset.map_or(0, |o| o.0);
         let end = start.checked_add(view.byte_length.0);
-        end.and_then(|end| bytes.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)).ok_or(Fault::ViewRange {
-            view: index,
-            start,
-            end: end.unwrap_or(u64::MAX),
-            buffer,
-            length: bytes.len() as u64,
-        })
+        end.and_then(|end| bytes.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)).ok_or(
+            Fault::ViewRange { view: index, start, end: end.unwrap_or(u64::MAX), buffer, length: bytes.len() as u64 },
+        )
     }
 
     /// How many elements an accessor says that it has.
@@ -199,11 +197,14 @@ impl<'a> Data<'a> {
             return Err(Fault::Limit { what: "sparse elements", got: count, limit: most });
         }
         let Checked::Valid(kind) = sparse.indices.component_type else {
-            return Err(Fault::Type { accessor: index, got: "unknown".to_owned(), wanted: "sparse indices u8, u16 or u32" });
+            return Err(Fault::Type {
+                accessor: index,
+                got: "unknown".to_owned(),
+                wanted: "sparse indices u8, u16 or u32",
+            });
         };
         let (places, kind) = (&sparse.indices, kind.0);
-        let places =
-            self.table(index, places.buffer_view.value(), places.byte_offset.0, count, kind.size(), false)?;
+        let places = self.table(index, places.buffer_view.value(), places.byte_offset.0, count, kind.size(), false)?;
         let values = &sparse.values;
         let values = self.table(index, values.buffer_view.value(), values.byte_offset.0, count, size, false)?;
         for i in 0..places.count {

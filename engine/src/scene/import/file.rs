@@ -39,12 +39,8 @@ pub(super) fn open(path: &Path) -> Result<(json::Root, Option<Vec<u8>>), SceneEr
 
 /// The text and the binary chunk of a .glb (glTF 2.0 specification, section 4).
 fn split_glb<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>), SceneError> {
-    let cut = |what, wanted: u64, got: usize| SceneError::Truncated {
-        path: path.to_owned(),
-        what,
-        wanted,
-        got: got as u64,
-    };
+    let cut =
+        |what, wanted: u64, got: usize| SceneError::Truncated { path: path.to_owned(), what, wanted, got: got as u64 };
     let word = |at: usize| bytes.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let refuse = |reason: String| SceneError::NotGltf { path: path.to_owned(), reason };
     let (Some(version), Some(length)) = (word(4), word(8)) else {
@@ -213,14 +209,14 @@ fn base64(text: &str) -> Option<Vec<u8>> {
     (text.len() % 4 != 1).then_some(out)
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn base64_of_the_rfc() {
-        for (text, bytes) in [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmFy", "foobar"), ("Zm8", "fo")]
+        for (text, bytes) in
+            [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYmFy", "foobar"), ("Zm8", "fo")]
         {
             assert_eq!(base64(text).as_deref(), Some(bytes.as_bytes()), "{text}");
         }

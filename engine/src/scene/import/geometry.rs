@@ -54,12 +54,7 @@ pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)]) -> Import
 }
 
 /// Reads a primitive; `normal_uv` tells which coordinates the normal map of a material uses. Both indices must be in range.
-pub(super) fn read(
-    data: &Data,
-    m: usize,
-    p: usize,
-    normal_uv: &(dyn Fn(Option<usize>) -> u32 + Sync),
-) -> Import<Read> {
+pub(super) fn read(data: &Data, m: usize, p: usize, normal_uv: &(dyn Fn(Option<usize>) -> u32 + Sync)) -> Import<Read> {
     let primitive = &data.root.meshes[m].primitives[p];
     let at = |part: &'static str| move || place(m, p, part);
     let mut notices = Vec::new();

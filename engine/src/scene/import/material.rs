@@ -50,13 +50,8 @@ struct Slot<'a> {
 }
 
 pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Materials> {
-    let mut reader = Reader {
-        root,
-        out: Materials::default(),
-        textures: HashMap::new(),
-        samplers: HashMap::new(),
-        notices,
-    };
+    let mut reader =
+        Reader { root, out: Materials::default(), textures: HashMap::new(), samplers: HashMap::new(), notices };
     let mut blended = Vec::new();
     for (i, material) in root.materials.iter().enumerate() {
         let read = reader.material(i, material)?;
@@ -68,7 +63,9 @@ pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Mater
     let out = reader.out;
     if !blended.is_empty() {
         let names = blended.join(", ");
-        notices.push(format!("blended materials are drawn alpha-tested at 0.5 until there is a transparency stage: {names}"));
+        notices.push(format!(
+            "blended materials are drawn alpha-tested at 0.5 until there is a transparency stage: {names}"
+        ));
     }
     Ok(out)
 }

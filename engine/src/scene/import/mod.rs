@@ -72,8 +72,11 @@ pub fn load(path: &Path) -> Result<Scene, SceneError> {
     let (root, bin) = file::open(path)?;
     let mut notices = Vec::new();
     check_extensions(&root, path, &mut notices)?;
-    let scene = assemble(&root, bin, path, notices)
-        .map_err(|At { element, fault }| SceneError::Element { path: path.to_owned(), element, fault })?;
+    let scene = assemble(&root, bin, path, notices).map_err(|At { element, fault }| SceneError::Element {
+        path: path.to_owned(),
+        element,
+        fault,
+    })?;
     if scene.instances.is_empty() {
         return Err(SceneError::NoGeometry { path: path.to_owned() });
     }

@@ -56,7 +56,8 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
     };
 
     let mut placed = Placed::default();
-    let mut stack: Vec<(usize, DAffine3, usize)> = roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY, 1)).collect();
+    let mut stack: Vec<(usize, DAffine3, usize)> =
+        roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY, 1)).collect();
     while let Some((index, parent, depth)) = stack.pop() {
         let element = || format!("node {index}");
         if depth > MAX_DEPTH {
@@ -64,10 +65,8 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
         }
         let node = &root.nodes[index];
         let world = parent * local(node).of(element)?;
-        let single = Affine3A {
-            matrix3: Mat3A::from(world.matrix3.as_mat3()),
-            translation: world.translation.as_vec3().into(),
-        };
+        let single =
+            Affine3A { matrix3: Mat3A::from(world.matrix3.as_mat3()), translation: world.translation.as_vec3().into() };
         if !single.is_finite() {
             return Err(Fault::NotFinite { at: 0 }).of(|| format!("node {index} world transform"));
         }
