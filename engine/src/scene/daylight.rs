@@ -270,13 +270,17 @@ mod tests {
             let n = 20_000;
             let radiance: Vec<(Vec3, Vec3)> = sphere(n).map(|d| (d, model.radiance(d))).collect();
             let greatest = 4.0 * PI as f32 / n as f32;
+            let mut sum = 0.0;
             for normal in sphere(40) {
                 let brute: Vec3 = radiance.iter().map(|(d, r)| *r * d.dot(normal).max(0.0)).sum::<Vec3>() * greatest;
                 let basis = sh_basis(normal.as_dvec3());
                 let ours: Vec3 = sky.irradiance_sh.iter().zip(basis).map(|(c, y)| Vec3::from(*c) * y as f32).sum();
                 let error = ((ours - brute) / brute).abs().max_element();
-                assert!(error < 0.05, "{elevation} degrees, normal {normal}: {ours} against {brute}");
+                // The paper's bounds: 9 % at worst, 3 % on average.
+                assert!(error < 0.09, "{elevation} degrees, normal {normal}: {ours} against {brute}");
+                sum += error;
             }
+            assert!(sum / 40.0 < 0.03, "{elevation} degrees: mean error {}", sum / 40.0);
         }
     }
 

@@ -16,8 +16,8 @@ mod texture;
 
 pub use builtin::{BUILTIN, builtin};
 pub use camera::{Camera, CameraFile};
-pub use daylight::Daylight;
-pub use error::SceneError;
+pub use daylight::{Daylight, SkyModel};
+pub use error::{Fault, SceneError};
 pub use import::load;
 pub use resident::{ResidentError, ResidentScene, SceneImports};
 pub use supply::supply_missing;

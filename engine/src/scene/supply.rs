@@ -20,8 +20,9 @@ const VIEWS: [[f64; 2]; 8] = [
     [168.0, 30.0],
     [-168.0, 30.0],
 ];
-/// How much more another view must see.
+/// How much more another view must see; twice as much where it looks from behind, which only walls in front excuse.
 const CLEARLY_MORE: f64 = 1.15;
+const FROM_BEHIND: f64 = 2.0;
 /// Elevation of a supplied sun and its angle to the side of the camera, degrees.
 const SUN: [f32; 2] = [50.0, 50.0];
 /// Resolution at which visible instances are counted.
@@ -76,7 +77,8 @@ fn frame(scene: &Scene) -> Camera {
     for [azimuth, elevation] in VIEWS {
         let view = fit(scene, azimuth.to_radians(), elevation.to_radians());
         let seen = seen(scene, &view);
-        if best.as_ref().is_none_or(|(most, _)| seen > most * CLEARLY_MORE) {
+        let more = if azimuth.abs() > 90.0 { FROM_BEHIND } else { CLEARLY_MORE };
+        if best.as_ref().is_none_or(|(most, _)| seen > most * more) {
             best = Some((seen, view));
         }
     }

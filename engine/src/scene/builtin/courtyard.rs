@@ -43,7 +43,7 @@ fn palette(stage: &mut Stage) -> Palette {
         ..dielectric(name, [1.0; 3], 0.55)
     };
     Palette {
-        plaster: stage.material(matte("sand plaster", [0.74, 0.64, 0.50])),
+        plaster: stage.material(matte("sand plaster", [0.66, 0.55, 0.41])),
         stone: stage.material(dielectric("limestone", [0.62, 0.57, 0.49], 0.75)),
         pale: stage.material(dielectric("pale limestone", [0.76, 0.72, 0.64], 0.65)),
         terracotta: stage.material(matte("terracotta plaster", [0.66, 0.31, 0.17])),
@@ -84,8 +84,8 @@ pub(super) fn scene() -> Scene {
     let sun = Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance };
     stage.scene.lights.insert(0, sun);
     stage.scene.daylight = Some(daylight);
-    stage.camera("default", [-2.55, 1.75, 7.1], [0.55, 1.02, -0.9], 40.0);
-    stage.camera("close", [0.55, 1.42, 4.55], [2.05, 0.90, 2.35], 38.0);
+    stage.camera("default", [-1.55, 1.72, 8.1], [0.15, 1.22, -0.9], 40.0);
+    stage.camera("close", [0.70, 1.36, 5.35], [1.92, 0.86, 3.2], 36.0);
     stage.scene
 }
 
@@ -147,18 +147,18 @@ fn walls(stage: &mut Stage, p: &Palette) {
 
 /// Two rows of columns with beams, rafters and a climber, and the lantern.
 fn pergola(stage: &mut Stage, p: &Palette) {
-    let shaft = curve(&[[0.150, 0.20], [0.152, 0.9], [0.140, 1.6], [0.120, 2.24]], 5);
+    let shaft = curve(&[[0.150, 0.20], [0.152, 0.9], [0.140, 1.6], [0.120, 2.24]], 2);
     let column = lathe(
         &[
             line(&[[0.0, 0.0], [0.22, 0.0]]),
             line(&[[0.22, 0.0], [0.22, 0.10]]),
-            curve(&[[0.22, 0.10], [0.205, 0.15], [0.165, 0.18], [0.150, 0.20]], 4),
+            curve(&[[0.22, 0.10], [0.205, 0.15], [0.165, 0.18], [0.150, 0.20]], 2),
             shaft,
-            curve(&[[0.120, 2.24], [0.140, 2.27], [0.185, 2.33], [0.20, 2.38]], 4),
+            curve(&[[0.120, 2.24], [0.140, 2.27], [0.185, 2.33], [0.20, 2.38]], 2),
             line(&[[0.20, 2.38], [0.20, 2.46]]),
             line(&[[0.20, 2.46], [0.0, 2.46]]),
         ],
-        28,
+        20,
     );
     let column = stage.mesh("column", column);
     let beam = stage.mesh("beam", block(0.14, 0.18, 8.1, 0.012));
@@ -173,7 +173,7 @@ fn pergola(stage: &mut Stage, p: &Palette) {
     for i in 0..18 {
         stage.put(rafter, p.wood, at(-4.25, 2.62, -4.45 + 0.45 * i as f32, 0.0));
     }
-    let vine = stage.mesh("vine", climber(3, Vec3::new(1.3, 0.16, 1.1), Vec3::Y, 260, 0.30));
+    let vine = stage.mesh("vine", climber(3, Vec3::new(1.3, 0.16, 1.1), Vec3::Y, 220, 0.32));
     for (x, z, turn) in [(-4.5, -3.6, 0.0), (-4.1, -2.1, 120.0), (-4.6, 2.5, 200.0), (-3.7, 2.7, 40.0)] {
         stage.put(vine, p.leaves, at(x, 2.80, z, turn));
     }
@@ -218,26 +218,26 @@ fn fountain(stage: &mut Stage, p: &Palette) {
             line(&[[1.50, 0.13], [1.47, 0.40]]),
             curve(
                 &[[1.47, 0.40], [1.56, 0.42], [1.60, 0.47], [1.56, 0.52], [1.48, 0.535], [1.36, 0.53], [1.31, 0.50]],
-                4,
+                3,
             ),
             line(&[[1.31, 0.50], [1.29, 0.12]]),
             line(&[[1.29, 0.12], [0.0, 0.12]]),
         ],
-        72,
+        60,
     );
     stage.add("basin", basin, p.stone, place);
     let water = stage.material(dielectric("water", [0.012, 0.065, 0.075], 0.03));
-    let disc = lathe(&[line(&[[1.302, 0.43], [0.0, 0.43]])], 72);
+    let disc = lathe(&[line(&[[1.302, 0.43], [0.0, 0.43]])], 60);
     stage.add("water", disc, water, place);
     let foot = lathe(
         &[
             line(&[[0.34, 0.10], [0.34, 0.50]]),
-            curve(&[[0.34, 0.50], [0.28, 0.55], [0.15, 0.66], [0.12, 0.82], [0.16, 0.98], [0.26, 1.05]], 5),
-            curve(&[[0.26, 1.05], [0.50, 1.10], [0.70, 1.22], [0.76, 1.33]], 5),
-            curve(&[[0.76, 1.33], [0.765, 1.35], [0.745, 1.36], [0.72, 1.345]], 3),
-            curve(&[[0.72, 1.345], [0.62, 1.24], [0.40, 1.16], [0.0, 1.14]], 5),
+            curve(&[[0.34, 0.50], [0.28, 0.55], [0.15, 0.66], [0.12, 0.82], [0.16, 0.98], [0.26, 1.05]], 3),
+            curve(&[[0.26, 1.05], [0.50, 1.10], [0.70, 1.22], [0.76, 1.33]], 3),
+            curve(&[[0.76, 1.33], [0.765, 1.35], [0.745, 1.36], [0.72, 1.345]], 2),
+            curve(&[[0.72, 1.345], [0.62, 1.24], [0.40, 1.16], [0.0, 1.14]], 3),
         ],
-        48,
+        40,
     );
     stage.add("bowl on a foot", foot, p.pale, place);
     let disc = lathe(&[line(&[[0.70, 1.315], [0.0, 1.315]])], 48);
@@ -247,23 +247,23 @@ fn fountain(stage: &mut Stage, p: &Palette) {
         28,
     );
     stage.add("holder", holder, p.pale, place);
-    stage.add("copper ball", sphere(0.30, 32, 56), p.copper, place * Affine3A::from_translation(Vec3::Y * 1.72));
+    stage.add("copper ball", sphere(0.30, 24, 40), p.copper, place * Affine3A::from_translation(Vec3::Y * 1.72));
 }
 
 /// The still life in the foreground.
 fn table(stage: &mut Stage, p: &Palette) {
-    let place = at(2.05, -SUNK, 2.35, 0.0);
+    let place = at(2.05, -SUNK, 3.25, 0.0);
     let top = 0.74;
     let stand = lathe(
         &[
             line(&[[0.0, 0.0], [0.36, 0.0]]),
             line(&[[0.36, 0.0], [0.36, 0.05]]),
-            curve(&[[0.36, 0.05], [0.22, 0.09], [0.12, 0.18], [0.10, 0.40], [0.13, 0.60], [0.24, 0.69]], 5),
+            curve(&[[0.36, 0.05], [0.22, 0.09], [0.12, 0.18], [0.10, 0.40], [0.13, 0.60], [0.24, 0.69]], 3),
             line(&[[0.24, 0.69], [0.66, 0.69]]),
             curve(&[[0.66, 0.69], [0.685, 0.70], [0.69, 0.72], [0.68, 0.737], [0.66, top]], 3),
             line(&[[0.66, top], [0.0, top]]),
         ],
-        64,
+        48,
     );
     stage.add("table", stand, p.pale, place);
     let on = |x: f32, z: f32| place * Affine3A::from_translation(Vec3::new(x, top - 0.001, z));
@@ -282,12 +282,12 @@ fn table(stage: &mut Stage, p: &Palette) {
                     [0.040, 0.42],
                     [0.062, 0.46],
                 ],
-                7,
+                5,
             ),
             curve(&[[0.062, 0.46], [0.060, 0.464], [0.055, 0.46]], 2),
-            curve(&[[0.055, 0.46], [0.034, 0.42], [0.036, 0.37], [0.0, 0.34]], 4),
+            curve(&[[0.055, 0.46], [0.034, 0.42], [0.036, 0.37], [0.0, 0.34]], 2),
         ],
-        48,
+        32,
     );
     let vase = stage.mesh("vase", vase);
     stage.put(vase, p.cobalt, on(-0.30, -0.26));
@@ -296,23 +296,23 @@ fn table(stage: &mut Stage, p: &Palette) {
     let body = lathe(
         &[
             line(&[[0.0, 0.0], [0.075, 0.0]]),
-            curve(&[[0.075, 0.0], [0.09, 0.012], [0.135, 0.075], [0.115, 0.145], [0.065, 0.175]], 7),
-            curve(&[[0.065, 0.175], [0.072, 0.183], [0.055, 0.200], [0.018, 0.212]], 4),
-            curve(&[[0.018, 0.212], [0.012, 0.222], [0.024, 0.236], [0.020, 0.250], [0.0, 0.255]], 4),
+            curve(&[[0.075, 0.0], [0.09, 0.012], [0.135, 0.075], [0.115, 0.145], [0.065, 0.175]], 4),
+            curve(&[[0.065, 0.175], [0.072, 0.183], [0.055, 0.200], [0.018, 0.212]], 3),
+            curve(&[[0.018, 0.212], [0.012, 0.222], [0.024, 0.236], [0.020, 0.250], [0.0, 0.255]], 3),
         ],
-        44,
+        32,
     );
     let mut pot = body;
     pot.join(
-        &tube(&[[0.10, 0.055], [0.17, 0.075], [0.195, 0.13], [0.235, 0.185]], [0.030, 0.014], 20, 14),
+        &tube(&[[0.10, 0.055], [0.17, 0.075], [0.195, 0.13], [0.235, 0.185]], [0.030, 0.014], 12, 12),
         Affine3A::IDENTITY,
     );
     pot.join(
         &tube(
             &[[-0.105, 0.155], [-0.17, 0.165], [-0.205, 0.12], [-0.18, 0.06], [-0.115, 0.045]],
             [0.011, 0.011],
-            26,
-            12,
+            20,
+            10,
         ),
         Affine3A::IDENTITY,
     );
@@ -321,11 +321,11 @@ fn table(stage: &mut Stage, p: &Palette) {
     let cup = lathe(
         &[
             line(&[[0.0, 0.0], [0.026, 0.0]]),
-            curve(&[[0.026, 0.0], [0.040, 0.015], [0.049, 0.045], [0.053, 0.070]], 4),
+            curve(&[[0.026, 0.0], [0.040, 0.015], [0.049, 0.045], [0.053, 0.070]], 3),
             curve(&[[0.053, 0.070], [0.052, 0.072], [0.049, 0.070]], 2),
-            curve(&[[0.049, 0.070], [0.044, 0.042], [0.032, 0.018], [0.0, 0.012]], 4),
+            curve(&[[0.049, 0.070], [0.044, 0.042], [0.032, 0.018], [0.0, 0.012]], 2),
         ],
-        32,
+        26,
     );
     let cup = stage.mesh("cup", cup);
     stage.put(cup, p.white, on(0.42, 0.12));
@@ -335,16 +335,16 @@ fn table(stage: &mut Stage, p: &Palette) {
     let bowl = lathe(
         &[
             line(&[[0.0, 0.0], [0.075, 0.0]]),
-            curve(&[[0.075, 0.0], [0.13, 0.025], [0.185, 0.075], [0.205, 0.125]], 6),
+            curve(&[[0.075, 0.0], [0.13, 0.025], [0.185, 0.075], [0.205, 0.125]], 4),
             curve(&[[0.205, 0.125], [0.204, 0.129], [0.199, 0.126]], 2),
-            curve(&[[0.199, 0.126], [0.178, 0.080], [0.12, 0.032], [0.0, 0.014]], 6),
+            curve(&[[0.199, 0.126], [0.178, 0.080], [0.12, 0.032], [0.0, 0.014]], 4),
         ],
-        56,
+        36,
     );
     stage.add("steel bowl", bowl, p.steel, on(-0.20, 0.20));
     let orange = stage.material(dielectric("orange peel", [0.83, 0.30, 0.025], 0.35));
     let lemon = stage.material(dielectric("lemon peel", [0.86, 0.66, 0.06], 0.35));
-    let fruit = stage.mesh("fruit", sphere(0.05, 14, 22));
+    let fruit = stage.mesh("fruit", sphere(0.05, 12, 18));
     for (x, y, z, peel) in [
         (-0.062, 0.076, 0.02, orange),
         (0.052, 0.078, 0.045, orange),
@@ -354,22 +354,22 @@ fn table(stage: &mut Stage, p: &Palette) {
         stage.put(fruit, peel, on(-0.20 + x, 0.20 + z) * Affine3A::from_translation(Vec3::Y * y));
     }
     let red = stage.material(dielectric("red lacquer", [0.58, 0.022, 0.018], 0.08));
-    let ball = sphere(0.075, 20, 32);
+    let ball = sphere(0.075, 16, 26);
     stage.add("red ball", ball, red, on(0.06, 0.42) * Affine3A::from_translation(Vec3::Y * 0.075));
 
     // Two stools.
     let stool = lathe(
         &[
             line(&[[0.0, 0.0], [0.17, 0.0]]),
-            curve(&[[0.17, 0.0], [0.21, 0.08], [0.235, 0.22], [0.21, 0.36], [0.175, 0.43]], 5),
+            curve(&[[0.17, 0.0], [0.21, 0.08], [0.235, 0.22], [0.21, 0.36], [0.175, 0.43]], 3),
             curve(&[[0.175, 0.43], [0.165, 0.445], [0.14, 0.45]], 3),
             line(&[[0.14, 0.45], [0.0, 0.45]]),
         ],
-        36,
+        30,
     );
     let stool = stage.mesh("stool", stool);
-    stage.put(stool, p.cobalt, at(3.15, -SUNK, 2.0, 0.0));
-    stage.put(stool, p.terracotta, at(2.35, -SUNK, 1.15, 0.0));
+    stage.put(stool, p.cobalt, at(3.2, -SUNK, 2.75, 0.0));
+    stage.put(stool, p.terracotta, at(2.0, -SUNK, 2.1, 0.0));
 }
 
 /// A tube with closed ends along a curve in the plane z = 0; its radius goes from the first value to the last.
@@ -434,7 +434,7 @@ fn bench(stage: &mut Stage, p: &Palette) {
     let coral = stage.material(matte("coral cloth", [0.70, 0.16, 0.10]));
     let blue = stage.material(matte("blue cloth", [0.05, 0.11, 0.36]));
     let cream = stage.material(matte("cream cloth", [0.74, 0.68, 0.55]));
-    let cushion = stage.mesh("cushion", cushion(Vec3::new(0.23, 0.075, 0.21), 0.45, 20, 36));
+    let cushion = stage.mesh("cushion", cushion(Vec3::new(0.23, 0.075, 0.21), 0.45, 14, 26));
     let lean = |x: f32, turn: f32| place * at(x, 0.66, -0.10, turn) * Affine3A::from_quat(Quat::from_rotation_x(1.15));
     stage.put(cushion, coral, lean(-0.55, 8.0));
     stage.put(cushion, cream, lean(-0.10, -6.0));
@@ -446,16 +446,16 @@ fn pots(stage: &mut Stage, p: &Palette) {
     let pot = lathe(
         &[
             line(&[[0.0, 0.0], [0.22, 0.0]]),
-            curve(&[[0.22, 0.0], [0.29, 0.14], [0.345, 0.34], [0.36, 0.50]], 5),
+            curve(&[[0.22, 0.0], [0.29, 0.14], [0.345, 0.34], [0.36, 0.50]], 2),
             line(&[[0.36, 0.50], [0.40, 0.50]]),
             line(&[[0.40, 0.50], [0.41, 0.585]]),
             line(&[[0.41, 0.585], [0.345, 0.585]]),
             line(&[[0.345, 0.585], [0.335, 0.50]]),
         ],
-        40,
+        28,
     );
     let pot = stage.mesh("pot", pot);
-    let soil = stage.mesh("soil", lathe(&[line(&[[0.342, 0.54], [0.0, 0.54]])], 40));
+    let soil = stage.mesh("soil", lathe(&[line(&[[0.342, 0.54], [0.0, 0.54]])], 28));
     let round = stage.mesh("round bush", crown(21, Vec3::new(0.42, 0.40, 0.42), 210, 0.26));
     let inside = stage.mesh("round bush core", core(Vec3::new(0.31, 0.29, 0.31)));
     for (x, z, turn, size, glaze) in [
@@ -463,7 +463,7 @@ fn pots(stage: &mut Stage, p: &Palette) {
         (1.95, -5.15, 110.0, 1.0, p.cobalt),
         (5.15, -3.75, 60.0, 1.05, p.terracotta),
         (5.15, -0.55, 200.0, 0.9, p.terracotta),
-        (-2.35, 3.75, 300.0, 0.82, p.cobalt),
+        (-2.45, 4.0, 300.0, 0.72, p.cobalt),
     ] {
         let place = scaled(x, -SUNK, z, turn, size);
         stage.put(pot, glaze, place);
@@ -477,12 +477,12 @@ fn pots(stage: &mut Stage, p: &Palette) {
             line(&[[0.0, 0.0], [0.17, 0.0]]),
             curve(
                 &[[0.17, 0.0], [0.24, 0.10], [0.36, 0.42], [0.30, 0.76], [0.17, 0.90], [0.16, 0.96], [0.22, 1.02]],
-                6,
+                2,
             ),
             curve(&[[0.22, 1.02], [0.215, 1.03], [0.195, 1.02]], 2),
-            curve(&[[0.195, 1.02], [0.14, 0.96], [0.14, 0.88], [0.0, 0.80]], 4),
+            curve(&[[0.195, 1.02], [0.14, 0.96], [0.14, 0.88], [0.0, 0.80]], 2),
         ],
-        44,
+        32,
     );
     let jar = stage.mesh("jar", jar);
     stage.put(jar, p.stone, scaled(5.2, -SUNK, 1.35, 0.0, 1.0));
@@ -494,13 +494,13 @@ fn pots(stage: &mut Stage, p: &Palette) {
 fn plants(stage: &mut Stage, p: &Palette) {
     let trunk = lathe(
         &[
-            curve(&[[0.22, 0.0], [0.15, 0.18], [0.115, 0.7], [0.09, 1.6], [0.05, 2.5]], 4),
+            curve(&[[0.22, 0.0], [0.15, 0.18], [0.115, 0.7], [0.09, 1.6], [0.05, 2.5]], 2),
             line(&[[0.05, 2.5], [0.0, 2.5]]),
         ],
-        18,
+        10,
     );
     let trunk = stage.mesh("trunk", trunk);
-    let tree = stage.mesh("tree crown", crown(5, Vec3::new(1.45, 1.15, 1.4), 1100, 0.42));
+    let tree = stage.mesh("tree crown", crown(5, Vec3::new(1.45, 1.15, 1.4), 760, 0.49));
     let tree_core = stage.mesh("tree core", core(Vec3::new(1.02, 0.80, 0.98)));
     for (x, z, turn, size, leaves) in [
         (4.55, -4.35, 0.0, 1.0, p.olive),
@@ -515,7 +515,7 @@ fn plants(stage: &mut Stage, p: &Palette) {
         stage.put(tree, leaves, above);
         stage.put(tree_core, p.shade, above);
     }
-    let cypress = stage.mesh("cypress", crown(9, Vec3::new(0.62, 2.7, 0.62), 900, 0.40));
+    let cypress = stage.mesh("cypress", crown(9, Vec3::new(0.62, 2.7, 0.62), 540, 0.50));
     let cypress_core = stage.mesh("cypress core", core(Vec3::new(0.46, 2.2, 0.46)));
     for (x, z, turn, size) in
         [(-1.6, -9.0, 0.0, 1.1), (-8.4, -8.2, 90.0, 1.25), (6.4, -9.4, 200.0, 1.35), (0.3, -14.5, 310.0, 1.3)]
@@ -527,7 +527,7 @@ fn plants(stage: &mut Stage, p: &Palette) {
     }
     let climbing = climber(17, Vec3::new(0.10, 1.25, 1.3), Vec3::NEG_X, 420, 0.28);
     stage.add("wall climber", climbing, p.leaves, at(HALF - 0.16, 1.75, 1.6, 0.0));
-    let hedge = stage.mesh("hedge bush", crown(33, Vec3::new(0.75, 0.55, 0.55), 260, 0.30));
+    let hedge = stage.mesh("hedge bush", crown(33, Vec3::new(0.75, 0.55, 0.55), 200, 0.33));
     let hedge_core = stage.mesh("hedge core", core(Vec3::new(0.58, 0.42, 0.42)));
     let mut dice = Dice::new(4);
     for i in 0..9 {

@@ -127,7 +127,7 @@ fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
 
 /// What one does not see through: the shade inside a crown.
 pub(super) fn core(half: Vec3) -> Shape {
-    let mut shape = sphere(1.0, 10, 16);
+    let mut shape = sphere(1.0, 8, 12);
     for (p, n) in shape.mesh.positions.iter_mut().zip(&mut shape.mesh.normals) {
         *p *= half;
         *n = (*n / half).normalize();
