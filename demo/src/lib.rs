@@ -16,7 +16,7 @@ use clap::Parser;
 
 pub use args::{Arguments, Command, Extent, Loudness, Rays, RenderArguments, ViewName};
 pub use exit::Failure;
-pub use picture::{PictureError, shown, write_exr, write_png};
+pub use picture::{PictureError, write_exr, write_png};
 pub use render::render;
 
 /// Runs one command line, the program's name first, and gives the exit status: 0 done, 1 it failed while running, 2 wrong

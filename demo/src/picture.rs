@@ -6,6 +6,7 @@ use image::{
     ExtendedColorType, ImageEncoder, ImageError,
     codecs::{openexr::OpenExrEncoder, png::PngEncoder},
 };
+use magpie::{graph::Extent, pixels::Pixels};
 
 /// Colour of a pixel that is not finite, where one would otherwise be hidden.
 const NOT_FINITE: [u8; 3] = [255, 0, 255];
@@ -35,14 +36,22 @@ fn check_size(width: u32, height: u32, got: usize) -> Result<(), PictureError> {
     if wanted == got { Ok(()) } else { Err(PictureError::Size { width, height, wanted, got }) }
 }
 
-/// Writes red, green and blue of RGBA bytes as an 8-bit PNG: pictures are opaque.
+/// Writes an 8-bit PNG without alpha, since pictures are opaque: a display image as it is, any other made visible. A pixel
+/// that is not finite is magenta.
 ///
 /// # Errors
 /// [`PictureError`].
-pub fn write_png(out: &mut impl Write, width: u32, height: u32, rgba: &[u8]) -> Result<(), PictureError> {
-    let (pixels, _) = rgba.as_chunks::<4>();
-    check_size(width, height, pixels.len())?;
-    let rgb: Vec<u8> = pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+pub fn write_png(out: &mut impl Write, pixels: &Pixels) -> Result<(), PictureError> {
+    let shown = pixels.presentable();
+    let (shown, _) = shown.as_chunks::<4>();
+    let Extent { width, height, .. } = pixels.extent;
+    check_size(width, height, shown.len())?;
+    let values = pixels.values();
+    let rgb: Vec<u8> = shown
+        .iter()
+        .zip(&values)
+        .flat_map(|(p, v)| if v.iter().all(|x| x.is_finite()) { [p[0], p[1], p[2]] } else { NOT_FINITE })
+        .collect();
     Ok(PngEncoder::new(out).write_image(&rgb, width, height, ExtendedColorType::Rgb8)?)
 }
 
@@ -50,71 +59,48 @@ pub fn write_png(out: &mut impl Write, width: u32, height: u32, rgba: &[u8]) -> 
 ///
 /// # Errors
 /// [`PictureError`].
-pub fn write_exr(
-    out: &mut (impl Write + Seek),
-    width: u32,
-    height: u32,
-    rgba: &[[f32; 4]],
-) -> Result<(), PictureError> {
-    check_size(width, height, rgba.len())?;
-    let bytes: Vec<u8> = rgba.iter().flat_map(|p| &p[..3]).flat_map(|x| x.to_ne_bytes()).collect();
+pub fn write_exr(out: &mut (impl Write + Seek), pixels: &Pixels) -> Result<(), PictureError> {
+    let values = pixels.values();
+    let Extent { width, height, .. } = pixels.extent;
+    check_size(width, height, values.len())?;
+    let bytes: Vec<u8> = values.iter().flat_map(|p| &p[..3]).flat_map(|x| x.to_ne_bytes()).collect();
     Ok(OpenExrEncoder::new(out).write_image(&bytes, width, height, ExtendedColorType::Rgb32F)?)
-}
-
-/// Makes any output of a pass visible, as RGBA bytes. With negative values, zero becomes mid grey and the scale is linear and
-/// symmetric, as fits directions; else values are encoded as sRGB, and scaled to a 99.5th percentile of 1 if that
-/// lies above 1 or below 0.1. A single channel is shown in grey, a pixel that is not finite in magenta.
-#[must_use]
-pub fn shown(pixels: &[[f32; 4]]) -> Vec<u8> {
-    let finite = |p: &&[f32; 4]| p[..3].iter().all(|x| x.is_finite());
-    let mut sizes: Vec<f32> =
-        pixels.iter().filter(finite).map(|p| p[..3].iter().fold(0.0_f32, |most, x| most.max(x.abs()))).collect();
-    sizes.sort_unstable_by(f32::total_cmp);
-    let high = sizes.get((sizes.len() * 199 / 200).min(sizes.len().saturating_sub(1))).copied().unwrap_or(1.0);
-    let signed = pixels.iter().filter(finite).any(|p| p[..3].iter().any(|x| *x < 0.0));
-    let grey = pixels.iter().filter(finite).all(|p| p[1] == 0.0 && p[2] == 0.0);
-    let scale = if high > 1.0 || (high > 0.0 && high < 0.1 && !signed) { 1.0 / high } else { 1.0 };
-    let byte = |x: f32| {
-        let x = x * scale;
-        let encoded = if signed { 0.5 + 0.5 * x } else { srgb(x) };
-        (encoded * 255.0).round().clamp(0.0, 255.0) as u8
-    };
-    let show = |p: &[f32; 4]| {
-        if !finite(&p) {
-            return [NOT_FINITE[0], NOT_FINITE[1], NOT_FINITE[2], 255];
-        }
-        let [r, g, b] = if grey { [p[0]; 3] } else { [p[0], p[1], p[2]] };
-        [byte(r), byte(g), byte(b), 255]
-    };
-    pixels.iter().flat_map(show).collect()
-}
-
-/// Transfer function of sRGB (IEC 61966-2-1).
-fn srgb(x: f32) -> f32 {
-    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
 
+    use magpie::graph::Format;
+
     use super::*;
+
+    fn floats(width: u32, height: u32, values: &[[f32; 4]]) -> Pixels {
+        let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        Pixels { extent: Extent::new(width, height), format: Format::Rgba32Float, bytes }
+    }
+
+    fn png(pixels: &Pixels) -> image::RgbImage {
+        let mut bytes = Vec::new();
+        write_png(&mut bytes, pixels).unwrap();
+        image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).unwrap().into_rgb8()
+    }
 
     #[test]
     fn exr_keeps_every_bit_and_is_the_same_twice() {
-        let pixels: Vec<[f32; 4]> = (0..64 * 48)
+        let values: Vec<[f32; 4]> = (0..64 * 48)
             .map(|i| [i as f32 * 1.1e3, -(i as f32), if i == 7 { f32::NAN } else { f32::MIN_POSITIVE }, 1.0])
             .collect();
         let write = || {
             let mut file = Cursor::new(Vec::new());
-            write_exr(&mut file, 64, 48, &pixels).unwrap();
+            write_exr(&mut file, &floats(64, 48, &values)).unwrap();
             file.into_inner()
         };
         let bytes = write();
         assert_eq!(bytes, write());
         let back = image::load_from_memory_with_format(&bytes, image::ImageFormat::OpenExr).unwrap();
         assert_eq!(back.color(), image::ColorType::Rgb32F);
-        for (got, wanted) in back.into_rgb32f().pixels().zip(&pixels) {
+        for (got, wanted) in back.into_rgb32f().pixels().zip(&values) {
             for channel in 0..3 {
                 assert_eq!(got[channel].to_bits(), wanted[channel].to_bits());
             }
@@ -122,36 +108,28 @@ mod tests {
     }
 
     #[test]
-    fn png_reads_back() {
-        let rgba: Vec<u8> = (0..5 * 3 * 4).map(|i| i as u8 * 4).collect();
-        let mut bytes = Vec::new();
-        write_png(&mut bytes, 5, 3, &rgba).unwrap();
-        let back = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).unwrap().into_rgb8();
+    fn a_display_image_becomes_a_png_as_it_is() {
+        let bytes: Vec<u8> = (0..5 * 3 * 4).map(|i| i * 4).collect();
+        let pixels = Pixels { extent: Extent::new(5, 3), format: Format::Rgba8Unorm, bytes: bytes.clone() };
+        let back = png(&pixels);
         assert_eq!(back.dimensions(), (5, 3));
-        for (got, wanted) in back.pixels().zip(rgba.chunks(4)) {
+        for (got, wanted) in back.pixels().zip(bytes.chunks(4)) {
             assert_eq!(got.0, wanted[..3]);
         }
     }
 
     #[test]
-    fn a_table_of_the_wrong_length_is_refused() {
-        assert!(matches!(
-            write_png(&mut Vec::new(), 2, 2, &[0; 12]),
-            Err(PictureError::Size { wanted: 4, got: 3, .. })
-        ));
-        assert!(write_exr(&mut Cursor::new(Vec::new()), 2, 2, &[[0.0; 4]; 5]).is_err());
+    fn what_is_not_finite_is_seen() {
+        let back = png(&floats(2, 2, &[[f32::NAN, 0.0, 0.0, 1.0], [0.0; 4], [1.0; 4], [0.0, f32::INFINITY, 0.0, 1.0]]));
+        let pixels: Vec<_> = back.pixels().map(|p| p.0).collect();
+        assert_eq!([pixels[0], pixels[1], pixels[3]], [NOT_FINITE, [0; 3], NOT_FINITE]);
+        assert_ne!(pixels[2], NOT_FINITE);
     }
 
     #[test]
-    fn outputs_are_made_visible() {
-        let first = |pixels: &[[f32; 4]]| shown(pixels)[..3].to_vec();
-        assert_eq!(first(&[[1.0, 0.5, 0.0, 1.0]]), [255, 188, 0]);
-        assert_eq!(first(&[[-1.0, 0.0, 1.0, 0.0]]), [0, 128, 255]);
-        assert_eq!(first(&[[100.0, 50.0, 1.0, 0.0]]), [255, 188, 25]);
-        assert_eq!(first(&[[0.01, 0.005, 0.002, 0.0]])[0], 255);
-        assert_eq!(first(&[[0.5, 0.0, 0.0, 1.0]]), [188, 188, 188]);
-        assert_eq!(first(&[[f32::NAN, 0.0, 0.0, 1.0], [0.5, 0.2, 0.1, 1.0]]), NOT_FINITE);
-        assert_eq!(first(&[[0.0; 4]]), [0, 0, 0]);
-        assert!(shown(&[]).is_empty());
+    fn a_table_of_the_wrong_length_is_refused() {
+        let short = floats(2, 2, &[[0.0; 4]; 3]);
+        assert!(matches!(write_png(&mut Vec::new(), &short), Err(PictureError::Size { wanted: 4, got: 3, .. })));
+        assert!(matches!(write_exr(&mut Cursor::new(Vec::new()), &short), Err(PictureError::Size { .. })));
     }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use magpie::{
     config::Config,
+    graph::{Declaration, Plan, dump},
     measure::{Recorder, Report, Run, chrome_trace, pass_table},
 };
 use magpie_passes::ReadBack;
@@ -74,13 +75,12 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         check: arguments.check,
         size: arguments.size,
         seed: arguments.seed,
-        time_step: arguments.time_step,
     };
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);
     let mut recorder = Recorder::new(arguments.warmup as usize);
     let mut findings = Vec::new();
-    let mut picture = None;
+    let mut last = None;
     let frames = arguments.warmup + arguments.frames;
     let progress = Progress::new(u64::from(frames), loudness);
     for frame in 1..=frames {
@@ -88,8 +88,8 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         let result = session.frame(&camera, arguments.view.as_ref(), read_back)?;
         recorder.push(result.sample);
         findings.extend(result.findings.iter().map(|finding| format!("frame {frame}: {finding}")));
-        if read_back {
-            picture = result.image;
+        if frame == frames {
+            last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
         }
         progress.step();
     }
@@ -97,7 +97,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
 
     let run = describe_run(&session, arguments, scene_name, config);
     let report = recorder.report(run).map_err(Failure::running)?;
-    write_outputs(&outputs, &session, arguments.view.is_some(), picture.as_ref(), &recorder, &report)?;
+    write_outputs(&outputs, last.as_ref(), &recorder, &report)?;
     console::print(&pass_table(&report))?;
     findings.extend(session.close()?);
     tell_findings(&findings)
@@ -115,23 +115,26 @@ fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, co
     }
 }
 
+/// What the outputs are made from.
+struct LastFrame {
+    images: Option<ReadBack>,
+    declaration: Declaration,
+    plan: Plan,
+}
+
 fn write_outputs(
     outputs: &Outputs,
-    session: &Session,
-    is_view: bool,
-    picture: Option<&ReadBack>,
+    last: Option<&LastFrame>,
     recorder: &Recorder,
     report: &Report,
 ) -> Result<(), Failure> {
     if let Some(output) = &outputs.picture {
-        let Some(image) = picture else {
+        let Some(ReadBack { linear, display }) = last.and_then(|l| l.images.as_ref()) else {
             return Err(Failure::Run(anyhow::anyhow!("the last frame brought no picture back from the device")));
         };
-        let ReadBack { width, height, display, linear } = image;
-        output.write(|file| match (output.ending(), is_view) {
-            ("exr", _) => picture::write_exr(file, *width, *height, linear),
-            (_, true) => picture::write_png(file, *width, *height, &picture::shown(linear)),
-            (_, false) => picture::write_png(file, *width, *height, display),
+        output.write(|file| match output.ending() {
+            "exr" => picture::write_exr(file, linear),
+            _ => picture::write_png(file, display.as_ref().unwrap_or(linear)),
         })?;
     }
     if let Some(output) = &outputs.timings {
@@ -141,12 +144,11 @@ fn write_outputs(
     if let Some(output) = &outputs.trace {
         output.write_text(&chrome_trace(recorder.frames()).to_string())?;
     }
-    if let Some(output) = &outputs.graph {
-        let dump = session.dump();
+    if let (Some(output), Some(LastFrame { declaration, plan, .. })) = (&outputs.graph, last) {
         output.write_text(&match output.ending() {
-            "json" => dump.json,
-            "dot" => dump.dot,
-            _ => dump.text,
+            "json" => dump::json(declaration, plan),
+            "dot" => dump::dot(declaration, plan),
+            _ => dump::text(declaration, plan),
         })?;
     }
     Ok(())

@@ -5,7 +5,7 @@ use std::path::Path;
 use magpie::{
     config::{Catalogue, Config},
     gpu::{DeviceReport, Gpu, GpuOptions},
-    graph::Dump,
+    graph::GraphError,
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, Scene},
 };
@@ -71,7 +71,6 @@ pub(crate) struct Options<'a> {
     pub(crate) check: bool,
     pub(crate) size: Extent,
     pub(crate) seed: u32,
-    pub(crate) time_step: f32,
 }
 
 /// A device and a renderer on it.
@@ -84,9 +83,8 @@ impl Session {
     pub(crate) fn open(scene: &Scene, config: &Config, options: &Options<'_>) -> Result<Self, Failure> {
         let gpu = Gpu::new(&GpuOptions { device: options.device.map(str::to_owned), validation: options.check })?;
         let Extent { width, height } = options.size;
-        let render_options =
-            RenderOptions { width, height, seed: options.seed, check: options.check, time_step: options.time_step };
-        let renderer = Renderer::new(&gpu, scene, config, render_options).map_err(failure)?;
+        let render_options = RenderOptions { width, height, seed: options.seed, check: options.check };
+        let renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
         Ok(Self { renderer, gpu })
     }
 
@@ -97,13 +95,8 @@ impl Session {
         view: Option<&ViewName>,
         read_back: bool,
     ) -> Result<FrameResult, Failure> {
-        let view = view.map(ToString::to_string);
-        self.renderer.frame(FrameRequest { camera, view: view.as_deref(), read_back }).map_err(failure)
-    }
-
-    /// The plan of the last frame.
-    pub(crate) fn dump(&self) -> Dump {
-        self.renderer.dump()
+        let view = view.map(|v| (v.pass.as_str(), v.output.as_str()));
+        self.renderer.frame(FrameRequest { camera, view, read_back }).map_err(failure)
     }
 
     pub(crate) fn device(&self) -> Device {
@@ -143,7 +136,9 @@ fn failure(error: RenderError) -> Failure {
     match error {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),
-        RenderError::UnknownView { .. } => Failure::input(error).context("--view"),
+        RenderError::View(error @ (GraphError::UnknownPass { .. } | GraphError::UnknownOutput { .. })) => {
+            Failure::input(error).context("--view")
+        }
         other => Failure::running(other),
     }
 }
