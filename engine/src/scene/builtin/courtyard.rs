@@ -84,7 +84,7 @@ pub(super) fn scene() -> Scene {
     let sun = Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance };
     stage.scene.lights.insert(0, sun);
     stage.scene.daylight = Some(daylight);
-    stage.camera("default", [-1.55, 1.72, 8.1], [0.15, 1.22, -0.9], 40.0);
+    stage.camera("default", [-1.55, 1.72, 8.1], [0.33, 1.2, -0.9], 40.0);
     stage.camera("close", [0.70, 1.36, 5.35], [1.92, 0.86, 3.2], 36.0);
     stage.scene
 }

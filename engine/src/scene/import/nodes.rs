@@ -254,7 +254,7 @@ pub(super) fn place(
             for corner in 0..8 {
                 let pick = |axis: usize| if corner >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
                 let p = shown.world.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
-                if !(p.abs().max_element() <= MAX_COORDINATE) {
+                if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
                     let (got, wanted) = (p.to_string(), "at most 1e15 metres");
                     return Err(Fault::Value { what: "a world coordinate", got, wanted })
                         .of(|| format!("node {}", shown.node));

@@ -4,6 +4,7 @@ use crate::scene::{AlphaMode, ColourSpace, Light, supply_missing};
 use glam::{Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Bytes of a 2x1 PNG.
 fn png() -> Vec<u8> {
@@ -37,7 +38,7 @@ fn good() -> (Value, Vec<u8>) {
         "scene": 0,
         "scenes": [{ "nodes": [0, 2] }],
         "nodes": [
-            { "name": "turned", "children": [1], "rotation": [0.0, 0.7071068, 0.0, 0.7071068] },
+            { "name": "turned", "children": [1], "rotation": [0.0, FRAC_1_SQRT_2, 0.0, FRAC_1_SQRT_2] },
             { "name": "moved", "mesh": 0, "translation": [1.0, 2.0, 3.0] },
             { "name": "plain", "mesh": 0 },
         ],
