@@ -7,7 +7,7 @@ use magpie::{
     gpu::{DeviceReport, Gpu, GpuOptions},
     graph::GraphError,
     measure::Device,
-    scene::{self, BUILTIN, Camera, CameraFile, Scene},
+    scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
 };
 use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
 
@@ -139,6 +139,7 @@ fn failure(error: RenderError) -> Failure {
     match error {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),
+        RenderError::Scene(ResidentError::Ray(error)) => Failure::input(error),
         RenderError::View(error @ (GraphError::UnknownPass { .. } | GraphError::UnknownOutput { .. })) => {
             Failure::input(error).context("--view")
         }

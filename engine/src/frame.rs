@@ -71,8 +71,8 @@ impl ViewDesc<'_> {
             seed: self.seed,
             key_light: scene.key_light().unwrap_or(NO_LIGHT),
             scene: scene.root(),
-            has_sky: u32::from(scene.daylight().is_some()),
-            sky: scene.daylight().map(|d| d.to_gpu()).unwrap_or_default(),
+            has_sky: u32::from(scene.sky().is_some()),
+            sky: scene.sky().unwrap_or_default(),
         };
         let bytes = size_of::<shared::View>() as u64;
         let mut buffer = gpu::Buffer::new(gpu, "view", bytes, BufferMemory::Upload, BufferUse::Storage)?;
@@ -83,7 +83,7 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws().clone(),
             key_light: scene.key_light(),
-            has_sky: scene.daylight().is_some(),
+            has_sky: scene.sky().is_some(),
         })
     }
 }

@@ -7,8 +7,8 @@
 #include "shared/gbuffer.glsl"
 #include "shared/scene.glsl"
 #include "shared/view.glsl"
-// Writes the G-buffer; its layout is in lib/README.md. Needs no culling and no front-face state: which side is seen follows from the
-// triangle itself, so mirrored instances need no pipeline of their own.
+// Writes the G-buffer; its layout is in lib/README.md. Back faces of single-sided materials are culled before; which side is seen
+// follows here from the triangle itself, so that both normals face the viewer on double-sided and mirrored instances too.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
 layout(location = 0) in vec3 from_eye;
@@ -70,7 +70,6 @@ void main() {
     bool degenerate = geometric == vec3(0.0);
     vec3 vertex_normal = safe_normalize(normal, degenerate ? to_eye : geometric);
     bool front = degenerate ? dot(vertex_normal, to_eye) >= 0.0 : dot(geometric, corner_to_eye) >= 0.0;
-    if (!front && (material.flags & MATERIAL_DOUBLE_SIDED) == 0u) discard;
     if (degenerate) geometric = vertex_normal;
     float side = front ? 1.0 : -1.0;
 

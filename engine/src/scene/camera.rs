@@ -2,8 +2,11 @@
 use super::SceneError;
 use glam::{Affine3A, Mat3A, Mat4, Vec3, Vec3A};
 use serde::Deserialize;
+use std::io::Read;
 use std::path::Path;
 
+/// A camera file is a few lines; anything longer is another file.
+const MAX_FILE_BYTES: u64 = 64 * 1024;
 /// Near plane of a camera file that names none, metres.
 const DEFAULT_NEAR: f32 = 0.01;
 
@@ -140,9 +143,14 @@ impl CameraFile {
     /// [`SceneError::Read`] when the file cannot be read, [`SceneError::CameraFile`] when it is no TOML, has an unknown
     /// key or lacks one, or describes no camera.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
+        let failed = |source| SceneError::Read { path: path.to_owned(), source };
         let refuse = |reason: String| SceneError::CameraFile { path: path.to_owned(), reason };
+        let mut text = String::new();
+        let file = std::fs::File::open(path).map_err(failed)?;
+        file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
+        if text.len() as u64 > MAX_FILE_BYTES {
+            return Err(refuse(format!("it is longer than {MAX_FILE_BYTES} bytes")));
+        }
         let file: Self = toml::from_str(&text).map_err(|e| refuse(e.to_string().trim_end().to_owned()))?;
         match file.camera("file") {
             Ok(_) => Ok(file),

@@ -36,9 +36,9 @@ impl Default for Daylight {
         Self {
             to_sun: Vec3::new(0.45, 0.766, 0.459).normalize(),
             turbidity: 2.8,
-            irradiance: 0.8,
+            irradiance: 1.1,
             ground_albedo: Vec3::splat(0.2),
-            sun_illuminance: Vec3::new(3.4, 3.2, 2.9),
+            sun_illuminance: Vec3::new(4.8, 4.5, 4.1),
             sun_angular_diameter: 0.00929,
         }
     }

@@ -10,6 +10,7 @@ use crate::ray::{MeshBvh, RayError, SceneBvh, object_from_world};
 use bytemuck::Pod;
 use glam::{Affine3A, Vec3};
 use magpie_shaders::scene as shared;
+use magpie_shaders::view::Sky;
 use magpie_shaders::{Address, SampledImage, SamplerId};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -37,7 +38,7 @@ pub struct ResidentScene {
     root: Address,
     draws: Arc<[Draw]>,
     key_light: Option<u32>,
-    daylight: Option<Daylight>,
+    sky: Option<Sky>,
 }
 
 /// The scene's resources as one frame's graph knows them.
@@ -125,7 +126,7 @@ impl ResidentScene {
             root: base.offset(root_table),
             draws: draws(scene, &index_offsets),
             key_light: key_light(&scene.lights),
-            daylight: scene.daylight.clone(),
+            sky: scene.daylight.as_ref().map(Daylight::to_gpu),
         })
     }
 
@@ -156,8 +157,8 @@ impl ResidentScene {
     }
 
     /// The sky, if the scene has one.
-    pub fn daylight(&self) -> Option<&Daylight> {
-        self.daylight.as_ref()
+    pub fn sky(&self) -> Option<Sky> {
+        self.sky
     }
 
     /// Bytes of geometry, tables and textures.

@@ -78,7 +78,7 @@ pub(super) fn scene() -> Scene {
         to_sun,
         turbidity: 2.6,
         ground_albedo: Vec3::new(0.30, 0.26, 0.20),
-        sun_illuminance: Vec3::new(3.6, 3.25, 2.75),
+        sun_illuminance: Vec3::new(5.0, 4.5, 3.8),
         ..Daylight::default()
     };
     let sun = Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance };

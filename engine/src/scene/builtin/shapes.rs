@@ -80,7 +80,7 @@ pub(super) fn block(width: f32, height: f32, depth: f32, cut: f32) -> Shape {
                     corner(on, sign)
                 };
                 let q = [at(u, -1.0), at(v, -1.0), at(v, 1.0), at(u, 1.0)];
-                shape.quad(if su * sv < 0.0 { q } else { [q[3], q[2], q[1], q[0]] });
+                shape.quad(if su * sv > 0.0 { q } else { [q[3], q[2], q[1], q[0]] });
             }
         }
         for i in 0..8 {
@@ -260,4 +260,53 @@ pub(super) fn arcade(width: f32, height: f32, depth: f32, openings: &[[f32; 2]],
         }
     }
     shape
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    /// Every directed edge once, and its reverse once: the surface is closed and all its triangles wind the same way.
+    fn assert_closed(shape: &Shape, what: &str) {
+        let key = |i: u32| (shape.mesh.positions[i as usize] * 1e4).round().as_ivec3().to_array();
+        let (mut edges, mut volume) = (HashMap::<_, i32>::new(), 0.0);
+        for t in shape.mesh.indices.chunks_exact(3) {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|i| shape.mesh.positions[i as usize]);
+            volume += a.dot(b.cross(c));
+            let keys = [t[0], t[1], t[2]].map(key);
+            if keys[0] == keys[1] || keys[1] == keys[2] || keys[2] == keys[0] {
+                continue; // a pole's triangle without area
+            }
+            for i in 0..3 {
+                *edges.entry((keys[i], keys[(i + 1) % 3])).or_default() += 1;
+            }
+        }
+        for ((from, to), count) in &edges {
+            assert_eq!(*count, 1, "{what}: edge {from:?} to {to:?}");
+            assert!(edges.contains_key(&(*to, *from)), "{what}: nothing lies across edge {from:?} to {to:?}");
+        }
+        assert!(volume > 0.0, "{what} is inside out");
+    }
+
+    #[test]
+    fn solids_are_closed_and_face_outwards() {
+        assert_closed(&block(1.0, 2.0, 3.0, 0.0), "block with sharp edges");
+        assert_closed(&block(1.0, 2.0, 3.0, 0.1), "block with cut edges");
+        assert_closed(&sphere(1.0, 8, 12), "sphere");
+        assert_closed(&cushion(Vec3::new(1.0, 0.3, 0.8), 0.5, 8, 12), "cushion");
+    }
+
+    #[test]
+    fn normals_point_where_the_winding_does() {
+        for shape in [block(1.0, 2.0, 3.0, 0.1), sphere(1.0, 8, 12), lathe(&[line(&[[1.0, 0.0], [0.5, 2.0]])], 12)] {
+            for t in shape.mesh.indices.chunks_exact(3) {
+                let [a, b, c] = [t[0], t[1], t[2]].map(|i| shape.mesh.positions[i as usize]);
+                let face = (b - a).cross(c - a);
+                for i in t {
+                    assert!(face.dot(shape.mesh.normals[*i as usize]) >= 0.0, "{face}");
+                }
+            }
+        }
+    }
 }

@@ -12,7 +12,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// Deepest level of nested nodes.
 const MAX_DEPTH: usize = 1024;
 /// World coordinates above this, metres, would overflow when squared on the GPU.
-const MAX_COORDINATE: f32 = 1e15;
+const MAX_COORDINATE: f32 = crate::ray::COORDINATE_LIMIT;
 
 /// A node that shows a mesh.
 pub(super) struct Shown {
@@ -255,7 +255,7 @@ pub(super) fn place(
                 let pick = |axis: usize| if corner >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
                 let p = shown.world.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
                 if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
-                    let (got, wanted) = (p.to_string(), "at most 1e15 metres");
+                    let (got, wanted) = (p.to_string(), "at most 1e12 metres");
                     return Err(Fault::Value { what: "a world coordinate", got, wanted })
                         .of(|| format!("node {}", shown.node));
                 }
