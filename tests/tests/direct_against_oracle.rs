@@ -10,15 +10,16 @@
 //!   is 4e-3 of these colours): 5e-3, plus a ten-thousandth of the median for the fading edges, where depth is rounded.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
-use glam::{Affine3A, DMat3, DVec3, Quat, Vec3};
+use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{Camera, Light, Material, ResidentScene, Scene};
+use magpie::scene::{Light, Material, ResidentScene, Scene};
 use magpie_passes::frame::frame;
 use magpie_passes::{Slots, Stages};
 use magpie_shaders::{SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
 use magpie_tests::harness::{config, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
+use magpie_tests::oracle::gbuffer::{Eye, octahedral};
 use magpie_tests::oracle::shading::{SurfacePoint, direct, incident};
 
 const EXTENT: Extent = Extent { width: 320, height: 180 };
@@ -102,43 +103,6 @@ fn world(light: Light) -> Scene {
     s
 }
 
-/// The camera in double precision.
-struct Eye {
-    eye: DVec3,
-    rotation: DMat3,
-    scale: [f64; 2],
-    near: f64,
-}
-
-impl Eye {
-    fn new(camera: &Camera) -> Self {
-        let m = camera.world_from_camera.matrix3;
-        let rotation = DMat3::from_cols(m.x_axis.as_dvec3(), m.y_axis.as_dvec3(), m.z_axis.as_dvec3());
-        let half = (0.5 * f64::from(camera.vertical_fov)).tan();
-        let scale = [half * f64::from(EXTENT.width) / f64::from(EXTENT.height), half];
-        Self { eye: camera.eye().as_dvec3(), rotation, scale, near: camera.near.into() }
-    }
-
-    /// Through a pixel's centre, one unit of view depth long.
-    fn ray(&self, pixel: usize) -> DVec3 {
-        let (x, y) = (pixel % EXTENT.width as usize, pixel / EXTENT.width as usize);
-        let u = (x as f64 + 0.5) / f64::from(EXTENT.width) * 2.0 - 1.0;
-        let v = (y as f64 + 0.5) / f64::from(EXTENT.height) * 2.0 - 1.0;
-        self.rotation * DVec3::new(u * self.scale[0], -v * self.scale[1], -1.0)
-    }
-}
-
-/// Both axes from the integers of a 16-bit snorm.
-fn octahedral(x: f32, y: f32) -> DVec3 {
-    let exact = |v: f32| (f64::from(v) * 32767.0).round() / 32767.0;
-    let (x, y) = (exact(x), exact(y));
-    let z = 1.0 - x.abs() - y.abs();
-    let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };
-    let v =
-        if z < 0.0 { DVec3::new((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y), z) } else { DVec3::new(x, y, z) };
-    v.normalize()
-}
-
 /// One pixel as the lighting pass reads it, and what it made of it.
 struct Pixel {
     instance: Option<u32>,
@@ -199,14 +163,13 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     println!("the device decodes sRGB to within {off:.3} of an 8-bit step");
     ensure!(off < 0.5, "the device decodes sRGB {off} steps off");
 
-    let eye = Eye::new(camera);
+    let eye = Eye::new(camera, EXTENT);
     let pixels = (0..depth.len()).map(|i| {
-        let ray = eye.ray(i);
-        let exists = depth[i][0] > 0.0;
+        let ray = eye.pixel_ray(i);
         Pixel {
             instance: (ids[i][0] as u32).checked_sub(1),
             point: SurfacePoint {
-                position: if exists { eye.eye + ray * (eye.near / f64::from(depth[i][0])) } else { DVec3::ZERO },
+                position: eye.world_position(i, depth[i][0]),
                 normal: octahedral(normal[i][0], normal[i][1]),
                 to_viewer: -ray.normalize(),
                 base_colour: rgb(&base_colour[i]),
@@ -242,7 +205,7 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
     let mut bench = Bench::new(&gpu)?;
     let scene = world(light);
     let pixels = render(&mut bench, &scene)?;
-    let eye = Eye::new(&scene.cameras[0]);
+    let eye = Eye::new(&scene.cameras[0], EXTENT);
     let light = &scene.lights[0];
 
     let (mut bright, mut dark, mut glowing, mut unlit) = (0_u32, 0_u32, 0_u32, 0_u32);
@@ -291,8 +254,8 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
         if instance == FLOOR || instance == BOARD {
             let placed = scene.instances[instance as usize].world_from_object;
             let (normal, through) = (placed.matrix3.y_axis.as_dvec3(), placed.translation.as_dvec3());
-            let ray = eye.ray(i);
-            let position = eye.eye + ray * ((through - eye.eye).dot(normal) / ray.dot(normal));
+            let ray = eye.pixel_ray(i);
+            let position = eye.position + ray * ((through - eye.position).dot(normal) / ray.dot(normal));
             let m = &scene.materials[instance as usize];
             let point = SurfacePoint {
                 position,

@@ -16,7 +16,7 @@
 //! only two of three pixels need show the same leaf, and leaves must cover as much of the picture, to a tenth.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use magpie::config::Config;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::{AlphaMode, Camera, ResidentScene, Scene};
@@ -25,6 +25,7 @@ use magpie_passes::stages::GBufferIn;
 use magpie_shaders::{Address, StorageImage};
 use magpie_tests::bench::{Bench, Ran, Shot};
 use magpie_tests::harness::{asset, builtin, gpu};
+use magpie_tests::oracle::gbuffer::{Eye, octahedral};
 
 const EXTENT: Extent = Extent { width: 320, height: 180 };
 
@@ -101,15 +102,6 @@ struct Both {
     closest: u64,
 }
 
-fn octahedral(x: f32, y: f32) -> DVec3 {
-    let (x, y) = (f64::from(x), f64::from(y));
-    let z = 1.0 - x.abs() - y.abs();
-    let sign = |v: f64| if v >= 0.0 { 1.0 } else { -1.0 };
-    let v =
-        if z < 0.0 { DVec3::new((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y), z) } else { DVec3::new(x, y, z) };
-    v.normalize()
-}
-
 fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Both> {
     let kernel = bench.kernel("raster_against_rays.comp", GLSL)?;
     let gpu = bench.gpu.clone();
@@ -135,12 +127,12 @@ fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Bot
             Ok(())
         })?
         .clean()?;
-    let near = f64::from(camera.near);
+    let eye = Eye::new(camera, EXTENT);
     let (depth, normal) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
     let raster = ran.values(wanted[2])?.into_iter().zip(depth).zip(normal).map(|((id, d), n)| Seen {
         instance: id[0] as u32,
         triangle: id[1] as u32,
-        depth: if d[0] > 0.0 { near / f64::from(d[0]) } else { 0.0 },
+        depth: eye.view_depth(d[0]),
         normal: octahedral(n[2], n[3]),
     });
     let geometry = ran.values(wanted[4])?;
@@ -153,32 +145,10 @@ fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Bot
     Ok(Both { raster: raster.collect(), rays: rays.collect(), closest: ran.rays("test.rays")?[0] })
 }
 
-/// The camera in double precision.
-struct Eye {
-    rotation: DMat3,
-    scale: [f64; 2],
-}
-
-impl Eye {
-    fn new(camera: &Camera) -> Self {
-        let m = camera.world_from_camera.matrix3;
-        let rotation = DMat3::from_cols(m.x_axis.as_dvec3(), m.y_axis.as_dvec3(), m.z_axis.as_dvec3());
-        let half = (0.5 * f64::from(camera.vertical_fov)).tan();
-        Self { rotation, scale: [half * f64::from(EXTENT.width) / f64::from(EXTENT.height), half] }
-    }
-
-    /// Through a point of the image, in pixels; one unit of view depth long.
-    fn ray(&self, x: f64, y: f64) -> DVec3 {
-        let (u, v) = (x / f64::from(EXTENT.width) * 2.0 - 1.0, y / f64::from(EXTENT.height) * 2.0 - 1.0);
-        self.rotation * DVec3::new(u * self.scale[0], -v * self.scale[1], -1.0)
-    }
-
-    /// Depth of the plane of a pixel's surface as it is seen one pixel on in x and in y, over the depth at the pixel.
-    fn slope(&self, seen: &Seen, x: f64, y: f64) -> [f64; 2] {
-        let here = seen.normal.dot(self.ray(x, y));
-        [(1.0, 0.0), (0.0, 1.0)]
-            .map(|(dx, dy)| (seen.normal.dot(self.ray(x + dx, y + dy) - self.ray(x, y)) / here).abs())
-    }
+/// Depth of the plane of a pixel's surface as it is seen one pixel on in x and in y, over the depth at the pixel.
+fn slope(eye: &Eye, seen: &Seen, x: f64, y: f64) -> [f64; 2] {
+    let here = seen.normal.dot(eye.ray(x, y));
+    [(1.0, 0.0), (0.0, 1.0)].map(|(dx, dy)| (seen.normal.dot(eye.ray(x + dx, y + dy) - eye.ray(x, y)) / here).abs())
 }
 
 const ROUNDING: f64 = 2e-5;
@@ -196,7 +166,7 @@ fn difference(eye: &Eye, raster: &Seen, ray: &Seen, x: f64, y: f64) -> Option<&'
     if !(raster.normal.cross(ray.normal).length() <= NORMAL && raster.normal.dot(ray.normal) > 0.0) {
         return Some("normal");
     }
-    let slope = eye.slope(ray, x, y);
+    let slope = slope(eye, ray, x, y);
     let bound = ROUNDING + SNAP * (slope[0] + slope[1]);
     if !((raster.depth / ray.depth - 1.0).abs() <= bound) {
         return Some("depth");
@@ -263,7 +233,7 @@ impl Count {
 /// Counts opaque pixels, and those where either answer is an alpha-tested surface; and how many pixels show such a surface by
 /// raster, over how many by rays.
 fn compare(scene: &Scene, camera: &Camera, both: &Both, label: &str) -> ([Count; 2], f64) {
-    let eye = Eye::new(camera);
+    let eye = Eye::new(camera, EXTENT);
     let tested = |seen: &Seen| {
         let instance = (seen.instance as usize).checked_sub(1).and_then(|i| scene.instances.get(i));
         instance.is_some_and(|i| scene.materials[i.material as usize].alpha != AlphaMode::Opaque)
