@@ -22,7 +22,7 @@ pub struct Arguments {
 /// How much is said on standard error.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct Loudness {
-    /// Say more; twice for even more
+    /// Say more
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub verbose: u8,
     /// Say nothing but errors, and show no progress

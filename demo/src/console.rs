@@ -92,8 +92,7 @@ impl Log for Sink {
 pub(crate) fn listen(loudness: &Loudness) {
     let level = match (loudness.quiet, loudness.verbose) {
         (true, _) => LevelFilter::Error,
-        (false, 0) => LevelFilter::Warn,
-        (false, 1) => LevelFilter::Info,
+        (false, 0) => LevelFilter::Info,
         (false, _) => LevelFilter::Debug,
     };
     if log::set_logger(&Sink).is_ok() {

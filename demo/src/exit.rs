@@ -112,10 +112,6 @@ impl From<GpuError> for Failure {
             | GpuError::UnknownDevice { .. }
             | GpuError::MissingLayer { .. }
             | GpuError::MissingExtension { .. } => Self::NoDevice(anyhow::Error::new(error)),
-            // What the loader answers when it finds no driver at all.
-            GpuError::Call { call: "vkCreateInstance", .. } => {
-                Self::NoDevice(anyhow::Error::new(error).context("no usable Vulkan device"))
-            }
             other => Self::running(other),
         }
     }

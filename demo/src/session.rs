@@ -44,8 +44,11 @@ pub(crate) fn load_scene(name: &Path) -> Result<Scene, Failure> {
         None => scene::load(name)?,
     };
     scene::supply_missing(&mut scene);
-    for notice in &scene.notices {
-        log::info!("{}: {notice}", scene.name);
+    for warning in &scene.warnings {
+        log::warn!("{}: {warning}", scene.name);
+    }
+    for supplied in &scene.supplied {
+        log::info!("{}: {supplied}", scene.name);
     }
     Ok(scene)
 }

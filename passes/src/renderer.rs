@@ -8,8 +8,8 @@ use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::check::{Finding, Scan};
 use magpie::graph::execute::{ExecuteError, Executed, Executor, Imports};
 use magpie::graph::{
-    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Plan,
-    Produced, Queue, Record,
+    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Observer,
+    Plan, Queue, Record,
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
@@ -187,7 +187,7 @@ impl Renderer {
 
         // Observers see every image while it is new: the scan, and the copy for `--view`.
         let mut scan = None;
-        let mut scanner: Box<dyn FnMut(&mut FrameGraph, &Produced)> = Box::new(|_, _| {});
+        let mut scanner: Observer = Box::new(|_, _| {});
         if let Some(pipeline) = self.scan {
             let (scanned, observer) = pipeline.watch(&self.gpu, &mut g, &mut imports.borrow_mut())?;
             scan = Some(scanned);

@@ -292,10 +292,16 @@ impl CommandEncoder {
     }
 
     /// Writes timestamp `index` once everything before it is done.
+    ///
+    /// llvmpipe puts a timestamp into the bins of its rasteriser, which it works off at the next flush, while dispatches run at
+    /// once: without a flush, a dispatch that follows is over before the timestamp is taken. A barrier flushes.
     pub fn timestamp(&mut self, pool: &Timestamps, index: u32) {
         let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
         // SAFETY: the pool was reset before this frame and `index` is below its capacity.
         unsafe { self.gpu.raw().cmd_write_timestamp2(self.buffer, stage, pool.pool, index) };
+        if self.gpu.report().driver.starts_with("llvmpipe") {
+            self.full_barrier();
+        }
     }
 
     /// Opens a named section for debuggers and profilers.

@@ -73,7 +73,10 @@ impl Instance {
         }
         let info = info.enabled_layer_names(&enabled_layers).enabled_extension_names(&extensions);
         // SAFETY: every pointer in `info` outlives the call.
-        let raw = unsafe { entry.create_instance(&info, None) }.map_err(GpuError::call("vkCreateInstance"))?;
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => GpuError::NoDevice { refusals: Vec::new() }, // not one driver
+            other => GpuError::call("vkCreateInstance")(other),
+        })?;
 
         let messages = Box::<Messages>::default();
         let messenger = (validation && debug_utils).then(|| listen(&entry, &raw, &messages)).transpose();

@@ -1,6 +1,7 @@
 //! GPU time: pairs of timestamps in one query pool.
 use super::{Gpu, GpuError};
 use ash::vk;
+use std::time::Instant;
 
 /// A pool of timestamps for one frame in flight.
 pub(crate) struct Timestamps {
@@ -58,13 +59,14 @@ impl Gpu {
         (valid as f64 * self.0.timestamp_period) as u64
     }
 
-    /// A moment on both clocks, nanoseconds: the device's and the host's monotonic one. `None` where the device cannot tell.
-    pub fn calibrate(&self) -> Option<(u64, u64)> {
+    /// The device's clock, nanoseconds, and the host's at the same moment. `None` where the device cannot be asked.
+    pub(crate) fn calibrate(&self) -> Option<(u64, Instant)> {
         let api = self.0.calibrated.as_ref()?;
-        let domains = [vk::TimeDomainEXT::DEVICE, vk::TimeDomainEXT::CLOCK_MONOTONIC]
-            .map(|domain| vk::CalibratedTimestampInfoEXT::default().time_domain(domain));
-        // SAFETY: the extension is on; an unsupported domain is answered with an error.
-        let (moments, _) = unsafe { api.get_calibrated_timestamps(&domains) }.ok()?;
-        Some((self.nanoseconds(moments[0]), moments[1]))
+        let domain = [vk::CalibratedTimestampInfoEXT::default().time_domain(vk::TimeDomainEXT::DEVICE)];
+        let before = Instant::now();
+        // SAFETY: the extension is on, and every device that has it knows its own clock.
+        let (moments, _) = unsafe { api.get_calibrated_timestamps(&domain) }.ok()?;
+        let middle = before + before.elapsed() / 2;
+        Some((self.nanoseconds(moments[0]), middle))
     }
 }

@@ -176,10 +176,14 @@ impl Executor {
 
         let submission = self.gpu.submit(&self.encoder)?;
         self.gpu.wait(submission)?;
-        let gpu_ns = self.read_times(&mut times)?;
+        let (first_stamp, gpu_ns) = self.read_times(&mut times)?;
         let sample = FrameSample {
             start_ns: Some((start - self.begun).as_nanos() as u64),
-            gpu_ns,
+            gpu_begin_ns: self.gpu.calibrate().and_then(|(device_now, now)| {
+                let ago = device_now.checked_sub(first_stamp)?;
+                ((now - self.begun).as_nanos() as u64).checked_sub(ago)
+            }),
+            gpu_ns: Some(gpu_ns),
             cpu_ns: nanoseconds(start),
             plan_ns,
             record_ns,
@@ -192,8 +196,8 @@ impl Executor {
         Ok(Executed { declaration, plan, sample, transient_bytes })
     }
 
-    /// Fills in the GPU times and ray counts; returns the time of the whole frame.
-    fn read_times(&self, times: &mut [PassTime]) -> Result<Option<u64>, GpuError> {
+    /// Fills in the GPU times and ray counts; returns the first timestamp and the time of the whole frame.
+    fn read_times(&self, times: &mut [PassTime]) -> Result<(u64, u64), GpuError> {
         let stamps = self.timestamps.read(stamps(times.len() as u32))?;
         let counters = self.rays.contents();
         for (position, time) in times.iter_mut().enumerate() {
@@ -206,7 +210,8 @@ impl Executor {
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
         }
-        Ok(stamps.last().map(|end| end.saturating_sub(stamps[0])))
+        let last = stamps.last().copied().unwrap_or(stamps[0]);
+        Ok((stamps[0], last.saturating_sub(stamps[0])))
     }
 
     fn make_physical(

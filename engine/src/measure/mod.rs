@@ -48,6 +48,8 @@ pub struct PassTime {
 pub struct FrameSample {
     /// Begin of planning on the CPU, nanoseconds since the run began.
     pub start_ns: Option<u64>,
+    /// The GPU's first timestamp, nanoseconds since the run began; none where its clock cannot be compared with the CPU's.
+    pub gpu_begin_ns: Option<u64>,
     /// From the first to the last timestamp, nanoseconds; none where the device has no timestamps.
     pub gpu_ns: Option<u64>,
     /// Whole frame on the CPU, nanoseconds.

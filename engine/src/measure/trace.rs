@@ -10,8 +10,8 @@ const GPU: u32 = 2;
 const FRAMES: usize = 0;
 
 /// Trace events of the frames as JSON: a process for the CPU with a lane for frames and one for recording, a process for the GPU with
-/// a lane for frames and one for each queue. Times are microseconds. The GPU's first timestamp is laid at the end of recording,
-/// when the frame is submitted; passes without a begin of their own follow each other.
+/// a lane for frames and one for each queue. Times are microseconds. Where the clocks cannot be compared, the GPU's first
+/// timestamp is laid at the end of recording, when the frame is submitted; passes without a begin of their own follow each other.
 #[must_use]
 pub fn chrome_trace(frames: &[FrameSample]) -> Value {
     let mut queues: Vec<&str> = Vec::new();
@@ -31,7 +31,7 @@ pub fn chrome_trace(frames: &[FrameSample]) -> Value {
     let mut free_ns = 0; // where the frame before ends on both clocks
     for (number, frame) in frames.iter().enumerate() {
         let start = frame.start_ns.unwrap_or(free_ns);
-        let submitted = start + frame.plan_ns + frame.record_ns;
+        let submitted = frame.gpu_begin_ns.unwrap_or(start + frame.plan_ns + frame.record_ns);
         free_ns = (start + frame.cpu_ns).max(submitted + frame.gpu_ns.unwrap_or(0));
         let name = format!("frame {number}");
         events.push(span(&name, CPU, FRAMES, start, frame.cpu_ns, json!({ "barriers": frame.barriers })));
@@ -110,6 +110,16 @@ mod tests {
         }
         let names: Vec<_> = events.iter().filter(|e| e["ph"] == "M").map(|e| e["args"]["name"].clone()).collect();
         assert_eq!(names, ["CPU", "GPU", "frame", "record", "frame", "graphics", "async-compute"]);
+    }
+
+    #[test]
+    fn a_calibrated_gpu_begins_when_it_does() {
+        let passes = vec![pass("a", "graphics", Some(1_000))];
+        let frame = FrameSample { gpu_begin_ns: Some(7_000), gpu_ns: Some(1_000), passes, ..FrameSample::default() };
+        let trace = chrome_trace(&[frame]);
+        let on_gpu = |e: &&Value| e["ph"] == "X" && e["pid"] == GPU;
+        let starts: Vec<_> = trace["traceEvents"].as_array().unwrap().iter().filter(on_gpu).map(|e| &e["ts"]).collect();
+        assert_eq!(starts, [7.0, 7.0]);
     }
 
     #[test]

@@ -47,8 +47,10 @@ pub struct Scene {
     pub daylight: Option<Daylight>,
     /// Cameras, the default first.
     pub cameras: Vec<Camera>,
-    /// What was supplied, ignored or repaired, one sentence each, for the log.
-    pub notices: Vec<String>,
+    /// What was ignored or repaired, one sentence each, for the log.
+    pub warnings: Vec<String>,
+    /// What it lacked and was given, one sentence each, for the log.
+    pub supplied: Vec<String>,
 }
 
 /// Triangles of one material. All vertex tables have the same length.

@@ -37,7 +37,7 @@ pub fn supply_missing(scene: &mut Scene) {
     if scene.cameras.is_empty() {
         let camera = frame(scene);
         let eye = camera.eye();
-        scene.notices.push(format!("the scene has no camera: one at {eye:.2} frames it"));
+        scene.supplied.push(format!("the scene has no camera: one at {eye:.2} frames it"));
         scene.cameras.push(camera);
     }
     if scene.lights.is_empty() && scene.daylight.is_none() {
@@ -45,7 +45,7 @@ pub fn supply_missing(scene: &mut Scene) {
         let daylight = Daylight { to_sun, ..Daylight::default() };
         scene.lights.push(Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance });
         scene.daylight = Some(daylight);
-        scene.notices.push(format!("the scene has no light: a sun from {to_sun:.2} and a clear sky are supplied"));
+        scene.supplied.push(format!("the scene has no light: a sun from {to_sun:.2} and a clear sky are supplied"));
     }
 }
 
@@ -254,7 +254,7 @@ mod tests {
         assert!(direction.dot(forward) > 0.3, "from behind the camera");
         let right = Vec3::from(scene.cameras[0].world_from_camera.matrix3.x_axis);
         assert!(direction.dot(right) > 0.3, "from its left");
-        assert_eq!(scene.notices.len(), 2, "{:?}", scene.notices);
+        assert_eq!(scene.supplied.len(), 2, "{:?}", scene.supplied);
     }
 
     #[test]
@@ -265,7 +265,7 @@ mod tests {
         scene.lights.push(Light::Point { position: Vec3::Y, intensity: Vec3::ONE, range: None });
         supply_missing(&mut scene);
         assert_eq!(scene.cameras, [camera]);
-        assert!(scene.daylight.is_none() && scene.lights.len() == 1 && scene.notices.is_empty());
+        assert!(scene.daylight.is_none() && scene.lights.len() == 1 && scene.supplied.is_empty());
     }
 
     #[test]

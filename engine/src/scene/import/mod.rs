@@ -170,6 +170,6 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
     if needs_default {
         scene.materials.push(super::Material::default());
     }
-    scene.notices = notices;
+    scene.warnings = notices;
     Ok(scene)
 }

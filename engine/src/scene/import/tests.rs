@@ -106,7 +106,7 @@ fn load_json(root: &Value, bin: &[u8]) -> Result<Scene, SceneError> {
 fn message(pointer: &str, value: Value) -> String {
     let (mut root, bin) = good();
     set(&mut root, pointer, value);
-    load_json(&root, &bin).map(|s| panic!("{pointer} was taken: {:?}", s.notices)).unwrap_err().to_string()
+    load_json(&root, &bin).map(|s| panic!("{pointer} was taken: {:?}", s.warnings)).unwrap_err().to_string()
 }
 
 fn set(root: &mut Value, pointer: &str, value: Value) {
@@ -145,7 +145,7 @@ fn a_good_file_is_read_whole() {
     assert_eq!(scene.textures[0].colour_space, ColourSpace::Srgb);
     assert_eq!(scene.textures[0].mips, [vec![255, 0, 0, 255, 0, 0, 255, 128], vec![188, 0, 188, 192]]);
     assert!(!scene.samplers[0].mips && scene.samplers.len() == 1);
-    assert!(scene.notices.is_empty(), "{:?}", scene.notices);
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
 #[test]
@@ -290,7 +290,7 @@ fn a_singular_node_is_skipped_with_a_notice() {
     root["nodes"][1]["scale"] = json!([0, 1, 1]);
     let scene = load_json(&root, &bin).unwrap();
     assert_eq!(scene.instances.len(), 1);
-    assert!(scene.notices[0].contains("node 1 (moved) has a singular transform"), "{:?}", scene.notices);
+    assert!(scene.warnings[0].contains("node 1 (moved) has a singular transform"), "{:?}", scene.warnings);
 }
 
 #[test]
@@ -311,7 +311,7 @@ fn strips_fans_and_other_modes() {
         root["meshes"][0]["primitives"].as_array_mut().unwrap().push(other);
         let scene = load_json(&root, &bin).unwrap();
         assert_eq!(scene.instances.len(), 2);
-        assert!(scene.notices[0].contains("mesh 0 primitive 1") && scene.notices[0].contains("skipped"));
+        assert!(scene.warnings[0].contains("mesh 0 primitive 1") && scene.warnings[0].contains("skipped"));
     }
 }
 
@@ -419,7 +419,7 @@ fn lights_and_cameras_stand_in_the_world() {
     assert_eq!(scene.cameras.len(), 1);
     assert!(scene.cameras[0].forward().abs_diff_eq(Vec3::NEG_X, 1e-6));
     assert!((scene.cameras[0].world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-5);
-    assert!(scene.notices.iter().any(|n| n.contains("orthographic")));
+    assert!(scene.warnings.iter().any(|n| n.contains("orthographic")));
 
     for (pointer, value, wanted) in [
         ("/extensions/KHR_lights_punctual/lights/2/spot", Value::Null, "light 2: spot is missing"),
@@ -446,8 +446,8 @@ fn unknown_extensions_and_blending_are_said() {
     root["materials"][0]["alphaMode"] = json!("BLEND");
     let scene = load_json(&root, &bin).unwrap();
     assert_eq!(scene.materials[0].alpha, AlphaMode::Blend);
-    assert!(scene.notices[0].contains("KHR_materials_transmission is present but not supported"));
-    assert!(scene.notices[1].contains("alpha-tested at 0.5") && scene.notices[1].contains("paint"));
+    assert!(scene.warnings[0].contains("KHR_materials_transmission is present but not supported"));
+    assert!(scene.warnings[1].contains("alpha-tested at 0.5") && scene.warnings[1].contains("paint"));
 }
 
 #[test]
