@@ -1,4 +1,6 @@
 //! Tests of Magpie, in tiers.
 
+pub mod bench;
 pub mod harness;
+pub mod made;
 pub mod oracle;

@@ -43,10 +43,14 @@ impl Buffer {
     /// Makes a buffer of `bytes` bytes (at least 4 are taken).
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`] with the name and size.
+    /// [`GpuError::Limit`] beyond the largest buffer of the device, [`GpuError::OutOfMemory`] with the name and size.
     pub fn new(gpu: &Gpu, name: &str, bytes: u64, memory: BufferMemory, usage: BufferUse) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let size = bytes.max(4);
+        let limit = gpu.report().limits.get("max_buffer_bytes").copied().unwrap_or(u64::MAX);
+        if size > limit {
+            return Err(GpuError::Limit { what: format!("bytes of buffer {name}"), wanted: size, limit });
+        }
         let extra = match usage {
             BufferUse::Storage => vk::BufferUsageFlags::empty(),
             BufferUse::Index => vk::BufferUsageFlags::INDEX_BUFFER,

@@ -104,8 +104,10 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
     let raw = &instance.raw;
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup);
-    // SAFETY: the handle comes from this instance; the structs are core in 1.2 and 1.1 and skipped by older drivers.
+    let mut sizes = vk::PhysicalDeviceMaintenance4Properties::default();
+    let mut properties =
+        vk::PhysicalDeviceProperties2::default().push_next(&mut driver).push_next(&mut subgroup).push_next(&mut sizes);
+    // SAFETY: the handle comes from this instance; the structs are core in 1.2, 1.1 and 1.3 and skipped by older drivers.
     unsafe { raw.get_physical_device_properties2(device, &mut properties) };
     let properties = properties.properties;
     let limits = properties.limits;
@@ -176,6 +178,7 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
         rays,
         queues,
         limits: BTreeMap::from([
+            ("max_buffer_bytes", sizes.max_buffer_size),
             ("max_image_edge", limits.max_image_dimension2_d.into()),
             ("max_push_constant_bytes", limits.max_push_constants_size.into()),
             ("max_memory_allocations", limits.max_memory_allocation_count.into()),

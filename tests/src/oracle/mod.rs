@@ -1,3 +1,4 @@
 //! Slow, obvious, double-precision answers to compare the GPU with.
 
+pub mod gbuffer;
 pub mod shading;

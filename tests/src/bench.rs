@@ -1,0 +1,177 @@
+//! Frames of a test's own, run with every check, and the images and buffers that a test wants to see.
+use anyhow::{Context, Result, ensure};
+use magpie::config::Config;
+use magpie::frame::{View, ViewDesc};
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
+use magpie::graph::check::{Finding, Scan};
+use magpie::graph::execute::{Executed, Executor, Imports};
+use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
+use magpie::pixels::Pixels;
+use magpie::scene::{Camera, ResidentScene};
+use magpie_passes::frame::frame;
+use magpie_passes::stages::SceneHandles;
+use magpie_passes::{Slots, Stages};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Runs frames of a test's own on one device.
+pub struct Bench {
+    /// The device.
+    pub gpu: Gpu,
+    executor: Executor,
+    scan: Scan,
+}
+
+/// What is seen, and from where.
+#[derive(Clone, Copy)]
+pub struct Shot<'a> {
+    /// The scene on the device.
+    pub scene: &'a ResidentScene,
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Pixels.
+    pub extent: Extent,
+}
+
+/// A frame that ran without a message from the validation layers.
+pub struct Ran {
+    /// The images that were asked for, by `pass:output`.
+    images: HashMap<String, Pixels>,
+    /// What the scan found.
+    pub findings: Vec<Finding>,
+    /// Declaration, plan and times.
+    pub executed: Executed,
+}
+
+impl Ran {
+    /// An image that was asked for.
+    pub fn image(&self, name: &str) -> Result<&Pixels> {
+        self.images.get(name).with_context(|| format!("no pass wrote {name}"))
+    }
+
+    /// Its pixels as numbers.
+    pub fn values(&self, name: &str) -> Result<Vec<[f32; 4]>> {
+        Ok(self.image(name)?.values())
+    }
+
+    /// Fails when the scan found anything.
+    pub fn clean(self) -> Result<Self> {
+        ensure!(self.findings.is_empty(), "{}", self.findings[0]);
+        Ok(self)
+    }
+
+    /// Closest-hit and any-hit rays that a pass counted.
+    pub fn rays(&self, pass: &str) -> Result<[u64; 2]> {
+        let found = self.executed.sample.passes.iter().find(|p| p.name == pass);
+        found.map(|p| [p.rays_closest, p.rays_any]).with_context(|| format!("{pass} did not run"))
+    }
+}
+
+/// Objects that a frame brings in; the scan and the copies add to them while it is declared.
+pub type Shared = Rc<RefCell<Imports>>;
+
+impl Bench {
+    /// A bench on this device.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self { gpu: gpu.clone(), executor: Executor::new(gpu)?, scan: Scan::new(gpu)? })
+    }
+
+    /// A compute pipeline from GLSL, which may include Magpie's `lib/` and `shared/`.
+    pub fn kernel(&self, name: &str, glsl: &str) -> Result<Kernel> {
+        let words = magpie_shaders::compile(name, glsl, magpie_shaders::Stage::Compute)?;
+        Ok(self.gpu.kernel_from_words(name, &words)?)
+    }
+
+    /// Runs the frame that `declare` makes, with the scan for NaN and infinity on every pass and the images of `wanted`
+    /// (`pass:output`) copied as they were right after that pass. Messages of the validation layers are errors.
+    pub fn run(
+        &mut self,
+        extent: Extent,
+        wanted: &[&str],
+        declare: impl FnOnce(&mut FrameGraph, &Shared) -> Result<()>,
+    ) -> Result<Ran> {
+        let imports = Shared::default();
+        let mut g = FrameGraph::new(extent);
+        let (scanned, mut scan) = self.scan.watch(&self.gpu, &mut g, &mut imports.borrow_mut())?;
+        let mut wanted: Vec<String> = wanted.iter().map(|w| (*w).to_owned()).collect();
+        let copies = Rc::<RefCell<Vec<(Produced, Arc<Buffer>)>>>::default();
+        let failed = Rc::<RefCell<Option<GpuError>>>::default();
+        let (gpu, seen, problem, keys) = (self.gpu.clone(), copies.clone(), failed.clone(), imports.clone());
+        g.observe(move |g, produced| {
+            scan(g, produced);
+            let name = format!("{}:{}", produced.pass, produced.output);
+            if let Some(at) = wanted.iter().position(|w| *w == name) {
+                wanted.swap_remove(at);
+                match copy(&gpu, g, &keys, produced) {
+                    Ok(buffer) => seen.borrow_mut().push((produced.clone(), buffer)),
+                    Err(error) => *problem.borrow_mut() = Some(error),
+                }
+            }
+        });
+        declare(&mut g, &imports)?;
+        if let Some(error) = failed.borrow_mut().take() {
+            return Err(error.into());
+        }
+        let executed = self.executor.run(g, &imports.borrow())?;
+        self.gpu.check_validation()?;
+        let images = copies.take().into_iter().map(|(p, buffer)| {
+            let bytes = (p.extent.width * p.extent.height * p.format.bytes_per_pixel()) as usize;
+            let pixels = Pixels { extent: p.extent, format: p.format, bytes: buffer.contents()[..bytes].to_vec() };
+            (format!("{}:{}", p.pass, p.output), pixels)
+        });
+        Ok(Ran { images: images.collect(), findings: scanned.findings(), executed })
+    }
+
+    /// Runs the whole frame of Magpie, as [`frame`] declares it.
+    pub fn frame(&mut self, shot: Shot<'_>, config: &Config, wanted: &[&str]) -> Result<Ran> {
+        let mut stages = Stages::new(&self.gpu, &Slots::default(), config)?;
+        let gpu = self.gpu.clone();
+        self.run(shot.extent, wanted, |g, imports| {
+            let (view, scene) = shot.declare(&gpu, g, imports)?;
+            let out = frame(&mut stages, g, &view, scene);
+            g.output(out.display);
+            Ok(())
+        })
+    }
+}
+
+impl Shot<'_> {
+    /// Brings camera and scene into a frame.
+    pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
+        let Self { scene, camera, extent } = *self;
+        let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous_clip_from_world: None };
+        let view = desc.declare(gpu, scene, g, &mut imports.borrow_mut())?;
+        let s = scene.import(g, &mut imports.borrow_mut());
+        Ok((view, SceneHandles { tables: s.tables, indices: s.indices, tlas: s.tlas }))
+    }
+}
+
+/// A buffer that the host can read after the frame.
+pub fn results(
+    gpu: &Gpu,
+    g: &mut FrameGraph,
+    imports: &Shared,
+    name: &str,
+    bytes: u64,
+) -> Result<(WriteHandle<magpie::graph::Buffer>, Arc<Buffer>), GpuError> {
+    let buffer = Arc::new(Buffer::new(gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage)?);
+    let key = imports.borrow_mut().buffer(&buffer);
+    Ok((g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key), buffer))
+}
+
+fn copy(gpu: &Gpu, g: &mut FrameGraph, imports: &Shared, produced: &Produced) -> Result<Arc<Buffer>, GpuError> {
+    let extent = produced.extent;
+    let bytes = u64::from(extent.width * extent.height * produced.format.bytes_per_pixel());
+    let name = format!("copy.{}.{}", produced.pass, produced.output);
+    let (target, buffer) = results(gpu, g, imports, &name, bytes)?;
+    let image = produced.image;
+    let target = g.pass(&name, Queue::Transfer, |p| {
+        let from = p.copy_from(image);
+        let (target, to) = p.copy_to(target);
+        (target, move |c: &mut Record<'_>| c.copy_from_image(from, to, MipCopy { offset: 0, mip: 0 }))
+    });
+    g.leave(target.read(), Access::HostRead, Domain::Copy);
+    Ok(buffer)
+}

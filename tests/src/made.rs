@@ -1,0 +1,70 @@
+//! Scenes that tests make: planes, spheres, one light.
+use glam::{Affine3A, Vec2, Vec3, Vec4};
+use magpie::scene::{Camera, Instance, Light, Material, Mesh, Scene};
+use std::f32::consts::{PI, TAU};
+
+/// A mesh of triangles with one normal per vertex, white, without texture coordinates.
+pub fn mesh(name: &str, positions: Vec<Vec3>, normals: Vec<Vec3>, indices: Vec<u32>) -> Mesh {
+    let n = positions.len();
+    let tangents = normals.iter().map(|n| n.any_orthonormal_vector().extend(1.0)).collect();
+    let name = name.to_owned();
+    let (uv0, uv1, colours) = (vec![Vec2::ZERO; n], vec![Vec2::ZERO; n], vec![Vec4::ONE; n]);
+    Mesh { name, positions, normals, tangents, uv0, uv1, colours, indices }
+}
+
+/// A horizontal square around the origin that faces up.
+pub fn plane(half: f32) -> Mesh {
+    let corners = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
+    let positions = corners.iter().map(|[x, z]| Vec3::new(*x, 0.0, *z) * half).collect();
+    mesh("plane", positions, vec![Vec3::Y; 4], vec![0, 1, 2, 0, 2, 3])
+}
+
+/// A unit sphere around the origin, `rings` from pole to pole, with the sphere's own normals.
+pub fn sphere(rings: u32) -> Mesh {
+    let sectors = 2 * rings;
+    let (mut points, mut indices) = (Vec::new(), Vec::new());
+    for ring in 0..=rings {
+        for sector in 0..=sectors {
+            let (down, round) = (PI * ring as f32 / rings as f32, TAU * sector as f32 / sectors as f32);
+            points.push(Vec3::new(down.sin() * round.cos(), down.cos(), down.sin() * round.sin()).normalize());
+            if ring < rings && sector < sectors {
+                let (a, b) = (ring * (sectors + 1) + sector, (ring + 1) * (sectors + 1) + sector);
+                indices.extend([a, a + 1, b, b, a + 1, b + 1]);
+            }
+        }
+    }
+    mesh("sphere", points.clone(), points, indices)
+}
+
+/// An empty scene with one camera.
+pub fn scene(name: &str, camera: Camera) -> Scene {
+    Scene { name: name.to_owned(), cameras: vec![camera], ..Scene::default() }
+}
+
+/// A camera of 40 degrees.
+///
+/// # Panics
+/// When eye and target are one point.
+pub fn camera(eye: Vec3, target: Vec3) -> Camera {
+    let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::Z } else { Vec3::Y };
+    Camera::look_at("test", eye, target, up, 40_f32.to_radians()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Adds one instance of a mesh with a material of its own.
+pub fn add(scene: &mut Scene, mesh: Mesh, material: Material, world_from_object: Affine3A) {
+    let (m, n) = (scene.materials.len() as u32, scene.meshes.len() as u32);
+    scene.instances.push(Instance { name: mesh.name.clone(), mesh: n, material: m, world_from_object });
+    scene.meshes.push(mesh);
+    scene.materials.push(material);
+}
+
+/// A material of numbers only.
+pub fn material(base_colour: [f32; 3], metalness: f32, roughness: f32) -> Material {
+    let base_colour = Vec3::from(base_colour).extend(1.0);
+    Material { base_colour, metalness, roughness, ..Material::default() }
+}
+
+/// A sun that shines from this direction, illuminance pi.
+pub fn sun(towards: Vec3) -> Light {
+    Light::Directional { direction: -towards.normalize(), illuminance: Vec3::splat(PI) }
+}
