@@ -11,6 +11,9 @@
 // follows here from the triangle itself, so that both normals face the viewer on double-sided and mirrored instances too.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
+// Without it nothing is discarded, and depth can be tested before shading.
+layout(constant_id = 0) const bool ALPHA_TEST = false;
+
 layout(location = 0) in vec3 from_eye;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
@@ -83,7 +86,7 @@ void main() {
         vec3 texel = read(material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
         shading = apply_normal_map(normal, tangent, texel, material.normal_scale);
     }
-    if ((material.flags & MATERIAL_ALPHA_TEST) != 0u && base.a < material.alpha_cutoff) discard;
+    if (ALPHA_TEST && base.a < material.alpha_cutoff) discard;
 
     vec2 metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
     if ((material.flags & MATERIAL_UNLIT) != 0u) {

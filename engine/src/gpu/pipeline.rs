@@ -38,6 +38,8 @@ pub struct RasterDesc<'a> {
     pub vertex: &'a Shader,
     /// Fragment shader.
     pub fragment: &'a Shader,
+    /// Values of the fragment shader's specialization constants, by their ids from 0.
+    pub constants: &'a [u32],
     /// Colour attachments, in the order of their locations.
     pub colours: &'a [Format],
     /// Depth attachment.
@@ -159,7 +161,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Shader`] and failing calls.
     pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
-        let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.colours, desc.depth));
+        let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.constants, desc.colours, desc.depth));
         if let Some((index, _)) = lock(&self.0.pipelines.known).get(&key) {
             return Ok(RasterKernel { index: *index });
         }
@@ -172,8 +174,16 @@ impl Gpu {
                 return Err(e);
             }
         };
+        let entries: Vec<_> = (0..desc.constants.len() as u32)
+            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
+            .collect();
+        let constants =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(desc.constants));
         let stage = |flag, module| vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module).name(ENTRY);
-        let stages = [stage(vk::ShaderStageFlags::VERTEX, vertex), stage(vk::ShaderStageFlags::FRAGMENT, fragment)];
+        let stages = [
+            stage(vk::ShaderStageFlags::VERTEX, vertex),
+            stage(vk::ShaderStageFlags::FRAGMENT, fragment).specialization_info(&constants),
+        ];
         let vertex_input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly =
             vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);

@@ -43,6 +43,8 @@ pub struct Draw {
     pub instance: u32,
     /// Which faces are left out.
     pub cull: Cull,
+    /// Its material is alpha-tested.
+    pub alpha_test: bool,
 }
 
 /// One mip of an image in a buffer, rows without gaps.
@@ -142,6 +144,9 @@ impl Record<'_> {
     /// # Panics
     /// As [`Record::dispatch`], and when the token belongs to another pass.
     pub fn draw<P: Pod>(&mut self, kernel: RasterKernel, params: &P, indices: IndexToken, draws: &[Draw]) {
+        if draws.is_empty() {
+            return;
+        }
         let ranges: Vec<_> = draws
             .iter()
             .map(|d| DrawRange {

@@ -146,7 +146,7 @@ impl ResidentScene {
         self.root
     }
 
-    /// One draw per instance, sorted by what culls it.
+    /// One draw per instance: opaque ones first, then by what culls them.
     pub fn draws(&self) -> &Arc<[Draw]> {
         &self.draws
     }
@@ -414,9 +414,10 @@ fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
                 index_count: scene.meshes[mesh].indices.len() as u32,
                 instance,
                 cull,
+                alpha_test: scene.materials[material].alpha != AlphaMode::Opaque,
             }
         })
         .collect();
-    draws.sort_by_key(|d| (d.cull as u32, d.instance));
+    draws.sort_by_key(|d| (d.alpha_test, d.cull as u32, d.instance));
     draws.into()
 }

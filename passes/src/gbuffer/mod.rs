@@ -26,21 +26,24 @@ pub fn stage() -> Stage<GBufferIn, GBuffer> {
 }
 
 struct Raster {
-    draw: RasterKernel,
+    opaque: RasterKernel,
+    alpha_tested: RasterKernel,
 }
 
 impl Raster {
     fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        let draw = gpu
-            .raster_kernel(&RasterDesc {
-                name: "gbuffer.draw",
+        let kernel = |name, alpha_test: bool| {
+            let desc = RasterDesc {
+                name,
                 vertex: &GBUFFER_DRAW_VERT,
                 fragment: &GBUFFER_DRAW_FRAG,
+                constants: &[alpha_test.into()],
                 colours: &COLOURS.map(|(_, format)| format),
                 depth: Some(Format::D32Float),
-            })
-            .map_err(StageError::other)?;
-        Ok(Self { draw })
+            };
+            gpu.raster_kernel(&desc).map_err(StageError::other)
+        };
+        Ok(Self { opaque: kernel("gbuffer.opaque", false)?, alpha_tested: kernel("gbuffer.alpha_tested", true)? })
     }
 }
 
@@ -49,7 +52,8 @@ impl Effect for Raster {
     type Out = GBuffer;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
-        let (kernel, draws, block) = (self.draw, view.draws.clone(), view.block);
+        let (opaque, alpha_tested, block) = (self.opaque, self.alpha_tested, view.block);
+        let draws = view.draws.clone();
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));
             p.read(i.scene.tables);
@@ -58,7 +62,10 @@ impl Effect for Raster {
             let depth = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0.read();
             let out = GBuffer { depth, base_colour, normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {
-                c.draw(kernel, &DrawParams { view: c.id(block) }, indices, &draws);
+                let params = DrawParams { view: c.id(block) };
+                let (solid, tested) = draws.split_at(draws.partition_point(|d| !d.alpha_test));
+                c.draw(opaque, &params, indices, solid);
+                c.draw(alpha_tested, &params, indices, tested);
             })
         })
     }
