@@ -2,6 +2,26 @@
 //!
 //! Read [`frame`](frame::frame) first: it is the whole frame on one screen. [`stages`] holds the contract of every slot, [`slots`] the
 //! implementations that come with Magpie.
+//!
+//! ```no_run
+//! use magpie::{config::Config, gpu::GpuOptions, prelude::*};
+//! use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+//! use std::path::Path;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let gpu = Gpu::new(&GpuOptions::default())?;
+//! let slots = Slots::default(); // register effects of your own here
+//! let mut config = Config::default();
+//! config.set("post.exposure=0.5")?;
+//! let mut scene = magpie::scene::load(Path::new("scene.gltf"))?;
+//! magpie::scene::supply_missing(&mut scene); // a camera, a sun and a sky, where the file has none
+//! let options = RenderOptions { width: 1280, height: 720, seed: 0, check: false };
+//! let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
+//! let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+//! println!("{:?}", frame.sample.passes); // times, draws, rays of every pass
+//! # Ok(())
+//! # }
+//! ```
 
 mod compose;
 mod direct;
