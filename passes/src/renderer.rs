@@ -112,8 +112,8 @@ type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
 
 impl Copies {
     /// Adds a pass that copies mip 0 of an image.
-    fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>, format: Format) {
-        let extent = g.extent(image);
+    fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
+        let (format, extent) = (g.desc(image).format, g.extent(image));
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
         let made = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
         if let Ok(buffer) = &made {
@@ -200,7 +200,7 @@ impl Renderer {
             scanner(g, produced);
             if wanted.as_ref().is_some_and(|(pass, output)| (pass, output) == (&produced.pass, &produced.output)) {
                 wanted = None;
-                viewer.copy(g, "view.read_back", produced.image, produced.format);
+                viewer.copy(g, "view.read_back", produced.image);
             }
         });
 
@@ -213,8 +213,8 @@ impl Renderer {
                 }
             }
             None if request.read_back => {
-                copies.copy(&mut g, "read_back.radiance", out.radiance, Format::Rgba32Float);
-                copies.copy(&mut g, "read_back.display", out.display, Format::Rgba8Unorm);
+                copies.copy(&mut g, "read_back.radiance", out.radiance);
+                copies.copy(&mut g, "read_back.display", out.display);
             }
             None => g.output(out.display),
         }

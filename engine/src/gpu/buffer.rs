@@ -127,11 +127,12 @@ impl Buffer {
     /// [`GpuError::Limit`] past the end, or when the host cannot reach the memory.
     pub fn write(&mut self, offset: u64, data: &[u8]) -> Result<(), GpuError> {
         let (bytes, name) = (self.bytes, &self.name);
-        let past =
-            || GpuError::Limit { what: format!("write to {name}"), wanted: offset + data.len() as u64, limit: bytes };
+        let end = offset.saturating_add(data.len() as u64);
+        let past = || GpuError::Limit { what: format!("write to {name}"), wanted: end, limit: bytes };
         let mapped = self.memory.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(past)?;
-        let end = (offset as usize).checked_add(data.len()).filter(|end| *end <= mapped.len()).ok_or_else(past)?;
-        mapped[offset as usize..end].copy_from_slice(data);
+        // The memory may be longer than the buffer.
+        let range = if end <= bytes { mapped.get_mut(offset as usize..end as usize) } else { None };
+        range.ok_or_else(past)?.copy_from_slice(data);
         Ok(())
     }
 

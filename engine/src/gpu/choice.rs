@@ -195,12 +195,16 @@ const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
     (Format::Rg32Uint, ATTACHMENT),
     (Format::Rgba8Srgb, ATTACHMENT),
     (Format::Rg8Unorm, ATTACHMENT),
+    (Format::D32Float, DEPTH),
     (Format::Rgba32Float, STORAGE),
     (Format::R8Unorm, STORAGE),
     (Format::Rgba8Unorm, STORAGE),
 ];
 const ATTACHMENT: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
     vk::FormatFeatureFlags::COLOR_ATTACHMENT.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
+);
+const DEPTH: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
+    vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
 );
 const STORAGE: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
     vk::FormatFeatureFlags::STORAGE_IMAGE.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
@@ -226,6 +230,8 @@ pub(super) fn needed() -> Features {
         core: vk::PhysicalDeviceFeatures::default()
             .shader_storage_image_read_without_format(true)
             .shader_storage_image_write_without_format(true)
+            .shader_sampled_image_array_dynamic_indexing(true)
+            .shader_storage_image_array_dynamic_indexing(true)
             .fragment_stores_and_atomics(true)
             .vertex_pipeline_stores_and_atomics(true)
             .geometry_shader(true), // the primitive id in fragment shaders
@@ -270,6 +276,7 @@ fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<Stri
         };
     }
     compare!(wanted.core, core, shader_storage_image_read_without_format shader_storage_image_write_without_format
+        shader_sampled_image_array_dynamic_indexing shader_storage_image_array_dynamic_indexing
         fragment_stores_and_atomics vertex_pipeline_stores_and_atomics geometry_shader);
     compare!(wanted.v11, v11, shader_draw_parameters);
     compare!(wanted.v12, v12, descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound

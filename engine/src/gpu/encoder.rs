@@ -177,7 +177,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    /// Begins drawing into these targets, over all of the first one's extent.
+    /// Begins drawing into these targets, over all of `extent`, which is the size of each.
     pub fn begin_rendering(&mut self, extent: Extent, colours: &[Attachment<'_>], depth: Option<&Attachment<'_>>) {
         let info = |a: &Attachment<'_>, layout| {
             let is_depth = a.image.format().is_depth();

@@ -45,11 +45,11 @@ pub enum GpuError {
         during: &'static str,
     },
     /// Memory ran out.
-    #[error("out of memory for {what} ({bytes} bytes)")]
+    #[error("out of memory for {what}{}", if *.bytes > 0 { format!(" ({bytes} bytes)") } else { String::new() })]
     OutOfMemory {
-        /// The resource.
+        /// The resource, or the call that failed.
         what: String,
-        /// Its size.
+        /// Its size; 0 when it is not known.
         bytes: u64,
     },
     /// A size is beyond a limit of the device.

@@ -54,6 +54,11 @@ impl Instance {
         let debug_utils =
             available.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == ext::debug_utils::NAME));
 
+        if validation && !debug_utils {
+            let needed_for = "without it the validation layers' messages go unheard";
+            return Err(GpuError::MissingExtension { name: "VK_EXT_debug_utils", needed_for });
+        }
+
         let mut extensions = Vec::new();
         if debug_utils {
             extensions.push(ext::debug_utils::NAME.as_ptr());
@@ -79,7 +84,7 @@ impl Instance {
         })?;
 
         let messages = Box::<Messages>::default();
-        let messenger = (validation && debug_utils).then(|| listen(&entry, &raw, &messages)).transpose();
+        let messenger = validation.then(|| listen(&entry, &raw, &messages)).transpose();
         let messenger = match messenger {
             Ok(m) => m,
             Err(e) => {

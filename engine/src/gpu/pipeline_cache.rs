@@ -2,6 +2,7 @@
 use super::GpuError;
 use ash::vk;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::{env, fs};
 
 /// Opens the cache with what an earlier run left, if it belongs to this very device and driver.
@@ -25,9 +26,15 @@ pub(super) fn save(device: &ash::Device, cache: vk::PipelineCache, file: &Path) 
     let Ok(data) = (unsafe { device.get_pipeline_cache_data(cache) }) else { return };
     let written = (|| {
         fs::create_dir_all(file.parent().unwrap_or(Path::new(".")))?;
-        let temporary = file.with_extension(format!("{}.tmp", std::process::id()));
-        fs::write(&temporary, data)?;
-        fs::rename(&temporary, file)
+        // One name per save: two devices of one process may close at the same time.
+        static SAVES: AtomicU32 = AtomicU32::new(0);
+        let save = SAVES.fetch_add(1, Ordering::Relaxed);
+        let temporary = file.with_extension(format!("{}-{save}.tmp", std::process::id()));
+        let moved = fs::write(&temporary, data).and_then(|()| fs::rename(&temporary, file));
+        if moved.is_err() {
+            let _ = fs::remove_file(&temporary); // it may not even be there
+        }
+        moved
     })();
     if let Err(e) = written {
         log::info!("the pipeline cache {} was not kept: {e}", file.display());

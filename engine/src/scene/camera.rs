@@ -3,12 +3,19 @@ use super::SceneError;
 use glam::{Affine3A, Mat3A, Mat4, Vec3, Vec3A};
 use serde::Deserialize;
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// A camera file is a few lines; anything longer is another file.
 const MAX_FILE_BYTES: u64 = 64 * 1024;
 /// Near plane of a camera file that names none, metres.
 const DEFAULT_NEAR: f32 = 0.01;
+
+/// Least angle of view, radians, a fifth of an arc second. Narrower ones square to more than `f32` holds.
+pub(super) const MIN_FOV: f32 = 1e-6;
+/// Near planes that can be asked for, metres. With any angle of view and aspect, projection and inverse stay within `f32`, and
+/// so does the depth of everything a scene can hold.
+pub(super) const NEAR_RANGE: RangeInclusive<f32> = 1e-18..=1e18;
 
 /// A pinhole camera that looks along its -z with y up.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +36,7 @@ impl Camera {
     ///
     /// # Errors
     /// [`SceneError::Camera`] when a number is not finite, `eye` is `target`, `up` has no length or lies along the
-    /// line of sight, or the angle is not between 0 and pi.
+    /// line of sight, or the angle is below a millionth of a radian or not below pi.
     pub fn look_at(
         name: impl Into<String>,
         eye: Vec3,
@@ -44,10 +51,10 @@ impl Camera {
                 return refuse(format!("{what} is {v}, wanted finite numbers"));
             }
         }
-        if !(vertical_fov > 0.0 && vertical_fov < std::f32::consts::PI) {
-            let degrees = vertical_fov.to_degrees();
+        if !(MIN_FOV..std::f32::consts::PI).contains(&vertical_fov) {
+            let (degrees, least) = (vertical_fov.to_degrees(), MIN_FOV.to_degrees());
             return refuse(format!(
-                "vertical field of view is {degrees} degrees, wanted more than 0 and less than 180"
+                "vertical field of view is {degrees} degrees, wanted at least {least:.5} and less than 180"
             ));
         }
         // In double precision: eye and target may be close together far from the origin.
@@ -121,10 +128,10 @@ pub struct CameraFile {
     /// Which way is up; y by default.
     #[serde(default = "default_up")]
     pub up: [f32; 3],
-    /// Full vertical angle of view, degrees, above 0 and below 180; 40 by default.
+    /// Full vertical angle of view, degrees, from 0.00006 and below 180; 40 by default.
     #[serde(default = "default_fov")]
     pub vertical_fov_degrees: f32,
-    /// Distance of the near plane, metres, above 0; 0.01 by default.
+    /// Distance of the near plane, metres, 1e-18 to 1e18; 0.01 by default.
     pub near: Option<f32>,
 }
 
@@ -162,11 +169,12 @@ impl CameraFile {
     /// The camera that the file describes.
     ///
     /// # Errors
-    /// [`SceneError::Camera`], as [`Camera::look_at`] does, and when `near` is not above 0.
+    /// [`SceneError::Camera`], as [`Camera::look_at`] does, and when `near` is not between 1e-18 and 1e18 metres.
     pub fn camera(&self, name: &str) -> Result<Camera, SceneError> {
         let near = self.near.unwrap_or(DEFAULT_NEAR);
-        if !(near > 0.0 && near.is_finite()) {
-            let reason = format!("near is {near}, wanted a finite number of metres above 0");
+        if !NEAR_RANGE.contains(&near) {
+            let (least, most) = (NEAR_RANGE.start(), NEAR_RANGE.end());
+            let reason = format!("near is {near:e}, wanted {least:e} to {most:e} metres");
             return Err(SceneError::Camera { name: name.to_owned(), reason });
         }
         let fov = self.vertical_fov_degrees.to_radians();
@@ -198,6 +206,23 @@ mod tests {
         assert!((top.y + 1.0).abs() < 1e-6, "the top edge is at y = -1: {top}");
         let right = project(Vec3::new(1.5 * 2.0 * (0.35_f32).tan(), 0.0, -2.0));
         assert!((right.x - 1.0).abs() < 1e-6, "the right edge is at x = 1: {right}");
+    }
+
+    #[test]
+    fn the_projection_has_an_inverse_at_every_limit() {
+        for near in [*NEAR_RANGE.start(), *NEAR_RANGE.end()] {
+            for vertical_fov in [MIN_FOV, std::f32::consts::PI.next_down()] {
+                for aspect in [1.0 / 16384.0, 1.0, 16384.0] {
+                    let clip = Camera { near, vertical_fov, ..camera() }.clip_from_view(aspect);
+                    let inverse = clip.inverse();
+                    assert!(inverse.is_finite(), "{near:e} {vertical_fov:e} {aspect}: {inverse}");
+                    assert!(
+                        (inverse.z_axis.w * near - 1.0).abs() < 1e-3,
+                        "{near:e} {vertical_fov:e} {aspect}: {inverse}"
+                    );
+                }
+            }
+        }
     }
 
     #[test]
@@ -239,7 +264,10 @@ mod tests {
             ("upp = [0, 1, 0]\n", "upp"),
             ("vertical_fov_degrees = 180\n", "field of view"),
             ("vertical_fov_degrees = nan\n", "field of view"),
+            ("vertical_fov_degrees = 1e-30\n", "field of view"),
             ("near = 0.0\n", "near"),
+            ("near = 1e-40\n", "near"),
+            ("near = 1e38\n", "near"),
             ("up = [0, 0, 1]\n", "line of sight"),
             ("up = [0, inf, 1]\n", "up"),
         ] {

@@ -1,5 +1,6 @@
 //! The node hierarchy: instances, lights and cameras in the world.
 use super::{Import, MAX_INSTANCES, Of, label, refer};
+use crate::scene::camera::{MIN_FOV, NEAR_RANGE};
 use crate::scene::error::Fault;
 use crate::scene::{Camera, Instance, Light, Scene};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec3};
@@ -169,12 +170,12 @@ fn camera_at(
         return Ok(None);
     }
     let Some(lens) = &from.perspective else { return Err(Fault::Missing("perspective")) };
-    if !(lens.yfov > 0.0 && lens.yfov < PI) {
-        let wanted = "more than 0 and less than pi";
+    if !(MIN_FOV..PI).contains(&lens.yfov) {
+        let wanted = "at least 1e-6 and less than pi";
         return Err(Fault::Value { what: "yfov", got: lens.yfov.to_string(), wanted });
     }
-    if !(lens.znear > 0.0 && lens.znear.is_finite()) {
-        let wanted = "a finite number above 0";
+    if !NEAR_RANGE.contains(&lens.znear) {
+        let wanted = "1e-18 to 1e18";
         return Err(Fault::Value { what: "znear", got: lens.znear.to_string(), wanted });
     }
     let Some(rotation) = Camera::rigid(world.matrix3) else {

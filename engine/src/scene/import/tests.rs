@@ -428,7 +428,9 @@ fn lights_and_cameras_stand_in_the_world() {
         ("/extensions/KHR_lights_punctual/lights/0/type", json!("moon"), "light 0: type"),
         ("/nodes/1/extensions/KHR_lights_punctual/light", json!(3), "node 1: refers to light 3 of 3"),
         ("/cameras/0/perspective/yfov", json!(4), "camera 0: yfov"),
+        ("/cameras/0/perspective/yfov", json!(1e-30), "camera 0: yfov"),
         ("/cameras/0/perspective/znear", json!(0), "camera 0: znear"),
+        ("/cameras/0/perspective/znear", json!(1e-38), "camera 0: znear"),
         ("/cameras/0/perspective", Value::Null, "camera 0: perspective is missing"),
         ("/nodes/0/camera", json!(7), "node 0: refers to camera 7 of 2"),
     ] {
