@@ -71,8 +71,8 @@ pub(super) fn choose(
     let chosen = match wanted {
         Some(text) => {
             let named = reports.iter().find(|r| {
-                text.parse::<usize>()
-                    .map_or_else(|_| r.name.to_lowercase().contains(&text.to_lowercase()), |index| r.index == index)
+                let called = || !text.is_empty() && r.name.to_lowercase().contains(&text.to_lowercase());
+                text.parse::<usize>().map_or_else(|_| called(), |index| r.index == index)
             });
             let Some(found) = named else {
                 let known = reports.iter().map(|r| format!("{} = {}", r.index, r.name)).collect();
@@ -151,6 +151,10 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
     if !subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC) {
         refusals.push("subgroup arithmetic is missing".to_owned());
     }
+    if limits.max_color_attachments < COLOUR_ATTACHMENTS {
+        let found = limits.max_color_attachments;
+        refusals.push(format!("it draws into {found} colour attachments at once, {COLOUR_ATTACHMENTS} are needed"));
+    }
     if graphics_family(&families).is_none() {
         refusals.push("no queue family does graphics and compute with timestamps".to_owned());
     }
@@ -187,6 +191,9 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
     }
 }
 
+/// Images that the G-buffer pass draws into at once.
+const COLOUR_ATTACHMENTS: u32 = 6;
+
 /// What the frame does with each format, beyond what Vulkan guarantees.
 const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
     (Format::Rgba16Snorm, ATTACHMENT),
@@ -219,7 +226,6 @@ pub(super) fn graphics_family(families: &[vk::QueueFamilyProperties]) -> Option<
 /// The features of the floor, as they are asked for when the device is opened.
 pub(super) struct Features {
     pub core: vk::PhysicalDeviceFeatures,
-    pub v11: vk::PhysicalDeviceVulkan11Features<'static>,
     pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
     pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
 }
@@ -234,8 +240,8 @@ pub(super) fn needed() -> Features {
             .shader_storage_image_array_dynamic_indexing(true)
             .fragment_stores_and_atomics(true)
             .vertex_pipeline_stores_and_atomics(true)
+            .full_draw_index_uint32(true)
             .geometry_shader(true), // the primitive id in fragment shaders
-        v11: vk::PhysicalDeviceVulkan11Features::default().shader_draw_parameters(true),
         v12: vk::PhysicalDeviceVulkan12Features::default()
             .descriptor_indexing(true)
             .runtime_descriptor_array(true)
@@ -252,17 +258,15 @@ pub(super) fn needed() -> Features {
             .dynamic_rendering(true)
             .synchronization2(true)
             .maintenance4(true)
-            .shader_demote_to_helper_invocation(true)
-            .shader_terminate_invocation(true),
+            .shader_demote_to_helper_invocation(true),
     }
 }
 
 /// Names of the needed features that the device lacks.
 fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
-    let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-    let mut found = vk::PhysicalDeviceFeatures2::default().push_next(&mut v11).push_next(&mut v12).push_next(&mut v13);
+    let mut found = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
     // SAFETY: the device speaks Vulkan 1.3, in which all three structs are core.
     unsafe { instance.raw.get_physical_device_features2(device, &mut found) };
     let core = found.features;
@@ -277,13 +281,12 @@ fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<Stri
     }
     compare!(wanted.core, core, shader_storage_image_read_without_format shader_storage_image_write_without_format
         shader_sampled_image_array_dynamic_indexing shader_storage_image_array_dynamic_indexing
-        fragment_stores_and_atomics vertex_pipeline_stores_and_atomics geometry_shader);
-    compare!(wanted.v11, v11, shader_draw_parameters);
+        fragment_stores_and_atomics vertex_pipeline_stores_and_atomics full_draw_index_uint32 geometry_shader);
     compare!(wanted.v12, v12, descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound
         descriptor_binding_update_unused_while_pending descriptor_binding_sampled_image_update_after_bind
         descriptor_binding_storage_image_update_after_bind shader_sampled_image_array_non_uniform_indexing
         buffer_device_address timeline_semaphore scalar_block_layout host_query_reset);
     compare!(wanted.v13, v13, dynamic_rendering synchronization2 maintenance4
-        shader_demote_to_helper_invocation shader_terminate_invocation);
+        shader_demote_to_helper_invocation);
     missing
 }

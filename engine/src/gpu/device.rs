@@ -42,7 +42,20 @@ pub(super) struct Inner {
     physical: vk::PhysicalDevice,
     report: DeviceReport,
     validation: bool,
+    logical: Logical,
+}
+
+/// The logical device and its instance; dropped last, also when opening fails half-way.
+struct Logical {
+    raw: ash::Device,
     instance: Instance,
+}
+
+impl Drop for Logical {
+    fn drop(&mut self) {
+        // SAFETY: everything made from the device was destroyed before.
+        unsafe { self.raw.destroy_device(None) };
+    }
 }
 
 /// What waits for the device before it is freed.
@@ -95,12 +108,13 @@ impl Gpu {
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
             .enabled_features(&wanted.core)
-            .push_next(&mut wanted.v11)
             .push_next(&mut wanted.v12)
             .push_next(&mut wanted.v13);
         // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
         let raw =
             unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
+        let logical = Logical { raw: raw.clone(), instance };
+        let instance = &logical.instance;
         // SAFETY: the family was asked for with one queue.
         let queue = unsafe { raw.get_device_queue(family, 0) };
 
@@ -141,7 +155,7 @@ impl Gpu {
             physical,
             report,
             validation: options.validation,
-            instance,
+            logical,
         })))
     }
 
@@ -160,7 +174,7 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::Validation`] when there is any.
     pub fn check_validation(&self) -> Result<(), GpuError> {
-        let messages = self.0.instance.messages.take();
+        let messages = self.0.logical.instance.messages.take();
         if messages.is_empty() { Ok(()) } else { Err(GpuError::Validation { messages }) }
     }
 
@@ -248,7 +262,6 @@ impl Drop for Inner {
             self.timeline.destroy(&self.raw);
             self.raw.destroy_pipeline_cache(self.cache, None);
             ManuallyDrop::drop(&mut self.allocator);
-            self.raw.destroy_device(None);
         }
     }
 }

@@ -271,6 +271,12 @@ impl CommandEncoder {
         }
     }
 
+    /// Fills a buffer with zeros.
+    pub fn clear_buffer(&mut self, buffer: &Buffer) {
+        // SAFETY: the command buffer is recording, outside of rendering; every buffer can be a copy's target.
+        unsafe { self.gpu.raw().cmd_fill_buffer(self.buffer, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
+    }
+
     pub fn copy_buffer(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) {
         let region = [vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size: bytes }];
         // SAFETY: the caller keeps both ranges inside their buffers.

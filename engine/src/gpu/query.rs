@@ -40,7 +40,10 @@ impl Timestamps {
         // SAFETY: the frame that wrote them is done; the slice holds as many as are asked for.
         unsafe { self.gpu.raw().get_query_pool_results(self.pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
             .map_err(GpuError::call("vkGetQueryPoolResults"))?;
-        Ok(ticks.into_iter().map(|t| self.gpu.nanoseconds(t)).collect())
+        // Relative to the first: a counter with few bits may have wrapped in between.
+        let first = ticks[0];
+        let begin = self.gpu.nanoseconds(first);
+        Ok(ticks.into_iter().map(|t| begin + self.gpu.nanoseconds(t.wrapping_sub(first))).collect())
     }
 }
 

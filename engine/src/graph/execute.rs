@@ -89,13 +89,13 @@ pub struct Executor {
     pool: Pool,
     encoder: CommandEncoder,
     timestamps: Timestamps,
-    /// Two words per pass: closest-hit and any-hit rays.
-    rays: gpu::Buffer,
+    /// Two words per pass, closest-hit and any-hit rays: where shaders count, and where the host reads.
+    rays: [gpu::Buffer; 2],
     begun: Instant,
 }
 
 const FIRST_PASSES: u32 = 64;
-const RAY_WORDS: usize = 8;
+const RAY_BYTES: usize = 8;
 
 impl Executor {
     /// An executor without any memory yet.
@@ -132,18 +132,20 @@ impl Executor {
             self.rays = ray_counters(&self.gpu, passes)?;
         }
         self.timestamps.reset();
-        self.rays.write(0, &vec![0; passes as usize * RAY_WORDS])?;
 
         // Record in the order of the plan.
         let record_start = Instant::now();
         self.encoder.begin()?;
+        let [counters, counted] = &self.rays;
+        self.encoder.clear_buffer(counters);
+        self.encoder.full_barrier();
         self.encoder.timestamp(&self.timestamps, 0);
         let (mut times, mut sets) = (Vec::with_capacity(plan.order.len()), Vec::new());
         for (position, &index) in plan.order.iter().enumerate() {
             let pass = &declaration.passes[index as usize];
             let cpu_start = Instant::now();
             issue(&mut self.encoder, &physical, &plan.barriers[position]);
-            let rays = self.rays.address().offset((position * RAY_WORDS) as u64);
+            let rays = counters.address().offset((position * RAY_BYTES) as u64);
             self.encoder.begin_label(&pass.name);
             self.encoder.timestamp(&self.timestamps, 1 + 2 * position as u32);
             if self.gpu.validates() {
@@ -170,6 +172,8 @@ impl Executor {
         }
         issue(&mut self.encoder, &physical, &plan.barriers[plan.order.len()]);
         // Whatever comes next, the host or another frame, sees everything: frames do not overlap.
+        self.encoder.full_barrier();
+        self.encoder.copy_buffer(counters, 0, counted, 0, counters.bytes());
         self.encoder.full_barrier();
         self.encoder.finish()?;
         let record_ns = nanoseconds(record_start);
@@ -199,13 +203,13 @@ impl Executor {
     /// Fills in the GPU times and ray counts; returns the first timestamp and the time of the whole frame.
     fn read_times(&self, times: &mut [PassTime]) -> Result<(u64, u64), GpuError> {
         let stamps = self.timestamps.read(stamps(times.len() as u32))?;
-        let counters = self.rays.contents();
+        let counters = self.rays[1].contents();
         for (position, time) in times.iter_mut().enumerate() {
             let (begin, end) = (stamps[1 + 2 * position], stamps[2 + 2 * position]);
             time.gpu_ns = Some(end.saturating_sub(begin));
             time.gpu_start_ns = Some(begin.saturating_sub(stamps[0]));
             let word = |at: usize| {
-                let bytes = counters.get(position * RAY_WORDS + at..position * RAY_WORDS + at + 4);
+                let bytes = counters.get(position * RAY_BYTES + at..position * RAY_BYTES + at + 4);
                 bytes.and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
@@ -284,11 +288,11 @@ fn stamps(passes: u32) -> u32 {
     1 + 2 * passes
 }
 
-fn ray_counters(gpu: &Gpu, passes: u32) -> Result<gpu::Buffer, GpuError> {
-    let bytes = u64::from(passes) * RAY_WORDS as u64;
-    gpu::Buffer::new(gpu, "ray counters", bytes, BufferMemory::ReadBack, BufferUse::Storage)
+fn ray_counters(gpu: &Gpu, passes: u32) -> Result<[gpu::Buffer; 2], GpuError> {
+    let bytes = u64::from(passes) * RAY_BYTES as u64;
+    let make = |name, memory| gpu::Buffer::new(gpu, name, bytes, memory, BufferUse::Storage);
+    Ok([make("ray counters", BufferMemory::Device)?, make("ray counts", BufferMemory::ReadBack)?])
 }
-
 fn nanoseconds(since: Instant) -> u64 {
     since.elapsed().as_nanos() as u64
 }
