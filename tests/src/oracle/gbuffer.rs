@@ -43,6 +43,13 @@ impl Eye {
         if depth > 0.0 { self.near / f64::from(depth) } else { 0.0 }
     }
 
+    /// Where a point is seen, 0 to 1 from the upper left corner; `None` behind the camera.
+    pub fn project(&self, world: DVec3) -> Option<[f64; 2]> {
+        let seen = self.rotation.transpose() * (world - self.position);
+        let depth = -seen.z;
+        (depth > 0.0).then(|| [0.5 + 0.5 * seen.x / depth / self.scale[0], 0.5 - 0.5 * seen.y / depth / self.scale[1]])
+    }
+
     /// World position of a pixel's centre at a reversed depth.
     pub fn world_position(&self, pixel: usize, depth: f32) -> DVec3 {
         self.position + self.pixel_ray(pixel) * self.view_depth(depth)
