@@ -55,7 +55,8 @@ pub fn write_png(out: &mut impl Write, pixels: &Pixels) -> Result<(), PictureErr
     Ok(PngEncoder::new(out).write_image(&rgb, width, height, ExtendedColorType::Rgb8)?)
 }
 
-/// Writes red, green and blue as they are as a 32-bit float EXR, NaN and infinities included.
+/// Writes the numbers as they are as a 32-bit float EXR, NaN and infinities included: four channels where the image has four,
+/// else red, green and blue.
 ///
 /// # Errors
 /// [`PictureError`].
@@ -63,8 +64,12 @@ pub fn write_exr(out: &mut (impl Write + Seek), pixels: &Pixels) -> Result<(), P
     let values = pixels.values();
     let Extent { width, height, .. } = pixels.extent;
     check_size(width, height, values.len())?;
-    let bytes: Vec<u8> = values.iter().flat_map(|p| &p[..3]).flat_map(|x| x.to_ne_bytes()).collect();
-    Ok(OpenExrEncoder::new(out).write_image(&bytes, width, height, ExtendedColorType::Rgb32F)?)
+    let (channels, kind) = match pixels.format.channels() {
+        4 => (4, ExtendedColorType::Rgba32F),
+        _ => (3, ExtendedColorType::Rgb32F),
+    };
+    let bytes: Vec<u8> = values.iter().flat_map(|p| &p[..channels]).flat_map(|x| x.to_ne_bytes()).collect();
+    Ok(OpenExrEncoder::new(out).write_image(&bytes, width, height, kind)?)
 }
 
 #[cfg(test)]
@@ -99,9 +104,9 @@ mod tests {
         let bytes = write();
         assert_eq!(bytes, write());
         let back = image::load_from_memory_with_format(&bytes, image::ImageFormat::OpenExr).unwrap();
-        assert_eq!(back.color(), image::ColorType::Rgb32F);
-        for (got, wanted) in back.into_rgb32f().pixels().zip(&values) {
-            for channel in 0..3 {
+        assert_eq!(back.color(), image::ColorType::Rgba32F);
+        for (got, wanted) in back.into_rgba32f().pixels().zip(&values) {
+            for channel in 0..4 {
                 assert_eq!(got[channel].to_bits(), wanted[channel].to_bits());
             }
         }

@@ -31,7 +31,8 @@ layout(location = 3) out vec4 out_emission;
 layout(location = 4) out vec2 out_motion;
 layout(location = 5) out uvec2 out_ids;
 
-// Largest finite 16-bit float: emission and motion beyond it stay finite.
+// Largest finite 16-bit float: emission and motion beyond it stay finite. Chosen by comparison, which keeps a NaN for the scan to
+// find; min and clamp may not.
 const float HALF_MAX = 65504.0;
 
 vec4 read(TextureSlot slot, vec4 otherwise) {
@@ -55,7 +56,7 @@ vec3 triangle_normal(Instance instance, Mesh mesh, out vec3 corner) {
 vec2 motion() {
     if (clip_before.z <= 0.0) return vec2(0.0);
     vec2 moved = 0.5 * (clip_now.xy / clip_now.z - clip_before.xy / clip_before.z);
-    return clamp(moved, vec2(-HALF_MAX), vec2(HALF_MAX));
+    return mix(moved, sign(moved) * HALF_MAX, greaterThan(abs(moved), vec2(HALF_MAX)));
 }
 
 void main() {
@@ -100,7 +101,7 @@ void main() {
     out_normal.xy = octahedral_encode(bend_towards_viewer(side * shading, to_eye));
     out_normal.zw = octahedral_encode(side * geometric);
     out_material = metalness_roughness;
-    out_emission = vec4(min(emission, vec3(HALF_MAX)), 1.0);
+    out_emission = vec4(mix(emission, vec3(HALF_MAX), greaterThan(emission, vec3(HALF_MAX))), 1.0);
     out_motion = motion();
     out_ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));
 }

@@ -84,7 +84,7 @@ vec3 environment_brdf(vec3 f0, float roughness, float n_v) {
     vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     float a = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
     vec2 scale_bias = vec2(-1.04, 1.04) * a + r.zw;
-    return max(f0 * scale_bias.x + specular_f90(f0) * scale_bias.y, vec3(0.0));
+    return non_negative(f0 * scale_bias.x + specular_f90(f0) * scale_bias.y);
 }
 
 #endif

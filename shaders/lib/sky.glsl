@@ -24,7 +24,7 @@ vec3 sky_radiance(Sky sky, vec3 direction) {
         perez(sky.perez_y, cos_theta, gamma, cos_gamma)
     );
     // Deep blue daylight lies outside Rec.709: the negative component goes to 0.
-    return max(rec709_of_yxy(yxy), vec3(0.0));
+    return non_negative(rec709_of_yxy(yxy));
 }
 
 // The same with the sun's disc.
@@ -48,7 +48,7 @@ vec3 sky_irradiance(Sky sky, vec3 n) {
     e += sky.irradiance_sh[6] * (0.315392 * (3.0 * n.z * n.z - 1.0));
     e += sky.irradiance_sh[7] * (1.092548 * n.x * n.z);
     e += sky.irradiance_sh[8] * (0.546274 * (n.x * n.x - n.y * n.y));
-    return max(e, vec3(0.0));
+    return non_negative(e);
 }
 
 #endif

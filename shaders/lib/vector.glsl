@@ -32,4 +32,9 @@ float handedness(vec4 rows[3]) {
     return dot(cross(rows[0].xyz, rows[1].xyz), rows[2].xyz) < 0.0 ? -1.0 : 1.0;
 }
 
+// Negative components become 0. Unlike max, whose answer for a NaN is open, it keeps one for the scan to find.
+vec3 non_negative(vec3 v) {
+    return mix(v, vec3(0.0), lessThan(v, vec3(0.0)));
+}
+
 #endif

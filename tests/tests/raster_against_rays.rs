@@ -168,7 +168,8 @@ fn difference(eye: &Eye, raster: &Seen, ray: &Seen, x: f64, y: f64) -> Option<&'
     }
     let slope = slope(eye, ray, x, y);
     let bound = ROUNDING + SNAP * (slope[0] + slope[1]);
-    if !((raster.depth / ray.depth - 1.0).abs() <= bound) {
+    let same_depth = (raster.depth / ray.depth - 1.0).abs() <= bound; // false for a NaN
+    if !same_depth {
         return Some("depth");
     }
     None
@@ -193,7 +194,8 @@ fn at_edge(eye: &Eye, both: &Both, x: i64, y: i64) -> bool {
             }
             let ray = |x: i64, y: i64| eye.ray(x as f64 + 0.5, y as f64 + 0.5);
             let expected = centre.depth * centre.normal.dot(ray(x, y)) / centre.normal.dot(ray(nx, ny));
-            centre.normal.dot(other.normal) < 5_f64.to_radians().cos() || !((other.depth / expected - 1.0).abs() < 0.01)
+            let same_plane = (other.depth / expected - 1.0).abs() < 0.01; // false for a NaN
+            centre.normal.dot(other.normal) < 5_f64.to_radians().cos() || !same_plane
         })
     })
 }

@@ -47,6 +47,15 @@ impl Format {
         }
     }
 
+    /// Numbers per pixel.
+    pub fn channels(self) -> u32 {
+        match self {
+            Self::R8Unorm | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
+            Self::Rg8Unorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => 2,
+            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rgba32Float => 4,
+        }
+    }
+
     /// Whether pixels are floating-point numbers, so that they can be NaN or infinite.
     pub fn is_float(self) -> bool {
         match self {
