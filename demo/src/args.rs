@@ -102,7 +102,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "PASS:OUTPUT", requires = "out")]
     pub view: Option<ViewName>,
     /// Write the plan of the last frame
-    #[arg(long, value_name = "F.txt|F.json|F.dot")]
+    #[arg(long, value_name = "F.txt|F.json|F.dot|F.html")]
     pub dump_graph: Option<PathBuf>,
     /// Turn on the validation layers and scan every output for NaN and Inf; any finding is an error
     #[arg(long)]

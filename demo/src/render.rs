@@ -40,7 +40,7 @@ impl Outputs {
             picture: plan("--out", &arguments.out, &["png", "exr"])?,
             timings: plan("--timings", &arguments.timings, &["json", "csv"])?,
             trace: plan("--trace", &arguments.trace, &["json"])?,
-            graph: plan("--dump-graph", &arguments.dump_graph, &["txt", "json", "dot"])?,
+            graph: plan("--dump-graph", &arguments.dump_graph, &["txt", "json", "dot", "html"])?,
         };
         let all = [&outputs.picture, &outputs.timings, &outputs.trace, &outputs.graph];
         let all: Vec<&Output> = all.into_iter().flatten().collect();
@@ -148,6 +148,7 @@ fn write_outputs(
         output.write_text(&match output.ending() {
             "json" => dump::json(declaration, plan),
             "dot" => dump::dot(declaration, plan),
+            "html" => dump::html(declaration, plan),
             _ => dump::text(declaration, plan),
         })?;
     }

@@ -1,5 +1,7 @@
 //! The plan in words, as a picture and as data.
 
+mod html;
+
 use std::fmt::Write;
 
 use serde_json::{Value, json};
@@ -9,6 +11,8 @@ use super::{
     declaration::{Declaration, Origin, Shape, Use},
     plan::{Barrier, Plan},
 };
+
+pub use html::html;
 
 /// The plan in words: passes in order with all they wait for, passes left out and why, resources with their lifetimes.
 pub fn text(declaration: &Declaration, plan: &Plan) -> String {

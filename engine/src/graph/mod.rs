@@ -10,7 +10,7 @@
 //! |---|---|---|---|
 //! | declare | closures | [`Declaration`], plain data, and mistakes found on the way | [`FrameGraph`], [`PassBuilder`] |
 //! | plan | [`Declaration`] | [`Plan`]: order, dropped passes, lifetimes, batched barriers | [`plan`](fn@plan) |
-//! | dump | both | text, JSON, DOT | [`dump`] |
+//! | dump | both | text, JSON, DOT, HTML | [`dump`] |
 //! | execute | both, and the closures | commands | `execute`, the only part that touches the device |
 //!
 //! # What the types keep
