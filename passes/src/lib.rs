@@ -33,6 +33,7 @@ mod reflections;
 pub mod renderer;
 mod shadows;
 mod sky;
+mod sky_light;
 pub mod slots;
 pub mod stages;
 

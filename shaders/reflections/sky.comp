@@ -4,10 +4,10 @@
 #include "lib/brdf.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/sky.glsl"
-#include "shared/reflections.glsl"
+#include "shared/sky_light.glsl"
 // Specular light of sky and ground without the sun's disc, which is a light of its own.
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { SkyParams params; };
+layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);

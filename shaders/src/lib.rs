@@ -10,12 +10,11 @@ pub mod check;
 pub mod compose;
 pub mod direct;
 pub mod gbuffer;
-pub mod gi;
 pub mod post;
-pub mod reflections;
 pub mod scene;
 pub mod shadows;
 pub mod sky;
+pub mod sky_light;
 pub mod view;
 
 pub use compile::{CompileError, Includes, Stage, compile_with};

@@ -84,7 +84,7 @@ pub fn display(result: FrameResult) -> Result<Pixels> {
 /// Compares what an image looks like with `tests/images/NAME.png`.
 ///
 /// Fails when the golden is missing, the size differs, the root of the mean square difference (0 to 1) is over `limit`, or the
-/// golden itself holds a single value, which would pass for anything. The actual image and the difference, eight times
+/// golden says so little that an image of one flat colour, black included, would come within five times the limit. The actual image and the difference, eight times
 /// brighter, are written to `target/images`. `MAGPIE_BLESS=1` writes the golden instead: look at it before you commit it.
 pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -99,7 +99,8 @@ pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()
         .with_context(|| format!("golden {} (MAGPIE_BLESS=1 makes it)", golden_file.display()))?
         .into_rgba8();
     ensure!(golden.dimensions() == (width, height), "{name}: the golden is {:?}", golden.dimensions());
-    ensure!(golden.pixels().any(|p| p != golden.get_pixel(0, 0)), "{name}: the golden is one flat colour");
+    let told = distance_from_flat(&golden);
+    ensure!(told > 5.0 * limit, "{name}: the golden is within {told:.4} of one flat colour, too near for {limit}");
 
     let mut sum = 0.0;
     let mut difference = image::RgbaImage::new(width, height);
@@ -121,4 +122,15 @@ pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()
         bail!("{name}: RMSE {rmse:.5} is over {limit}; see target/images/{name}.*.png");
     }
     Ok(())
+}
+
+/// Root of the mean square difference from the nearest image of one colour, which is that of the mean.
+fn distance_from_flat(image: &image::RgbaImage) -> f64 {
+    let count = f64::from(image.width()) * f64::from(image.height());
+    let variance = |c: usize| {
+        let values = || image.pixels().map(|p| f64::from(p.0[c]) / 255.0);
+        let mean = values().sum::<f64>() / count;
+        values().map(|v| (v - mean).powi(2)).sum::<f64>() / count
+    };
+    ((variance(0) + variance(1) + variance(2)) / 3.0).sqrt()
 }

@@ -1,11 +1,11 @@
-//! Parameters of `shaders/gi`.
+//! Parameters of `shaders/gi/sky.comp` and `shaders/reflections/sky.comp`: light of the sky on what the camera sees.
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Push constants of `sky.comp`: diffuse light of the whole sky, unoccluded.
+/// Push constants of both: the sky's diffuse and specular light, unoccluded.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct SkyParams {
+pub struct SkyLightParams {
     /// The [`View`](super::view::View).
     pub view: Address,
     /// Reversed depth.
