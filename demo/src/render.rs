@@ -1,6 +1,6 @@
 //! `magpie render`.
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use magpie::{
     config::Config,
@@ -118,8 +118,8 @@ fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, co
 /// What the outputs are made from.
 struct LastFrame {
     images: Option<ReadBack>,
-    declaration: Declaration,
-    plan: Plan,
+    declaration: Arc<Declaration>,
+    plan: Arc<Plan>,
 }
 
 fn write_outputs(

@@ -62,9 +62,9 @@ pub struct FrameResult {
     /// What the scan found.
     pub findings: Vec<Finding>,
     /// What was declared.
-    pub declaration: Declaration,
+    pub declaration: Arc<Declaration>,
     /// How it ran.
-    pub plan: Plan,
+    pub plan: Arc<Plan>,
 }
 
 /// Why a frame could not be rendered.
@@ -172,7 +172,7 @@ impl Renderer {
     pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<FrameResult, RenderError> {
         let start = Instant::now();
         let extent = Extent::new(self.options.width, self.options.height);
-        let mut g = FrameGraph::new(extent);
+        let mut g = self.executor.begin(extent);
         let imports = Rc::<RefCell<Imports>>::default();
         let desc = ViewDesc {
             camera: request.camera,
@@ -220,15 +220,12 @@ impl Renderer {
         }
 
         let declare_ns = start.elapsed().as_nanos() as u64;
-        let Executed { declaration, plan, mut sample, transient_bytes } = self.executor.run(g, &imports.borrow())?;
+        let Executed { declaration, plan, mut sample } = self.executor.run(g, &imports.borrow())?;
         if self.options.check {
             self.gpu.check_validation()?;
         }
         sample.declare_ns = declare_ns;
         sample.cpu_ns += declare_ns;
-        sample.memory.transient_bytes = transient_bytes;
-        sample.memory.transient_lower_bound = plan.memory.lower_bound;
-        sample.memory.transient_unaliased = plan.memory.unaliased;
         sample.memory.scene_bytes = self.scene.scene_bytes();
         sample.memory.acceleration_bytes = self.scene.acceleration_bytes();
         self.previous_clip_from_world = Some(desc.clip_from_world());

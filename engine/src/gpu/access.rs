@@ -1,5 +1,5 @@
 //! Accesses of the graph as Vulkan stages, access masks and layouts.
-use crate::graph::{Access, Domain, Layout};
+use crate::graph::{Access, Domain, Layout, Uses};
 use ash::vk;
 
 /// Stages and kinds of access on one side of a barrier.
@@ -43,11 +43,46 @@ impl Scope {
             Access::StorageReadWrite | Access::BufferReadWrite => (shaders, storage_read | storage_write),
             Access::Index => (vk::PipelineStageFlags2::INDEX_INPUT, vk::AccessFlags2::INDEX_READ),
             Access::Indirect => (vk::PipelineStageFlags2::DRAW_INDIRECT, vk::AccessFlags2::INDIRECT_COMMAND_READ),
+            Access::Build => {
+                (vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR, vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR)
+            }
+            Access::Refit | Access::BuildScratch => (
+                vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR,
+                vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR | vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR,
+            ),
+            Access::BuildInput => (
+                vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR,
+                vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR | vk::AccessFlags2::SHADER_READ,
+            ),
             Access::CopyRead => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ),
             Access::CopyWrite => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
             Access::HostRead => (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
         };
         Self { stages, access }
+    }
+
+    /// Uses that must be over. None at all wait for nothing; what a batch waited for is over in every stage.
+    pub fn before(uses: Uses) -> Self {
+        if uses.is_any() {
+            return Self::EVERYTHING.available();
+        }
+        let waited = if uses.is_waited() {
+            Self { stages: vk::PipelineStageFlags2::ALL_COMMANDS, access: vk::AccessFlags2::NONE }
+        } else {
+            Self::default()
+        };
+        uses.iter().map(|(access, domain)| Self::of(access, domain).available()).fold(waited, std::ops::BitOr::bitor)
+    }
+
+    /// Uses that wait. None at all stand for another queue, which waits for everything.
+    pub fn after(uses: Uses) -> Self {
+        if uses.is_any() {
+            return Self::EVERYTHING;
+        }
+        if uses.is_empty() {
+            return Self { stages: vk::PipelineStageFlags2::ALL_COMMANDS, access: vk::AccessFlags2::NONE };
+        }
+        uses.iter().map(|(access, domain)| Self::of(access, domain)).fold(Self::default(), std::ops::BitOr::bitor)
     }
 
     /// As the first half of a barrier: only writes have anything to make available.
@@ -57,6 +92,7 @@ impl Scope {
                 | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE.as_raw()
                 | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE.as_raw()
                 | vk::AccessFlags2::TRANSFER_WRITE.as_raw()
+                | vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR.as_raw()
                 | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
         );
         Self { stages: self.stages, access: self.access & WRITES }

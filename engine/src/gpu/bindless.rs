@@ -3,7 +3,7 @@ use super::GpuError;
 use super::device::lock;
 use crate::scene::{Sampler, Wrap};
 use ash::vk;
-use magpie_shaders::SamplerId;
+use magpie_shaders::{SampledImage, SamplerId, StorageImage};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Mutex;
 
@@ -127,12 +127,18 @@ impl Bindless {
         unsafe { device.update_descriptor_sets(&[write], &[]) };
     }
 
-    pub fn release(&self, sampled: Option<u32>, storage: Option<u32>) {
-        if let Some(index) = sampled {
-            lock(&self.textures).remove(&index);
+    pub fn release(&self, sampled: &[u32], storage: &[u32]) {
+        for index in sampled {
+            lock(&self.textures).remove(index);
         }
         lock(&self.sampled).free.extend(sampled);
         lock(&self.storage).free.extend(storage);
+    }
+
+    /// Images with a place, sampled and storage together.
+    pub fn in_use(&self) -> u32 {
+        let taken = |slots: &Slots| slots.next - slots.free.len() as u32;
+        taken(&lock(&self.sampled)) + taken(&lock(&self.storage))
     }
 
     /// The sampler with these properties, made when first asked for.
@@ -236,7 +242,7 @@ pub(crate) struct PassSet {
 }
 
 impl PassSet {
-    pub fn new(gpu: &super::Gpu, sampled: &[&super::Image], stored: &[&super::Image]) -> Result<Self, GpuError> {
+    pub fn new(gpu: &super::Gpu, sampled: &[SampledImage], stored: &[StorageImage]) -> Result<Self, GpuError> {
         let (device, bindless) = (gpu.raw(), &gpu.0.bindless);
         let (pool, set) = allocate(device, bindless.layout)?;
         let copy = |binding, element| {
@@ -251,8 +257,8 @@ impl PassSet {
         };
         let mut copies: Vec<_> = lock(&bindless.textures).iter().map(|i| copy(0, *i)).collect();
         copies.extend(lock(&bindless.samplers).values().map(|(i, _)| copy(2, *i)));
-        copies.extend(sampled.iter().filter_map(|i| Some(copy(0, i.sampled()?.0))));
-        copies.extend(stored.iter().filter_map(|i| Some(copy(1, i.storage()?.0))));
+        copies.extend(sampled.iter().map(|i| copy(0, i.0)));
+        copies.extend(stored.iter().map(|i| copy(1, i.0)));
         // SAFETY: every element was written when its image or sampler was made; the new set is not in use.
         unsafe { device.update_descriptor_sets(&[], &copies) };
         Ok(Self { gpu: gpu.clone(), pool, set })

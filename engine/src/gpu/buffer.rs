@@ -1,10 +1,12 @@
 //! Buffers, reached from shaders by device address.
 use super::device::{Garbage, lock};
+use super::heap::Heap;
 use super::{Gpu, GpuError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use magpie_shaders::Address;
+use std::sync::Arc;
 
 /// Where a buffer's memory lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -33,7 +35,7 @@ pub enum BufferUse {
 pub struct Buffer {
     gpu: Gpu,
     pub(super) raw: vk::Buffer,
-    memory: Option<Allocation>,
+    memory: Memory,
     address: Address,
     bytes: u64,
     name: String,
@@ -56,13 +58,8 @@ impl Buffer {
             BufferUse::Index => vk::BufferUsageFlags::INDEX_BUFFER,
             BufferUse::Indirect => vk::BufferUsageFlags::INDIRECT_BUFFER,
         };
-        let info = vk::BufferCreateInfo::default().size(size).usage(
-            vk::BufferUsageFlags::STORAGE_BUFFER
-                | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
-                | vk::BufferUsageFlags::TRANSFER_SRC
-                | vk::BufferUsageFlags::TRANSFER_DST
-                | extra,
-        );
+        let families = &gpu.0.families;
+        let info = shared(vk::BufferCreateInfo::default().size(size).usage(BASIC | extra), families);
         // SAFETY: `info` is complete; the device is alive as long as `gpu`.
         let raw = unsafe { device.create_buffer(&info, None) }.map_err(GpuError::call("vkCreateBuffer"))?;
         // SAFETY: the buffer was just made.
@@ -93,17 +90,47 @@ impl Buffer {
         let mut made = Self {
             gpu: gpu.clone(),
             raw,
-            memory: Some(allocation),
+            memory: Memory::Own(allocation),
             address: Address::default(),
             bytes: size,
             name: name.to_owned(),
         };
         bound.map_err(GpuError::call("vkBindBufferMemory"))?;
-        // SAFETY: the buffer has memory and was made with SHADER_DEVICE_ADDRESS.
-        let address = unsafe { device.get_buffer_device_address(&vk::BufferDeviceAddressInfo::default().buffer(raw)) };
-        made.address = Address::new(address);
-        gpu.name_object(raw, name);
+        made.find_address();
         Ok(made)
+    }
+
+    /// Makes one buffer over all of a heap, for whatever lies in it.
+    ///
+    /// # Errors
+    /// Failing calls.
+    pub(crate) fn over(gpu: &Gpu, name: &str, heap: &Arc<Heap>) -> Result<Self, GpuError> {
+        let device = gpu.raw();
+        let info = vk::BufferCreateInfo::default().size(heap.bytes().max(4)).usage(EVERYTHING);
+        let info = shared(info, &gpu.0.families);
+        // SAFETY: `info` is complete; the device is alive as long as `gpu`.
+        let raw = unsafe { device.create_buffer(&info, None) }.map_err(GpuError::call("vkCreateBuffer"))?;
+        let (memory, offset) = heap.place(0);
+        let mut made = Self {
+            gpu: gpu.clone(),
+            raw,
+            memory: Memory::Placed { _heap: heap.clone() },
+            address: Address::default(),
+            bytes: heap.bytes(),
+            name: name.to_owned(),
+        };
+        // SAFETY: the heap is of a type that such buffers can lie in, and as large as the buffer.
+        unsafe { device.bind_buffer_memory(raw, memory, offset) }.map_err(GpuError::call("vkBindBufferMemory"))?;
+        made.find_address();
+        Ok(made)
+    }
+
+    fn find_address(&mut self) {
+        // The buffer has memory and was made with SHADER_DEVICE_ADDRESS.
+        let info = vk::BufferDeviceAddressInfo::default().buffer(self.raw);
+        // SAFETY: as said.
+        self.address = Address::new(unsafe { self.gpu.raw().get_buffer_device_address(&info) });
+        self.gpu.name_object(self.raw, &self.name);
     }
 
     /// Its device address.
@@ -129,7 +156,7 @@ impl Buffer {
         let (bytes, name) = (self.bytes, &self.name);
         let end = offset.saturating_add(data.len() as u64);
         let past = || GpuError::Limit { what: format!("write to {name}"), wanted: end, limit: bytes };
-        let mapped = self.memory.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(past)?;
+        let mapped = self.memory.own_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(past)?;
         // The memory may be longer than the buffer.
         let range = if end <= bytes { mapped.get_mut(offset as usize..end as usize) } else { None };
         range.ok_or_else(past)?.copy_from_slice(data);
@@ -138,15 +165,70 @@ impl Buffer {
 
     /// The contents, as far as the host can reach them: empty for device memory.
     pub fn contents(&self) -> &[u8] {
-        let mapped = self.memory.as_ref().and_then(Allocation::mapped_slice).unwrap_or(&[]);
+        let mapped = self.memory.own().and_then(Allocation::mapped_slice).unwrap_or(&[]);
         &mapped[..mapped.len().min(self.bytes as usize)]
     }
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        if let Some(memory) = self.memory.take() {
-            self.gpu.0.discard(Garbage::Buffer(self.raw, memory));
-        }
+        let garbage = match std::mem::replace(&mut self.memory, Memory::Gone) {
+            Memory::Own(memory) => Garbage::Buffer(self.raw, memory),
+            Memory::Placed { .. } => Garbage::PlacedBuffer(self.raw),
+            Memory::Gone => return,
+        };
+        self.gpu.0.discard(garbage);
     }
+}
+
+/// Where a buffer's bytes are.
+enum Memory {
+    Own(Allocation),
+    /// In a heap, which it keeps alive.
+    Placed {
+        _heap: Arc<Heap>,
+    },
+    /// Handed to the garbage.
+    Gone,
+}
+
+impl Memory {
+    fn own(&self) -> Option<&Allocation> {
+        if let Self::Own(memory) = self { Some(memory) } else { None }
+    }
+
+    fn own_mut(&mut self) -> Option<&mut Allocation> {
+        if let Self::Own(memory) = self { Some(memory) } else { None }
+    }
+}
+
+/// What every buffer can be.
+const BASIC: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
+/// What the transients of a frame can be.
+const EVERYTHING: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    BASIC.as_raw() | vk::BufferUsageFlags::INDEX_BUFFER.as_raw() | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw(),
+);
+
+/// Every queue may use it: for buffers that costs nothing.
+fn shared<'a>(info: vk::BufferCreateInfo<'a>, families: &'a [u32]) -> vk::BufferCreateInfo<'a> {
+    if families.len() > 1 {
+        info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families)
+    } else {
+        info
+    }
+}
+
+/// Memory types that the transients of a frame can lie in, as bits.
+pub(super) fn memory_types(device: &ash::Device) -> u32 {
+    let info = vk::BufferCreateInfo::default().size(1 << 16).usage(EVERYTHING);
+    let question = vk::DeviceBufferMemoryRequirements::default().create_info(&info);
+    let mut answer = vk::MemoryRequirements2::default();
+    // SAFETY: core in Vulkan 1.3 with maintenance4, which the floor asks for.
+    unsafe { device.get_device_buffer_memory_requirements(&question, &mut answer) };
+    answer.memory_requirements.memory_type_bits
 }

@@ -1,7 +1,7 @@
 //! Which devices Magpie accepts, and why it refuses the others.
 use super::instance::Instance;
 use super::{GpuError, format};
-use crate::graph::Format;
+use crate::graph::{Format, Queue};
 use ash::vk;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -221,6 +221,21 @@ const STORAGE: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
 pub(super) fn graphics_family(families: &[vk::QueueFamilyProperties]) -> Option<u32> {
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     families.iter().zip(0..).find(|(f, _)| f.queue_flags.contains(wanted) && f.timestamp_valid_bits > 0).map(|(_, i)| i)
+}
+
+/// The family of a queue beside the one for graphics: the one that can do the least that it must.
+pub(super) fn family_for(queue: Queue, families: &[vk::QueueFamilyProperties]) -> Option<u32> {
+    let (must, must_not) = match queue {
+        Queue::Graphics => return graphics_family(families),
+        Queue::AsyncCompute => (vk::QueueFlags::COMPUTE, vk::QueueFlags::GRAPHICS),
+        Queue::Transfer => (vk::QueueFlags::TRANSFER, vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE),
+    };
+    let suits = |f: &vk::QueueFamilyProperties| {
+        // Image copies of a transfer queue must reach every pixel.
+        let whole = queue != Queue::Transfer || f.min_image_transfer_granularity.width == 1;
+        f.queue_flags.contains(must) && !f.queue_flags.intersects(must_not) && f.timestamp_valid_bits > 0 && whole
+    };
+    families.iter().zip(0..).find(|(f, _)| suits(f)).map(|(_, i)| i)
 }
 
 /// The features of the floor, as they are asked for when the device is opened.

@@ -5,7 +5,8 @@ use super::choice::{self, DeviceReport};
 use super::instance::Instance;
 use super::pipeline::Pipelines;
 use super::pipeline_cache;
-use super::submit::Timeline;
+use super::submit::{Lane, Timeline};
+use crate::graph::Queue;
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
 use std::mem::ManuallyDrop;
@@ -28,12 +29,21 @@ pub(super) struct Inner {
     pub allocator: ManuallyDrop<Mutex<Allocator>>,
     pub bindless: Bindless,
     pub pipelines: Pipelines,
-    pub timeline: Timeline,
+    /// One per [`Queue`]; the first counts frames.
+    pub lanes: [Lane; Queue::ALL.len()],
+    /// The families of the lanes, each once.
+    pub families: Vec<u32>,
+    /// Memory types that buffers can lie in, as bits.
+    pub buffer_types: u32,
+    /// Properties of each memory type.
+    pub memory_types: Vec<vk::MemoryPropertyFlags>,
+    /// Images and buffers that share memory keep this far apart, bytes.
+    pub granularity: u64,
     garbage: Mutex<Vec<(u64, Garbage)>>,
     cache: vk::PipelineCache,
     cache_file: Option<std::path::PathBuf>,
-    pub queue: Mutex<vk::Queue>,
-    pub family: u32,
+    /// One call can draw several times what a buffer says.
+    pub multi_draw_indirect: bool,
     pub timestamp_period: f64,
     pub timestamp_bits: u32,
     pub calibrated: Option<ext::calibrated_timestamps::Device>,
@@ -64,10 +74,13 @@ pub(super) enum Garbage {
     Image {
         image: vk::Image,
         views: Vec<vk::ImageView>,
-        sampled: Option<u32>,
-        storage: Option<u32>,
-        memory: Allocation,
+        sampled: Vec<u32>,
+        storage: Vec<u32>,
+        /// None where it lies in a heap of someone else's.
+        memory: Option<Allocation>,
     },
+    PlacedBuffer(vk::Buffer),
+    Memory(Allocation),
 }
 
 /// A lock whose holder panicked still guards valid data here: every critical section leaves it whole.
@@ -99,11 +112,19 @@ impl Gpu {
         let has_calibration = available.iter().any(|e| e.as_bytes() == ext::calibrated_timestamps::NAME.to_bytes());
         let extensions: Vec<_> =
             has_calibration.then(|| ext::calibrated_timestamps::NAME.as_ptr()).into_iter().collect();
-        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
+        let lane_families = Queue::ALL.map(|queue| choice::family_for(queue, &families).unwrap_or(family));
+        let mut distinct = lane_families.to_vec();
+        distinct.sort_unstable();
+        distinct.dedup();
+        let queue_of = |f: &u32| vk::DeviceQueueCreateInfo::default().queue_family_index(*f).queue_priorities(&[1.0]);
+        let queues: Vec<_> = distinct.iter().map(queue_of).collect();
         let mut wanted = choice::needed();
         // SAFETY: the handle comes from this instance.
         let optional = unsafe { instance.raw.get_physical_device_features(physical) };
         wanted.core.sampler_anisotropy = optional.sampler_anisotropy;
+        wanted.core.multi_draw_indirect = optional.multi_draw_indirect;
+        wanted.core.draw_indirect_first_instance = optional.draw_indirect_first_instance;
+        wanted.core.pipeline_statistics_query = optional.pipeline_statistics_query;
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
@@ -115,8 +136,11 @@ impl Gpu {
             unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
         let logical = Logical { raw: raw.clone(), instance };
         let instance = &logical.instance;
-        // SAFETY: the family was asked for with one queue.
-        let queue = unsafe { raw.get_device_queue(family, 0) };
+        // SAFETY: each family was asked for with one queue.
+        let held: Vec<_> = distinct.iter().map(|f| Arc::new(Mutex::new(unsafe { raw.get_device_queue(*f, 0) }))).collect();
+        // SAFETY: the handle comes from this instance.
+        let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
+        let memory_types = memory.memory_types_as_slice().iter().map(|t| t.property_flags).collect();
 
         // Memory, descriptors, pipelines.
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -133,7 +157,11 @@ impl Gpu {
         let bindless = Bindless::new(&raw, anisotropy)?;
         let (cache, cache_file) = pipeline_cache::open(&raw, &properties)?;
         let pipelines = Pipelines::new(&raw, bindless.layout)?;
-        let timeline = Timeline::new(&raw)?;
+        let lane = |at: usize| {
+            let queue = held[distinct.partition_point(|f| *f < lane_families[at])].clone();
+            Ok::<_, GpuError>(Lane { queue, family: lane_families[at], timeline: Timeline::new(&raw)? })
+        };
+        let lanes = [lane(0)?, lane(1)?, lane(2)?];
         let calibrated = has_calibration.then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
         let labels = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
         log::info!("device: {} ({})", report.name, report.driver);
@@ -141,12 +169,15 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             bindless,
             pipelines,
-            timeline,
+            lanes,
+            families: distinct,
+            buffer_types: super::buffer::memory_types(&raw),
+            memory_types,
+            granularity: properties.limits.buffer_image_granularity.max(1),
             garbage: Mutex::default(),
             cache,
             cache_file,
-            queue: Mutex::new(queue),
-            family,
+            multi_draw_indirect: optional.multi_draw_indirect == vk::TRUE,
             timestamp_period: f64::from(properties.limits.timestamp_period),
             timestamp_bits: families[family as usize].timestamp_valid_bits,
             calibrated,
@@ -183,10 +214,16 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::DeviceLost`].
     pub fn wait_idle(&self) -> Result<(), GpuError> {
-        let last = self.0.timeline.last();
-        self.0.timeline.wait(&self.0.raw, last)?;
+        let last = self.0.timeline().last();
+        self.0.timeline().wait(&self.0.raw, last)?;
         self.0.collect();
         Ok(())
+    }
+
+    /// Bytes of device memory in use, and how many images have places in the bindless set: for tests that look for leaks.
+    pub fn in_use(&self) -> (u64, u32) {
+        let report = lock(&self.0.allocator).generate_report();
+        (report.total_allocated_bytes, self.0.bindless.in_use())
     }
 
     pub(super) fn raw(&self) -> &ash::Device {
@@ -199,14 +236,19 @@ impl Gpu {
 }
 
 impl Inner {
+    /// The timeline of the graphics queue, which ends every frame and every upload.
+    pub fn timeline(&self) -> &Timeline {
+        &self.lanes[Queue::Graphics.index()].timeline
+    }
+
     /// Frees `what` once everything that was submitted so far is done.
     pub fn discard(&self, what: Garbage) {
-        lock(&self.garbage).push((self.timeline.last(), what));
+        lock(&self.garbage).push((self.timeline().last(), what));
     }
 
     /// Frees what the device no longer uses.
     pub fn collect(&self) {
-        let done = self.timeline.done(&self.raw);
+        let done = self.timeline().done(&self.raw);
         let mut free = Vec::new();
         lock(&self.garbage).retain_mut(|(value, what)| {
             let keep = *value > done;
@@ -225,10 +267,16 @@ impl Inner {
             Garbage::Buffer(buffer, memory) => {
                 // SAFETY: the timeline shows that the device is done with it, and its owner was dropped.
                 unsafe { self.raw.destroy_buffer(buffer, None) };
-                memory
+                Some(memory)
             }
+            Garbage::PlacedBuffer(buffer) => {
+                // SAFETY: as above.
+                unsafe { self.raw.destroy_buffer(buffer, None) };
+                None
+            }
+            Garbage::Memory(memory) => Some(memory),
             Garbage::Image { image, views, sampled, storage, memory } => {
-                self.bindless.release(sampled, storage);
+                self.bindless.release(&sampled, &storage);
                 // SAFETY: as above.
                 unsafe {
                     for view in views {
@@ -239,6 +287,7 @@ impl Inner {
                 memory
             }
         };
+        let Some(memory) = memory else { return };
         if let Err(e) = lock(&self.allocator).free(memory) {
             log::warn!("memory could not be freed: {e}");
         }
@@ -259,7 +308,7 @@ impl Drop for Inner {
         unsafe {
             self.pipelines.destroy(&self.raw);
             self.bindless.destroy(&self.raw);
-            self.timeline.destroy(&self.raw);
+            self.lanes.iter().for_each(|lane| lane.timeline.destroy(&self.raw));
             self.raw.destroy_pipeline_cache(self.cache, None);
             ManuallyDrop::drop(&mut self.allocator);
         }

@@ -4,7 +4,7 @@ use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
 use super::query::Timestamps;
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
-use crate::graph::{Extent, Layout};
+use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
 use std::ffi::CString;
 
@@ -13,22 +13,88 @@ pub(crate) struct CommandEncoder {
     gpu: Gpu,
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
+    /// Its queue runs compute shaders.
+    computes: bool,
+    /// Its queue draws.
+    draws: bool,
 }
 
-/// Waits for `from`, then lets `to` see the whole image in its new layout.
-pub(crate) struct ImageBarrier<'a> {
-    pub image: &'a Image,
-    pub from: Scope,
-    pub to: Scope,
-    pub layout_from: Layout,
-    pub layout_to: Layout,
+/// Waits for some uses, then lets others see what they wrote, wherever it is.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+pub(crate) struct MemoryBarrier(vk::MemoryBarrier2<'static>);
+
+/// Waits for some uses, then lets others see a part of an image in its new layout.
+#[derive(Clone, Copy)]
+#[repr(transparent)]
+pub(crate) struct ImageBarrier(vk::ImageMemoryBarrier2<'static>);
+
+// SAFETY: neither points to anything: `p_next` is null.
+unsafe impl Send for MemoryBarrier {}
+// SAFETY: as above.
+unsafe impl Sync for MemoryBarrier {}
+// SAFETY: as above.
+unsafe impl Send for ImageBarrier {}
+// SAFETY: as above.
+unsafe impl Sync for ImageBarrier {}
+
+impl MemoryBarrier {
+    pub fn new(from: Uses, to: Uses) -> Self {
+        let (from, to) = (Scope::before(from), Scope::after(to));
+        Self(
+            vk::MemoryBarrier2::default()
+                .src_stage_mask(from.stages)
+                .src_access_mask(from.access)
+                .dst_stage_mask(to.stages)
+                .dst_access_mask(to.access),
+        )
+    }
+
+    /// One barrier that does what both do, where they differ only in what they wait for or in who waits.
+    pub fn join(&mut self, other: &Self) -> bool {
+        let (a, b) = (&mut self.0, &other.0);
+        let same_from = (a.src_stage_mask, a.src_access_mask) == (b.src_stage_mask, b.src_access_mask);
+        let same_to = (a.dst_stage_mask, a.dst_access_mask) == (b.dst_stage_mask, b.dst_access_mask);
+        if same_from || same_to {
+            a.src_stage_mask |= b.src_stage_mask;
+            a.src_access_mask |= b.src_access_mask;
+            a.dst_stage_mask |= b.dst_stage_mask;
+            a.dst_access_mask |= b.dst_access_mask;
+        }
+        same_from || same_to
+    }
 }
 
-/// Waits for `from`, then lets `to` see the whole buffer.
-pub(crate) struct BufferBarrier<'a> {
-    pub buffer: &'a Buffer,
-    pub from: Scope,
-    pub to: Scope,
+impl ImageBarrier {
+    /// `families` are those that a change of ownership goes from and to.
+    pub fn new(
+        image: &Image,
+        part: Part,
+        (from, to): (Uses, Uses),
+        (layout_from, layout_to): (Layout, Layout),
+        families: Option<(u32, u32)>,
+    ) -> Self {
+        let (from, to) = (Scope::before(from), Scope::after(to));
+        let (family_from, family_to) = families.unwrap_or((vk::QUEUE_FAMILY_IGNORED, vk::QUEUE_FAMILY_IGNORED));
+        Self(
+            vk::ImageMemoryBarrier2::default()
+                .src_stage_mask(from.stages)
+                .src_access_mask(from.access)
+                .dst_stage_mask(to.stages)
+                .dst_access_mask(to.access)
+                .old_layout(access::layout(layout_from))
+                .new_layout(access::layout(layout_to))
+                .src_queue_family_index(family_from)
+                .dst_queue_family_index(family_to)
+                .image(image.raw)
+                .subresource_range(image.range(part)),
+        )
+    }
+
+    /// The same for another image of the same kind.
+    pub fn set_image(&mut self, image: &Image) {
+        self.0.image = image.raw;
+    }
 }
 
 /// A target of a draw list.
@@ -36,6 +102,8 @@ pub(crate) struct Attachment<'a> {
     pub image: &'a Image,
     /// Cleared to this value; `None` keeps what is there. Depth reads the first number.
     pub clear: Option<[f32; 4]>,
+    /// Somebody reads the result.
+    pub store: bool,
 }
 
 /// Which faces are not drawn.
@@ -67,14 +135,17 @@ pub(crate) struct ImageRegion {
 }
 
 impl CommandEncoder {
-    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    /// Commands for a queue.
+    pub fn new(gpu: &Gpu, queue: Queue) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let info = vk::CommandPoolCreateInfo::default()
-            .queue_family_index(gpu.0.family)
+            .queue_family_index(gpu.family(queue))
             .flags(vk::CommandPoolCreateFlags::TRANSIENT);
         // SAFETY: the family exists on this device.
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(GpuError::call("vkCreateCommandPool"))?;
-        let mut made = Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null() };
+        let computes = queue != Queue::Transfer || gpu.family(queue) == gpu.family(Queue::Graphics);
+        let draws = queue == Queue::Graphics;
+        let mut made = Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
         let buffers = unsafe { made.gpu.raw().allocate_command_buffers(&info) }
@@ -109,7 +180,8 @@ impl CommandEncoder {
 
     fn bind(&mut self, set: vk::DescriptorSet) {
         let (device, layout) = (self.gpu.raw(), self.gpu.0.pipelines.layout);
-        for point in [vk::PipelineBindPoint::COMPUTE, vk::PipelineBindPoint::GRAPHICS] {
+        let points = [(vk::PipelineBindPoint::COMPUTE, self.computes), (vk::PipelineBindPoint::GRAPHICS, self.draws)];
+        for (point, _) in points.into_iter().filter(|(_, can)| *can) {
             // SAFETY: the command buffer is recording; layout and set live until the device is done with it.
             unsafe { device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]) };
         }
@@ -120,46 +192,16 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().end_command_buffer(self.buffer) }.map_err(GpuError::call("vkEndCommandBuffer"))
     }
 
-    /// One batch of barriers. House rule: only `graph/execute.rs` calls this.
-    pub fn barriers(&mut self, images: &[ImageBarrier<'_>], buffers: &[BufferBarrier<'_>]) {
-        let images: Vec<_> = images
-            .iter()
-            .map(|b| {
-                let from = b.from.available();
-                vk::ImageMemoryBarrier2::default()
-                    .src_stage_mask(from.stages)
-                    .src_access_mask(from.access)
-                    .dst_stage_mask(b.to.stages)
-                    .dst_access_mask(b.to.access)
-                    .old_layout(access::layout(b.layout_from))
-                    .new_layout(access::layout(b.layout_to))
-                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .image(b.image.raw)
-                    .subresource_range(vk::ImageSubresourceRange {
-                        aspect_mask: format::aspect(b.image.format()),
-                        level_count: b.image.mips(),
-                        layer_count: 1,
-                        ..Default::default()
-                    })
-            })
-            .collect();
-        let buffers: Vec<_> = buffers
-            .iter()
-            .map(|b| {
-                let from = b.from.available();
-                vk::BufferMemoryBarrier2::default()
-                    .src_stage_mask(from.stages)
-                    .src_access_mask(from.access)
-                    .dst_stage_mask(b.to.stages)
-                    .dst_access_mask(b.to.access)
-                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .buffer(b.buffer.raw)
-                    .size(vk::WHOLE_SIZE)
-            })
-            .collect();
-        let info = vk::DependencyInfo::default().image_memory_barriers(&images).buffer_memory_barriers(&buffers);
+    /// One batch of barriers. House rule: only `graph/execute/` calls this.
+    pub fn barriers(&mut self, memory: &[MemoryBarrier], images: &[ImageBarrier]) {
+        // SAFETY: both are transparent wrappers of the structs that Vulkan takes.
+        let (memory, images) = unsafe {
+            (
+                std::slice::from_raw_parts(memory.as_ptr().cast::<vk::MemoryBarrier2<'_>>(), memory.len()),
+                std::slice::from_raw_parts(images.as_ptr().cast::<vk::ImageMemoryBarrier2<'_>>(), images.len()),
+            )
+        };
+        let info = vk::DependencyInfo::default().memory_barriers(memory).image_memory_barriers(images);
         // SAFETY: the command buffer is recording, outside of rendering.
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
@@ -193,7 +235,7 @@ impl CommandEncoder {
                 .image_view(a.image.view)
                 .image_layout(layout)
                 .load_op(if a.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
-                .store_op(vk::AttachmentStoreOp::STORE)
+                .store_op(if a.store { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
                 .clear_value(clear_value)
         };
         let colours: Vec<_> = colours.iter().map(|a| info(a, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)).collect();
@@ -242,32 +284,89 @@ impl CommandEncoder {
         }
     }
 
-    pub fn draw(&mut self, kernel: RasterKernel, params: &[u8], indices: &Buffer, draws: &[DrawRange]) {
+    /// Dispatches as many groups as three words at `offset` say, which may be zero.
+    pub fn dispatch_indirect(&mut self, kernel: Kernel, params: &[u8], groups: &Buffer, offset: u64) {
+        let pipeline = self.gpu.0.pipelines.get(kernel.index);
+        self.push(params);
+        // SAFETY: the command buffer is recording outside of rendering, with the bindless set bound; the caller keeps the words
+        // inside of the buffer.
+        unsafe {
+            self.gpu.raw().cmd_bind_pipeline(self.buffer, vk::PipelineBindPoint::COMPUTE, pipeline);
+            self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset);
+        }
+    }
+
+    /// Draws `count` times what five words each, from `offset` on, say.
+    pub fn draw_indirect(
+        &mut self,
+        kernel: RasterKernel,
+        params: &[u8],
+        (indices, first_byte): (&Buffer, u64),
+        (draws, offset): (&Buffer, u64),
+        (count, cull): (u32, Cull),
+    ) {
+        self.begin_draws(kernel, params, indices, first_byte);
+        self.set_cull(cull);
+        let (device, stride) = (self.gpu.raw(), size_of::<vk::DrawIndexedIndirectCommand>() as u32);
+        let several = self.gpu.0.multi_draw_indirect;
+        // SAFETY: the command buffer is recording inside of rendering; the caller keeps the words inside of the buffer, and more
+        // than one draw at a time is asked for only where the device has it.
+        unsafe {
+            if several {
+                device.cmd_draw_indexed_indirect(self.buffer, draws.raw, offset, count, stride);
+            } else {
+                for i in 0..count {
+                    let at = offset + u64::from(i * stride);
+                    device.cmd_draw_indexed_indirect(self.buffer, draws.raw, at, 1, stride);
+                }
+            }
+        }
+    }
+
+    fn begin_draws(&mut self, kernel: RasterKernel, params: &[u8], indices: &Buffer, first_byte: u64) {
         let pipeline = self.gpu.0.pipelines.get(kernel.index);
         self.push(params);
         let (device, commands) = (self.gpu.raw(), self.buffer);
         // SAFETY: the command buffer is recording inside of rendering, with the bindless set bound.
         unsafe {
             device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline);
-            device.cmd_bind_index_buffer(commands, indices.raw, 0, vk::IndexType::UINT32);
+            device.cmd_bind_index_buffer(commands, indices.raw, first_byte, vk::IndexType::UINT32);
         }
+    }
+
+    fn set_cull(&mut self, cull: Cull) {
+        let (mode, front) = match cull {
+            Cull::None => (vk::CullModeFlags::NONE, vk::FrontFace::COUNTER_CLOCKWISE),
+            Cull::Back => (vk::CullModeFlags::BACK, vk::FrontFace::COUNTER_CLOCKWISE),
+            Cull::BackMirrored => (vk::CullModeFlags::BACK, vk::FrontFace::CLOCKWISE),
+        };
+        // SAFETY: the command buffer is recording; both states are dynamic in every graphics pipeline.
+        unsafe {
+            self.gpu.raw().cmd_set_cull_mode(self.buffer, mode);
+            self.gpu.raw().cmd_set_front_face(self.buffer, front);
+        }
+    }
+
+    /// Draws ranges of the indices that begin at `first_byte`.
+    pub fn draw(
+        &mut self,
+        kernel: RasterKernel,
+        params: &[u8],
+        (indices, first_byte): (&Buffer, u64),
+        draws: &[DrawRange],
+    ) {
+        self.begin_draws(kernel, params, indices, first_byte);
         let mut current = None;
         for draw in draws {
             if current != Some(draw.cull) {
                 current = Some(draw.cull);
-                let (mode, front) = match draw.cull {
-                    Cull::None => (vk::CullModeFlags::NONE, vk::FrontFace::COUNTER_CLOCKWISE),
-                    Cull::Back => (vk::CullModeFlags::BACK, vk::FrontFace::COUNTER_CLOCKWISE),
-                    Cull::BackMirrored => (vk::CullModeFlags::BACK, vk::FrontFace::CLOCKWISE),
-                };
-                // SAFETY: as above; both states are dynamic in every graphics pipeline.
-                unsafe {
-                    device.cmd_set_cull_mode(commands, mode);
-                    device.cmd_set_front_face(commands, front);
-                }
+                self.set_cull(draw.cull);
             }
-            // SAFETY: as above; index ranges come from the scene's own tables.
-            unsafe { device.cmd_draw_indexed(commands, draw.index_count, 1, draw.first_index, 0, draw.instance) };
+            // SAFETY: the command buffer is recording inside of rendering; index ranges come from the scene's own tables.
+            unsafe {
+                let device = self.gpu.raw();
+                device.cmd_draw_indexed(self.buffer, draw.index_count, 1, draw.first_index, 0, draw.instance);
+            }
         }
     }
 
@@ -275,6 +374,27 @@ impl CommandEncoder {
     pub fn clear_buffer(&mut self, buffer: &Buffer) {
         // SAFETY: the command buffer is recording, outside of rendering; every buffer can be a copy's target.
         unsafe { self.gpu.raw().cmd_fill_buffer(self.buffer, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
+    }
+
+    /// Fills some bytes of a buffer with zeros; offset and count are multiples of four.
+    pub fn clear_range(&mut self, buffer: &Buffer, offset: u64, bytes: u64) {
+        // SAFETY: as above; the caller keeps the range inside of the buffer.
+        unsafe { self.gpu.raw().cmd_fill_buffer(self.buffer, buffer.raw, offset, bytes, 0) };
+    }
+
+    /// Fills an image, which is the target of copies now, with zeros.
+    pub fn clear_image(&mut self, image: &Image) {
+        let (device, layout) = (self.gpu.raw(), vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        let range = [image.range(Part::ALL.of(image.mips(), image.layers()))];
+        // SAFETY: the command buffer is recording, outside of rendering; every image can be a copy's target.
+        unsafe {
+            if image.format().is_depth() {
+                let zero = vk::ClearDepthStencilValue::default();
+                device.cmd_clear_depth_stencil_image(self.buffer, image.raw, layout, &zero, &range);
+            } else {
+                device.cmd_clear_color_image(self.buffer, image.raw, layout, &vk::ClearColorValue::default(), &range);
+            }
+        }
     }
 
     pub fn copy_buffer(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, bytes: u64) {
@@ -295,6 +415,26 @@ impl CommandEncoder {
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;
         // SAFETY: as above.
         unsafe { self.gpu.raw().cmd_copy_image_to_buffer(self.buffer, from.raw, layout, to.raw, &regions) };
+    }
+
+    /// Copies a mip of all layers to one of the same size and format.
+    pub fn copy_image(&mut self, from: &Image, from_mip: u32, to: &Image, to_mip: u32) {
+        let layers = |image: &Image, mip: u32| vk::ImageSubresourceLayers {
+            aspect_mask: format::aspect(image.format()),
+            mip_level: mip,
+            layer_count: image.layers(),
+            ..Default::default()
+        };
+        let extent = from.extent().mip(from_mip);
+        let region = [vk::ImageCopy {
+            src_subresource: layers(from, from_mip),
+            dst_subresource: layers(to, to_mip),
+            extent: vk::Extent3D { width: extent.width, height: extent.height, depth: 1 },
+            ..Default::default()
+        }];
+        let (source, target) = (vk::ImageLayout::TRANSFER_SRC_OPTIMAL, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+        // SAFETY: the plan brought both images to these layouts; the caller compared sizes and formats.
+        unsafe { self.gpu.raw().cmd_copy_image(self.buffer, from.raw, source, to.raw, target, &region) };
     }
 
     /// Writes timestamp `index` once everything before it is done.

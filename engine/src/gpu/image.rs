@@ -1,11 +1,13 @@
 //! Images with their places in the bindless set.
 use super::device::{Garbage, lock};
+use super::heap::Heap;
 use super::{Gpu, GpuError, format};
-use crate::graph::{Extent, Format};
+use crate::graph::{Extent, Format, Part};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use magpie_shaders::{SampledImage, StorageImage};
+use std::sync::{Arc, RwLock};
 
 /// What an image is for; copies are always possible.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -18,23 +20,44 @@ pub struct ImageUse {
     pub attachment: bool,
 }
 
-/// A two-dimensional image. Freed when dropped, after the device is done with it.
+/// An image as it is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct ImageInfo {
+    pub format: Format,
+    pub extent: Extent,
+    pub mips: u32,
+    pub layers: u32,
+    pub usage: ImageUse,
+    /// One queue at a time owns it; else all may use it at once.
+    pub exclusive: bool,
+}
+
+/// A two-dimensional image, or an array of them. Freed when dropped, after the device is done with it.
 pub struct Image {
     gpu: Gpu,
     pub(super) raw: vk::Image,
     pub(super) view: vk::ImageView,
-    views: Vec<vk::ImageView>,
     sampled: Option<u32>,
     storage: Option<u32>,
+    /// Places of parts of it.
+    parts: RwLock<Vec<PartPlace>>,
+    views: RwLock<Vec<vk::ImageView>>,
     memory: Option<Allocation>,
-    format: Format,
-    extent: Extent,
-    mips: u32,
+    _heap: Option<Arc<Heap>>,
+    info: ImageInfo,
     bytes: u64,
 }
 
+/// Where a part of an image is in the bindless set.
+#[derive(Clone, Copy)]
+struct PartPlace {
+    part: Part,
+    storage: bool,
+    index: u32,
+}
+
 impl Image {
-    /// Makes an image with undefined contents.
+    /// Makes an image with undefined contents, which every queue may use.
     ///
     /// # Errors
     /// [`GpuError::Limit`] for an edge beyond the device's or a full bindless set, [`GpuError::OutOfMemory`].
@@ -46,37 +69,13 @@ impl Image {
         mips: u32,
         usage: ImageUse,
     ) -> Result<Self, GpuError> {
+        Self::with(gpu, name, ImageInfo { format, extent, mips, layers: 1, usage, exclusive: false })
+    }
+
+    /// The same for any image.
+    pub(crate) fn with(gpu: &Gpu, name: &str, info: ImageInfo) -> Result<Self, GpuError> {
         let device = gpu.raw();
-        let limit = gpu.report().limits.get("max_image_edge").copied().unwrap_or(4096);
-        let edge = u64::from(extent.width.max(extent.height));
-        if edge > limit || extent.width == 0 || extent.height == 0 {
-            return Err(GpuError::Limit { what: format!("edge of image {name}"), wanted: edge, limit });
-        }
-        let mut flags = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
-        if usage.sampled {
-            flags |= vk::ImageUsageFlags::SAMPLED;
-        }
-        if usage.storage {
-            flags |= vk::ImageUsageFlags::STORAGE;
-        }
-        if usage.attachment {
-            flags |= if format.is_depth() {
-                vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT
-            } else {
-                vk::ImageUsageFlags::COLOR_ATTACHMENT
-            };
-        }
-        let info = vk::ImageCreateInfo::default()
-            .image_type(vk::ImageType::TYPE_2D)
-            .format(format::vulkan(format))
-            .extent(vk::Extent3D { width: extent.width, height: extent.height, depth: 1 })
-            .mip_levels(mips)
-            .array_layers(1)
-            .samples(vk::SampleCountFlags::TYPE_1)
-            .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(flags);
-        // SAFETY: `info` is complete and within the limits checked above.
-        let raw = unsafe { device.create_image(&info, None) }.map_err(GpuError::call("vkCreateImage"))?;
+        let raw = info.create(gpu, name)?;
         // SAFETY: the image was just made.
         let requirements = unsafe { device.get_image_memory_requirements(raw) };
         let allocation = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
@@ -95,50 +94,122 @@ impl Image {
                 return Err(GpuError::OutOfMemory { what: name.to_owned(), bytes: requirements.size });
             }
         };
-        // SAFETY: the memory was allocated for this image and is bound once.
-        let bound = unsafe { device.bind_image_memory(raw, memory.memory(), memory.offset()) };
+        // SAFETY: the memory lives as long as the image.
+        let place = (unsafe { memory.memory() }, memory.offset());
+        Self::bind(gpu, name, info, raw, place, (Some(memory), None, requirements.size))
+    }
+
+    /// Makes an image in a heap. Whoever else has had these bytes must be done with them.
+    pub(crate) fn placed(
+        gpu: &Gpu,
+        name: &str,
+        info: ImageInfo,
+        heap: &Arc<Heap>,
+        offset: u64,
+    ) -> Result<Self, GpuError> {
+        let raw = info.create(gpu, name)?;
+        let bytes = info.footprint(gpu).0;
+        Self::bind(gpu, name, info, raw, heap.place(offset), (None, Some(heap.clone()), bytes))
+    }
+
+    fn bind(
+        gpu: &Gpu,
+        name: &str,
+        info: ImageInfo,
+        raw: vk::Image,
+        (memory, offset): (vk::DeviceMemory, u64),
+        (own, heap, bytes): (Option<Allocation>, Option<Arc<Heap>>, u64),
+    ) -> Result<Self, GpuError> {
+        let device = gpu.raw();
+        // SAFETY: the memory was made for such images and is bound once.
+        let bound = unsafe { device.bind_image_memory(raw, memory, offset) };
         let mut made = Self {
             gpu: gpu.clone(),
             raw,
             view: vk::ImageView::null(),
-            views: Vec::new(),
             sampled: None,
             storage: None,
-            memory: Some(memory),
-            format,
-            extent,
-            mips,
-            bytes: requirements.size,
+            parts: RwLock::default(),
+            views: RwLock::default(),
+            memory: own,
+            _heap: heap,
+            info,
+            bytes,
         };
         bound.map_err(GpuError::call("vkBindImageMemory"))?;
-        made.view = made.make_view(mips)?;
-        if usage.sampled {
-            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !usage.storage && !usage.attachment)?);
+        let whole = Part::ALL.of(info.mips, info.layers);
+        made.view = made.make_view(whole)?;
+        let ImageUse { sampled, storage, attachment } = info.usage;
+        if sampled {
+            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !storage && !attachment)?);
         }
-        if usage.storage {
-            let view = if mips == 1 { made.view } else { made.make_view(1)? };
+        if storage {
+            let view = if info.mips == 1 { made.view } else { made.make_view(Part { mips: 1, ..whole })? };
             made.storage = Some(gpu.0.bindless.add_storage(device, view)?);
         }
         gpu.name_object(raw, name);
         Ok(made)
     }
 
-    fn make_view(&mut self, mips: u32) -> Result<vk::ImageView, GpuError> {
+    fn make_view(&self, part: Part) -> Result<vk::ImageView, GpuError> {
+        let kind = if part.layers > 1 { vk::ImageViewType::TYPE_2D_ARRAY } else { vk::ImageViewType::TYPE_2D };
         let info = vk::ImageViewCreateInfo::default()
             .image(self.raw)
-            .view_type(vk::ImageViewType::TYPE_2D)
-            .format(format::vulkan(self.format))
-            .subresource_range(vk::ImageSubresourceRange {
-                aspect_mask: format::aspect(self.format),
-                level_count: mips,
-                layer_count: 1,
-                ..Default::default()
-            });
-        // SAFETY: the image is alive and has these mips.
+            .view_type(kind)
+            .format(format::vulkan(self.info.format))
+            .subresource_range(self.range(part));
+        // SAFETY: the image is alive and has these mips and layers.
         let view =
             unsafe { self.gpu.raw().create_image_view(&info, None) }.map_err(GpuError::call("vkCreateImageView"))?;
-        self.views.push(view);
+        self.views.write().unwrap_or_else(std::sync::PoisonError::into_inner).push(view);
         Ok(view)
+    }
+
+    /// Mips and layers in Vulkan's words.
+    pub(super) fn range(&self, part: Part) -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange {
+            aspect_mask: format::aspect(self.info.format),
+            base_mip_level: part.mip.into(),
+            level_count: part.mips.into(),
+            base_array_layer: part.layer.into(),
+            layer_count: part.layers.into(),
+        }
+    }
+
+    /// Gives a part its own places in the bindless set, if it has none yet and the whole's will not do.
+    pub(crate) fn prepare(&self, part: Part, storage: bool) -> Result<(), GpuError> {
+        if self.is_whole(part, storage) || self.part_place(part, storage).is_some() {
+            return Ok(());
+        }
+        let view = self.make_view(if storage { Part { mips: 1, ..part } } else { part })?;
+        let (bindless, device) = (&self.gpu.0.bindless, self.gpu.raw());
+        let index =
+            if storage { bindless.add_storage(device, view)? } else { bindless.add_sampled(device, view, false)? };
+        let place = PartPlace { part, storage, index };
+        self.parts.write().unwrap_or_else(std::sync::PoisonError::into_inner).push(place);
+        Ok(())
+    }
+
+    fn is_whole(&self, part: Part, storage: bool) -> bool {
+        let all = Part::ALL.of(self.info.mips, self.info.layers);
+        part == all || (storage && Part { mips: all.mips, ..part } == all)
+    }
+
+    fn part_place(&self, part: Part, storage: bool) -> Option<u32> {
+        let parts = self.parts.read().unwrap_or_else(std::sync::PoisonError::into_inner);
+        parts.iter().find(|p| p.part == part && p.storage == storage).map(|p| p.index)
+    }
+
+    /// Index of a part for sampling, once it is prepared.
+    pub(crate) fn sampled_part(&self, part: Part) -> Option<SampledImage> {
+        let own = if self.is_whole(part, false) { self.sampled } else { self.part_place(part, false) };
+        own.map(SampledImage)
+    }
+
+    /// Index of a part's first mip for storing, once it is prepared.
+    pub(crate) fn storage_part(&self, part: Part) -> Option<StorageImage> {
+        let own = if self.is_whole(part, true) { self.storage } else { self.part_place(part, true) };
+        own.map(StorageImage)
     }
 
     /// Its index for sampling, when it was made for that.
@@ -153,17 +224,22 @@ impl Image {
 
     /// Its format.
     pub fn format(&self) -> Format {
-        self.format
+        self.info.format
     }
 
     /// Width and height of mip 0.
     pub fn extent(&self) -> Extent {
-        self.extent
+        self.info.extent
     }
 
     /// How many mips.
     pub fn mips(&self) -> u32 {
-        self.mips
+        self.info.mips
+    }
+
+    /// How many layers.
+    pub fn layers(&self) -> u32 {
+        self.info.layers
     }
 
     /// Bytes of memory behind it.
@@ -172,12 +248,76 @@ impl Image {
     }
 }
 
+impl ImageInfo {
+    fn vulkan(&self) -> vk::ImageCreateInfo<'static> {
+        let ImageUse { sampled, storage, attachment } = self.usage;
+        let mut flags = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        if sampled {
+            flags |= vk::ImageUsageFlags::SAMPLED;
+        }
+        if storage {
+            flags |= vk::ImageUsageFlags::STORAGE;
+        }
+        if attachment {
+            flags |= if self.format.is_depth() {
+                vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT
+            } else {
+                vk::ImageUsageFlags::COLOR_ATTACHMENT
+            };
+        }
+        vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format::vulkan(self.format))
+            .extent(vk::Extent3D { width: self.extent.width, height: self.extent.height, depth: 1 })
+            .mip_levels(self.mips)
+            .array_layers(self.layers)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(flags)
+    }
+
+    fn shared<'a>(&self, info: vk::ImageCreateInfo<'a>, gpu: &'a Gpu) -> vk::ImageCreateInfo<'a> {
+        if self.exclusive || gpu.0.families.len() == 1 {
+            info
+        } else {
+            info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&gpu.0.families)
+        }
+    }
+
+    fn create(&self, gpu: &Gpu, name: &str) -> Result<vk::Image, GpuError> {
+        let limit = gpu.report().limits.get("max_image_edge").copied().unwrap_or(4096);
+        let edge = u64::from(self.extent.width.max(self.extent.height));
+        if edge > limit || self.extent.width == 0 || self.extent.height == 0 {
+            return Err(GpuError::Limit { what: format!("edge of image {name}"), wanted: edge, limit });
+        }
+        let info = self.shared(self.vulkan(), gpu);
+        // SAFETY: `info` is complete and within the limits checked above.
+        unsafe { gpu.raw().create_image(&info, None) }.map_err(GpuError::call("vkCreateImage"))
+    }
+
+    /// Bytes and alignment that such an image takes of memory, and the type of memory that it goes to.
+    pub fn footprint(&self, gpu: &Gpu) -> (u64, u64, u8) {
+        let info = self.shared(self.vulkan(), gpu);
+        let question = vk::DeviceImageMemoryRequirements::default().create_info(&info);
+        let mut answer = vk::MemoryRequirements2::default();
+        // SAFETY: core in Vulkan 1.3 with maintenance4, which the floor asks for.
+        unsafe { gpu.raw().get_device_image_memory_requirements(&question, &mut answer) };
+        let found = answer.memory_requirements;
+        (found.size, found.alignment, gpu.memory_kind(found.memory_type_bits))
+    }
+}
+
 impl Drop for Image {
     fn drop(&mut self) {
-        if let Some(memory) = self.memory.take() {
-            let views = std::mem::take(&mut self.views);
-            let (image, sampled, storage) = (self.raw, self.sampled, self.storage);
-            self.gpu.0.discard(Garbage::Image { image, views, sampled, storage, memory });
-        }
+        let poisoned = std::sync::PoisonError::into_inner;
+        let views = std::mem::take(self.views.get_mut().unwrap_or_else(poisoned));
+        let parts = std::mem::take(self.parts.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner));
+        let places = |storage: bool, whole: Option<u32>| {
+            let own = parts.iter().filter(|p| p.storage == storage).map(|p| p.index);
+            own.chain(whole).collect::<Vec<u32>>()
+        };
+        let (sampled, storage) = (places(false, self.sampled), places(true, self.storage));
+        let (image, memory) = (self.raw, self.memory.take());
+        self.gpu.0.discard(Garbage::Image { image, views, sampled, storage, memory });
     }
 }

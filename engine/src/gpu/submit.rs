@@ -1,12 +1,25 @@
-//! Submission: one queue, one timeline semaphore that counts what was submitted.
+//! Submission: up to three queues, each with a timeline semaphore that counts what was handed to it.
 use super::device::lock;
 use super::{CommandEncoder, Gpu, GpuError};
+use crate::graph::{Queue, Queues};
 use ash::vk;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
 
-/// Work that was handed to the device.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Submission(u64);
+/// Work that was handed to a queue: it is done when the queue's timeline reaches the value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Submission {
+    queue: Queue,
+    value: u64,
+}
+
+/// One queue of the graph. Several may stand for one queue of the device.
+pub(super) struct Lane {
+    /// Shared by the lanes that stand for one queue of the device.
+    pub queue: Arc<Mutex<vk::Queue>>,
+    pub family: u32,
+    pub timeline: Timeline,
+}
 
 pub(super) struct Timeline {
     semaphore: vk::Semaphore,
@@ -40,6 +53,13 @@ impl Timeline {
         unsafe { device.wait_semaphores(&info, u64::MAX) }.map_err(GpuError::call("vkWaitSemaphores"))
     }
 
+    fn at(&self, value: u64) -> vk::SemaphoreSubmitInfo<'static> {
+        vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.semaphore)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+    }
+
     /// # Safety
     /// The device is idle.
     pub unsafe fn destroy(&self, device: &ash::Device) {
@@ -49,26 +69,47 @@ impl Timeline {
 }
 
 impl Gpu {
-    /// Hands finished commands to the device.
-    pub(crate) fn submit(&self, encoder: &CommandEncoder) -> Result<Submission, GpuError> {
-        let queue = lock(&self.0.queue);
-        let value = self.0.timeline.last() + 1;
-        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(encoder.raw())];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.0.timeline.semaphore)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
-        let info = vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals);
+    /// The queues that the device has beside the one for graphics.
+    pub fn queues(&self) -> Queues {
+        let own = |queue: Queue| self.family(queue) != self.family(Queue::Graphics);
+        Queues { async_compute: own(Queue::AsyncCompute), transfer: own(Queue::Transfer) }
+    }
+
+    /// The family of a queue; that of the one for graphics where the device has no other.
+    pub(crate) fn family(&self, queue: Queue) -> u32 {
+        self.0.lanes[queue.index()].family
+    }
+
+    /// Hands finished commands to a queue, to run one after another once what they wait for is done.
+    pub(crate) fn submit<'e>(
+        &self,
+        queue: Queue,
+        encoders: impl IntoIterator<Item = &'e CommandEncoder>,
+        waits: &[Submission],
+    ) -> Result<Submission, GpuError> {
+        let lane = &self.0.lanes[queue.index()];
+        let commands: Vec<_> = encoders
+            .into_iter()
+            .map(|e| vk::CommandBufferSubmitInfo::default().command_buffer(e.raw()))
+            .collect();
+        let waits: Vec<_> = waits.iter().map(|w| self.0.lanes[w.queue.index()].timeline.at(w.value)).collect();
+        let held = lock(&lane.queue);
+        let value = lane.timeline.last() + 1;
+        let signals = [lane.timeline.at(value)];
+        let info = vk::SubmitInfo2::default()
+            .command_buffer_infos(&commands)
+            .wait_semaphore_infos(&waits)
+            .signal_semaphore_infos(&signals);
         // SAFETY: the queue is locked; the commands are finished and not pending.
-        unsafe { self.raw().queue_submit2(*queue, &[info], vk::Fence::null()) }
+        unsafe { self.raw().queue_submit2(*held, &[info], vk::Fence::null()) }
             .map_err(GpuError::call("vkQueueSubmit2"))?;
-        self.0.timeline.last.store(value, Ordering::Release);
-        Ok(Submission(value))
+        lane.timeline.last.store(value, Ordering::Release);
+        Ok(Submission { queue, value })
     }
 
     /// Waits until `submission` is done, then frees what waited for it.
     pub(crate) fn wait(&self, submission: Submission) -> Result<(), GpuError> {
-        self.0.timeline.wait(self.raw(), submission.0)?;
+        self.0.lanes[submission.queue.index()].timeline.wait(self.raw(), submission.value)?;
         self.0.collect();
         Ok(())
     }

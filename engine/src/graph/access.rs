@@ -34,6 +34,14 @@ pub enum Access {
     Indirect,
     /// Rays traced through an acceleration structure.
     Trace,
+    /// Acceleration structure built, or compacted into, nothing kept of what was there.
+    Build,
+    /// Acceleration structure refitted: the build before is read and written over.
+    Refit,
+    /// Read by a build: geometry in buffers, bottom levels under a top level, the source of a compaction.
+    BuildInput,
+    /// Working memory of a build.
+    BuildScratch,
     /// Source of a copy.
     CopyRead,
     /// Target of a copy; what the copy leaves out is kept.
@@ -44,7 +52,7 @@ pub enum Access {
 
 impl Access {
     /// Every access, in the order of their numbers.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 21] = [
         Self::Color,
         Self::ColorLoad,
         Self::Depth,
@@ -59,6 +67,10 @@ impl Access {
         Self::Index,
         Self::Indirect,
         Self::Trace,
+        Self::Build,
+        Self::Refit,
+        Self::BuildInput,
+        Self::BuildScratch,
         Self::CopyRead,
         Self::CopyWrite,
         Self::HostRead,
@@ -66,7 +78,16 @@ impl Access {
 
     /// Whether earlier contents are read.
     pub fn reads(self) -> bool {
-        !matches!(self, Self::Color | Self::Depth | Self::StorageWrite | Self::BufferWrite | Self::CopyWrite)
+        !matches!(
+            self,
+            Self::Color
+                | Self::Depth
+                | Self::StorageWrite
+                | Self::BufferWrite
+                | Self::Build
+                | Self::BuildScratch
+                | Self::CopyWrite
+        )
     }
 
     /// Whether contents are changed.
@@ -80,6 +101,9 @@ impl Access {
             | Self::StorageReadWrite
             | Self::BufferWrite
             | Self::BufferReadWrite
+            | Self::Build
+            | Self::Refit
+            | Self::BuildScratch
             | Self::CopyWrite => true,
             Self::Sample
             | Self::StorageRead
@@ -87,6 +111,7 @@ impl Access {
             | Self::Index
             | Self::Indirect
             | Self::Trace
+            | Self::BuildInput
             | Self::CopyRead
             | Self::HostRead => false,
         }
@@ -109,13 +134,30 @@ impl Access {
                     | Self::BufferReadWrite
                     | Self::Index
                     | Self::Indirect
+                    | Self::BuildInput
+                    | Self::BuildScratch
                     | Self::HostRead
             )
     }
 
-    /// Whether acceleration structures can be used so: traced, or uploaded as plain bytes before.
-    pub fn is_tlas(self) -> bool {
-        matches!(self, Self::Trace | Self::BufferWrite | Self::CopyWrite)
+    /// Whether acceleration structures can be used so: built, traced, or written as plain bytes where a shader builds them.
+    pub fn is_accel(self) -> bool {
+        matches!(
+            self,
+            Self::Trace
+                | Self::Build
+                | Self::Refit
+                | Self::BuildInput
+                | Self::BufferRead
+                | Self::BufferWrite
+                | Self::BufferReadWrite
+                | Self::CopyWrite
+        )
+    }
+
+    /// Part of a build of the driver's acceleration structures.
+    pub fn is_build(self) -> bool {
+        matches!(self, Self::Build | Self::Refit | Self::BuildInput | Self::BuildScratch)
     }
 
     /// Colour or depth attachment.
@@ -153,16 +195,21 @@ impl Access {
             | Self::Index
             | Self::Indirect
             | Self::Trace
+            | Self::Build
+            | Self::Refit
+            | Self::BuildInput
+            | Self::BuildScratch
             | Self::HostRead => Layout::Undefined,
         }
     }
 
     /// This access in a pass of a domain. Where the access alone fixes the domain, that one is given, so that equal uses are
-    /// equal values: attachments and indices are raster, copies and the host are copy.
+    /// equal values: attachments and indices are raster, copies and the host are copy, builds are compute.
     pub fn at(self, pass: Domain) -> (Self, Domain) {
         let domain = match self {
             Self::Color | Self::ColorLoad | Self::Depth | Self::DepthLoad | Self::Index => Domain::Raster,
             Self::CopyRead | Self::CopyWrite | Self::HostRead => Domain::Copy,
+            Self::Build | Self::Refit | Self::BuildInput | Self::BuildScratch => Domain::Compute,
             _ => pass,
         };
         (self, domain)
@@ -185,6 +232,10 @@ impl Access {
             Self::Index => "index",
             Self::Indirect => "indirect",
             Self::Trace => "trace",
+            Self::Build => "build",
+            Self::Refit => "refit",
+            Self::BuildInput => "build input",
+            Self::BuildScratch => "build scratch",
             Self::CopyRead => "copy from",
             Self::CopyWrite => "copy to",
             Self::HostRead => "host read",
@@ -224,8 +275,9 @@ impl Domain {
     }
 }
 
-/// The queue a pass would like. This version runs everything on the graphics queue.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// The queue a pass would like. It is a wish: the plan grants it where the device has such a queue and the pass can run there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
 pub enum Queue {
     /// The queue that can do everything.
     Graphics,
@@ -236,6 +288,14 @@ pub enum Queue {
 }
 
 impl Queue {
+    /// Every queue, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Graphics, Self::AsyncCompute, Self::Transfer];
+
+    /// Its place in [`Queue::ALL`].
+    pub fn index(self) -> usize {
+        self as usize
+    }
+
     /// In words, for dumps.
     pub fn name(self) -> &'static str {
         match self {
@@ -282,10 +342,11 @@ impl Layout {
 
 /// A set of pairs of [`Access`] and [`Domain`], or everything whatsoever ([`Uses::ANY`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Uses(u64);
+pub struct Uses(u128);
 
-const ANY_BIT: u64 = 1 << 63;
-const _: () = assert!(Access::ALL.len() * Domain::ALL.len() < 63, "one bit per pair, and one for ANY");
+const ANY_BIT: u128 = 1 << 127;
+const WAITED_BIT: u128 = 1 << 126;
+const _: () = assert!(Access::ALL.len() * Domain::ALL.len() < 126, "one bit per pair, and two for ANY and WAITED");
 
 impl Uses {
     /// Nothing.
@@ -293,6 +354,9 @@ impl Uses {
 
     /// All that the device did before, in this frame and in those before it.
     pub const ANY: Self = Self(ANY_BIT);
+
+    /// All that the batch waited for on other queues, whose results the wait has shown to everything already.
+    pub const WAITED: Self = Self(WAITED_BIT);
 
     /// The set of one use.
     pub fn of((access, domain): (Access, Domain)) -> Self {
@@ -314,6 +378,16 @@ impl Uses {
         self.0 & Self::of(at).0 != 0
     }
 
+    /// Both together.
+    pub fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether every use of `other` is in it, where neither is [`Uses::ANY`].
+    pub fn includes(self, other: Self) -> bool {
+        other.0 & !self.0 == 0
+    }
+
     /// No use at all.
     pub fn is_empty(self) -> bool {
         self.0 == 0
@@ -324,12 +398,19 @@ impl Uses {
         self.0 & ANY_BIT != 0
     }
 
+    /// Whether it includes what the batch waited for.
+    pub fn is_waited(self) -> bool {
+        self.0 & WAITED_BIT != 0
+    }
+
     /// The named uses, by access and then domain.
     pub fn iter(self) -> impl Iterator<Item = (Access, Domain)> {
-        Access::ALL
-            .into_iter()
-            .flat_map(|access| Domain::ALL.into_iter().map(move |domain| (access, domain)))
-            .filter(move |&at| self.contains(at))
+        let mut left = self.0 & !(ANY_BIT | WAITED_BIT);
+        std::iter::from_fn(move || {
+            let bit = (left != 0).then(|| left.trailing_zeros() as usize)?;
+            left &= left - 1;
+            Some((Access::ALL[bit / Domain::ALL.len()], Domain::ALL[bit % Domain::ALL.len()]))
+        })
     }
 }
 
@@ -349,8 +430,10 @@ impl fmt::Display for Uses {
         if self.is_empty() {
             return f.write_str("nothing");
         }
-        for (i, (access, domain)) in self.iter().enumerate() {
-            write!(f, "{}{access} ({})", if i > 0 { ", " } else { "" }, domain.name())?;
+        let waited = self.is_waited().then(|| "other queues".to_owned());
+        let named = self.iter().map(|(access, domain)| format!("{access} ({})", domain.name()));
+        for (i, one) in waited.into_iter().chain(named).enumerate() {
+            write!(f, "{}{one}", if i > 0 { ", " } else { "" })?;
         }
         Ok(())
     }
@@ -385,7 +468,7 @@ mod tests {
     fn every_access_reads_or_writes_and_suits_some_kind() {
         for access in Access::ALL {
             assert!(access.reads() || access.writes(), "{access}");
-            assert!(access.is_image() || access.is_buffer() || access.is_tlas(), "{access}");
+            assert!(access.is_image() || access.is_buffer() || access.is_accel(), "{access}");
             assert_eq!(access.layout() != Layout::Undefined, access.is_image(), "{access}");
         }
     }

@@ -2,14 +2,14 @@
 
 use super::{
     access::Access,
-    declaration::{Clear, Origin, PassDecl, Shape, Use},
-    desc::{BufferDesc, Extent, ImageDesc},
+    declaration::{Clear, Origin, Shape, Use},
+    desc::{BufferDesc, Extent, ImageDesc, Part},
     error::GraphError,
-    handle::{Buffer, Copyable, Handle, Image, Kind, Tlas, WriteHandle},
+    handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind, Tlas, WriteHandle},
     pass::FrameGraph,
     token::{
-        BufferToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken,
-        StorageToken, TraceToken,
+        BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,
+        IndirectToken, SampleToken, ScratchToken, StorageToken, TraceToken,
     },
 };
 
@@ -17,6 +17,8 @@ use super::{
 pub struct PassBuilder<'g> {
     pub(super) graph: &'g mut FrameGraph,
     pub(super) pass: u32,
+    /// Of the pass's uses in the declaration, the first.
+    pub(super) first_use: usize,
 }
 
 impl PassBuilder<'_> {
@@ -24,9 +26,7 @@ impl PassBuilder<'_> {
 
     /// Makes an image that the pass writes as a storage image.
     pub fn create(&mut self, name: &str, desc: ImageDesc) -> (WriteHandle<Image>, StorageToken) {
-        let handle = self.make_image(name, desc, Access::StorageWrite, None);
-        let token = StorageToken { resource: handle.at.id, pass: self.pass };
-        (handle, token)
+        self.create_part(name, desc, Part::ALL)
     }
 
     /// Makes an image that is a colour attachment, cleared to `clear`. For unsigned formats these are whole numbers.
@@ -43,12 +43,48 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
+    /// Makes an image that the pass writes in part; the rest is for later passes to write.
+    pub fn create_part(&mut self, name: &str, desc: ImageDesc, part: Part) -> (WriteHandle<Image>, StorageToken) {
+        let shape = self.graph.image_shape(name, desc);
+        let handle = self.make(name, shape, Access::StorageWrite, part, None);
+        let token = StorageToken { resource: handle.at.id, pass: self.pass, part: self.last_part() };
+        (handle, token)
+    }
+
     /// Makes a buffer that the pass writes in a shader.
     pub fn create_buffer(&mut self, name: &str, desc: BufferDesc) -> (WriteHandle<Buffer>, BufferToken) {
         let shape = self.graph.buffer_shape(name, desc);
-        let handle = self.make(name, shape, Access::BufferWrite, None);
+        let handle = self.make(name, shape, Access::BufferWrite, Part::ALL, None);
         let token = BufferToken { resource: handle.at.id, pass: self.pass };
         (handle, token)
+    }
+
+    /// Makes an acceleration structure of `bytes` bytes by a build.
+    pub fn build<K: Accel>(&mut self, name: &str, bytes: u64) -> (WriteHandle<K>, BuildToken) {
+        let handle = self.make_accel(name, bytes, Access::Build);
+        let token = BuildToken { resource: handle.at.id, pass: self.pass };
+        (handle, token)
+    }
+
+    /// Makes an acceleration structure of `bytes` bytes whose nodes a shader writes.
+    pub fn build_in_shader<K: Accel>(&mut self, name: &str, bytes: u64) -> (WriteHandle<K>, BufferToken) {
+        let handle = self.make_accel(name, bytes, Access::BufferWrite);
+        let token = BufferToken { resource: handle.at.id, pass: self.pass };
+        (handle, token)
+    }
+
+    /// Makes a smaller copy of an acceleration structure, of `bytes` bytes.
+    pub fn compact(&mut self, name: &str, source: Handle<Blas>, bytes: u64) -> (WriteHandle<Blas>, BuildInputToken, BuildToken) {
+        let input = self.build_input(source);
+        let (handle, token) = self.build(name, bytes);
+        (handle, input, token)
+    }
+
+    /// Makes a buffer that a build of this pass works in.
+    pub fn scratch(&mut self, name: &str, desc: BufferDesc) -> ScratchToken {
+        let shape = self.graph.buffer_shape(name, desc);
+        let handle: WriteHandle<Buffer> = self.make(name, shape, Access::BuildScratch, Part::ALL, None);
+        ScratchToken { resource: handle.at.id, pass: self.pass }
     }
 
     // Further versions.
@@ -56,68 +92,97 @@ impl PassBuilder<'_> {
     /// Draws over a colour attachment.
     pub fn color_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, ColorToken) {
         let token = ColorToken { resource: image.at.id, pass: self.pass };
-        (self.change(image, Access::ColorLoad), token)
+        (self.change(image, Access::ColorLoad, Part::ALL), token)
     }
 
     /// Draws over a depth attachment.
     pub fn depth_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, DepthToken) {
         let token = DepthToken { resource: image.at.id, pass: self.pass };
-        (self.change(image, Access::DepthLoad), token)
+        (self.change(image, Access::DepthLoad, Part::ALL), token)
     }
 
     /// Reads and writes a storage image. One that was imported without contents must be written everywhere.
     pub fn write(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, StorageToken) {
-        let token = StorageToken { resource: image.at.id, pass: self.pass };
-        (self.change(image, Access::StorageReadWrite), token)
+        self.write_part(image, Part::ALL)
+    }
+
+    /// Reads and writes a part of a storage image. What the pass reads of other parts it declares first.
+    pub fn write_part(&mut self, image: WriteHandle<Image>, part: Part) -> (WriteHandle<Image>, StorageToken) {
+        let resource = image.at.id;
+        let handle = self.change(image, Access::StorageReadWrite, part);
+        (handle, StorageToken { resource, pass: self.pass, part: self.last_part() })
     }
 
     /// Reads and writes a buffer in a shader.
     pub fn write_buffer(&mut self, buffer: WriteHandle<Buffer>) -> (WriteHandle<Buffer>, BufferToken) {
         let token = BufferToken { resource: buffer.at.id, pass: self.pass };
-        (self.change(buffer, Access::BufferReadWrite), token)
+        (self.change(buffer, Access::BufferReadWrite, Part::ALL), token)
     }
 
     /// Copies to an image or a buffer; what the copy leaves out is kept.
     pub fn copy_to<K: Copyable>(&mut self, target: WriteHandle<K>) -> (WriteHandle<K>, CopyTarget) {
         let token = CopyTarget { resource: target.at.id, pass: self.pass };
-        (self.change(target, Access::CopyWrite), token)
+        (self.change(target, Access::CopyWrite, Part::ALL), token)
+    }
+
+    /// Refits an acceleration structure: its geometry moved, its tree stays.
+    pub fn refit<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BuildToken) {
+        let token = BuildToken { resource: accel.at.id, pass: self.pass };
+        (self.change(accel, Access::Refit, Part::ALL), token)
     }
 
     // Reads.
 
     /// Samples an image, or fetches its texels.
     pub fn sample(&mut self, image: Handle<Image>) -> SampleToken {
-        SampleToken { resource: self.see(image, Access::Sample), pass: self.pass }
+        self.sample_part(image, Part::ALL)
+    }
+
+    /// Samples a part of an image; mip 0 of what is bound is the first mip of the part.
+    pub fn sample_part(&mut self, image: Handle<Image>, part: Part) -> SampleToken {
+        let (resource, part) = self.see(image, Access::Sample, part);
+        SampleToken { resource, pass: self.pass, part }
     }
 
     /// Reads a storage image.
     pub fn storage(&mut self, image: Handle<Image>) -> StorageToken {
-        StorageToken { resource: self.see(image, Access::StorageRead), pass: self.pass }
+        self.storage_part(image, Part::ALL)
+    }
+
+    /// Reads a part of a storage image; what is bound is the first mip of the part.
+    pub fn storage_part(&mut self, image: Handle<Image>, part: Part) -> StorageToken {
+        let (resource, part) = self.see(image, Access::StorageRead, part);
+        StorageToken { resource, pass: self.pass, part }
     }
 
     /// Reads a buffer in a shader.
     pub fn read(&mut self, buffer: Handle<Buffer>) -> BufferToken {
-        BufferToken { resource: self.see(buffer, Access::BufferRead), pass: self.pass }
+        BufferToken { resource: self.see(buffer, Access::BufferRead, Part::ALL).0, pass: self.pass }
     }
 
     /// Takes the indices of a draw from a buffer.
     pub fn index(&mut self, buffer: Handle<Buffer>) -> IndexToken {
-        IndexToken { resource: self.see(buffer, Access::Index), pass: self.pass }
+        IndexToken { resource: self.see(buffer, Access::Index, Part::ALL).0, pass: self.pass }
     }
 
     /// Takes the arguments of an indirect draw or dispatch from a buffer.
     pub fn indirect(&mut self, buffer: Handle<Buffer>) -> IndirectToken {
-        IndirectToken { resource: self.see(buffer, Access::Indirect), pass: self.pass }
+        IndirectToken { resource: self.see(buffer, Access::Indirect, Part::ALL).0, pass: self.pass }
     }
 
     /// Traces rays through an acceleration structure.
     pub fn trace(&mut self, tlas: Handle<Tlas>) -> TraceToken {
-        TraceToken { resource: self.see(tlas, Access::Trace), pass: self.pass }
+        TraceToken { resource: self.see(tlas, Access::Trace, Part::ALL).0, pass: self.pass }
+    }
+
+    /// Gives a build what it is made from: geometry in a buffer, or a bottom level.
+    pub fn build_input<K: BuildInput>(&mut self, input: Handle<K>) -> BuildInputToken {
+        BuildInputToken { resource: self.see(input, Access::BuildInput, Part::ALL).0, pass: self.pass }
     }
 
     /// Copies from an image or a buffer.
     pub fn copy_from<K: Copyable>(&mut self, source: Handle<K>) -> CopySource {
-        CopySource { resource: self.see(source, Access::CopyRead), pass: self.pass }
+        CopySource { resource: self.see(source, Access::CopyRead, Part::ALL).0, pass: self.pass }
     }
 
     // Questions.
@@ -141,63 +206,97 @@ impl PassBuilder<'_> {
 
     fn make_image(&mut self, name: &str, desc: ImageDesc, access: Access, clear: Option<Clear>) -> WriteHandle<Image> {
         let shape = self.graph.image_shape(name, desc);
-        self.make(name, shape, access, clear)
+        self.make(name, shape, access, Part::ALL, clear)
     }
 
-    fn make<K: Kind>(&mut self, name: &str, shape: Shape, access: Access, clear: Option<Clear>) -> WriteHandle<K> {
-        let full_name = format!("{}:{name}", self.decl().name);
-        let resource = self.graph.add_resource(full_name, shape, Origin::Transient, Some(self.pass));
+    fn make_accel<K: Accel>(&mut self, name: &str, bytes: u64, access: Access) -> WriteHandle<K> {
+        let Shape::Buffer { bytes } = self.graph.buffer_shape(name, BufferDesc::new(bytes)) else {
+            unreachable!("a buffer's shape is that of a buffer")
+        };
+        self.make(name, Shape::Accel { bytes }, access, Part::ALL, None)
+    }
+
+    fn make<K: Kind>(
+        &mut self,
+        name: &str,
+        shape: Shape,
+        access: Access,
+        part: Part,
+        clear: Option<Clear>,
+    ) -> WriteHandle<K> {
+        let name = self.graph.declaration.add_name(name);
+        let resource = self.graph.add_resource(name, shape, Origin::Transient, Some(self.pass));
         self.check_format(resource, access);
-        self.graph.name_output(self.pass, name, resource, 0);
-        self.decl_mut().uses.push(Use { resource, access, reads: None, writes: Some(0), clear });
+        let part = self.resolve(resource, part);
+        if let Some(clear) = clear {
+            self.graph.declaration.clears.push((self.graph.declaration.uses.len() as u32, clear));
+        }
+        self.graph.declaration.uses.push(Use { resource, access, part, reads: None, writes: Some(0) });
         WriteHandle::new(self.graph.handle(resource, 0))
     }
 
-    fn change<K: Kind>(&mut self, handle: WriteHandle<K>, access: Access) -> WriteHandle<K> {
+    fn change<K: Kind>(&mut self, handle: WriteHandle<K>, access: Access, part: Part) -> WriteHandle<K> {
         let (resource, version) = (handle.at.id, handle.at.version);
         self.graph.assert_own(handle.at);
         self.check_format(resource, access);
+        let part = self.resolve(resource, part);
         if access.is_attachment() {
             // A storage write or a copy may replace everything; an attachment that is not cleared shows what was there.
             self.check_contents(resource, version, access);
         }
-        if self.check_together(resource, access) {
-            let name = self.name_of(resource);
-            self.graph.name_output(self.pass, &name, resource, version + 1);
-        }
-        self.graph.declaration.resources[resource as usize].writers.push(Some(self.pass));
-        let new = Use { resource, access, reads: Some(version), writes: Some(version + 1), clear: None };
-        self.decl_mut().uses.push(new);
+        self.check_together(resource, access, part);
+        self.graph.declaration.resources[resource as usize].versions += 1;
+        let new = Use { resource, access, part, reads: Some(version), writes: Some(version + 1) };
+        self.graph.declaration.uses.push(new);
         WriteHandle::new(self.graph.handle(resource, version + 1))
     }
 
-    /// Notes a read and gives the index of what is read.
-    fn see<K: Kind>(&mut self, handle: Handle<K>, access: Access) -> u32 {
+    /// Notes a read and gives the index of what is read, and its part.
+    fn see<K: Kind>(&mut self, handle: Handle<K>, access: Access, part: Part) -> (u32, Part) {
         let (resource, version) = (handle.id, handle.version);
         self.graph.assert_own(handle);
-        let new = Use { resource, access, reads: Some(version), writes: None, clear: None };
-        if self.decl().uses.contains(&new) {
-            return resource; // Declared twice, which is no more than once.
+        let part = self.resolve(resource, part);
+        let new = Use { resource, access, part, reads: Some(version), writes: None };
+        if self.uses().contains(&new) {
+            return (resource, part); // Declared twice, which is no more than once.
         }
         self.check_format(resource, access);
-        if self.check_together(resource, access) {
+        if self.check_together(resource, access, part) {
             self.check_fresh(resource, version, access);
             self.check_contents(resource, version, access);
         }
-        self.decl_mut().uses.push(new);
-        resource
+        self.graph.declaration.uses.push(new);
+        (resource, part)
     }
 
-    fn decl(&self) -> &PassDecl {
-        &self.graph.declaration.passes[self.pass as usize]
+    /// A part with its counts resolved, checked against the image.
+    fn resolve(&mut self, resource: u32, part: Part) -> Part {
+        let (mips, layers) = self.graph.declaration.resources[resource as usize].shape.parts();
+        if part.is_all() {
+            return Part { mip: 0, mips: mips as u16, layer: 0, layers: layers as u16 };
+        }
+        if !part.fits(mips, layers) {
+            let (pass, resource) = (self.name(), self.name_of(resource));
+            self.graph.errors.push(GraphError::Part { pass, resource, part, mips, layers });
+            return Part { mip: 0, mips: mips as u16, layer: 0, layers: layers as u16 };
+        }
+        part.of(mips, layers)
     }
 
-    fn decl_mut(&mut self) -> &mut PassDecl {
-        &mut self.graph.declaration.passes[self.pass as usize]
+    fn uses(&self) -> &[Use] {
+        &self.graph.declaration.uses[self.first_use..]
+    }
+
+    fn last_part(&self) -> Part {
+        self.uses().last().map_or(Part::ALL, |u| u.part)
+    }
+
+    fn name(&self) -> String {
+        self.graph.declaration.pass_name(self.pass).to_owned()
     }
 
     fn name_of(&self, resource: u32) -> String {
-        self.graph.declaration.resources[resource as usize].name.clone()
+        self.graph.declaration.resource_name(resource)
     }
 
     fn check_format(&mut self, resource: u32, access: Access) {
@@ -209,38 +308,39 @@ impl PassBuilder<'_> {
             _ => true,
         };
         if !suits {
-            let (pass, resource) = (self.decl().name.clone(), self.name_of(resource));
+            let (pass, resource) = (self.name(), self.name_of(resource));
             self.graph.errors.push(GraphError::Format { pass, resource, access, format });
         }
     }
 
-    /// Whether this use goes with those of the same resource that the pass has declared already: buffers may be read in
-    /// several ways at once, images have one layout at a time, and nothing is both read and written.
-    fn check_together(&mut self, resource: u32, access: Access) -> bool {
-        let goes = |other: Access| {
-            let only_read = !access.writes() && !other.writes();
-            only_read && access.layout() == other.layout()
+    /// Whether this use goes with those of the same part that the pass has declared already: buffers may be read in several
+    /// ways at once, images have one layout at a time, and nothing is both read and written.
+    fn check_together(&mut self, resource: u32, access: Access, part: Part) -> bool {
+        let goes = |other: &Use| {
+            let only_read = !access.writes() && !other.access.writes();
+            !other.part.overlaps(part) || (only_read && access.layout() == other.access.layout())
         };
-        let clash = self.decl().uses.iter().find(|u| u.resource == resource && !goes(u.access)).map(|u| u.access);
+        let clash = self.uses().iter().find(|u| u.resource == resource && !goes(u)).map(|u| u.access);
         if let Some(first) = clash {
-            let (pass, resource) = (self.decl().name.clone(), self.name_of(resource));
+            let (pass, resource) = (self.name(), self.name_of(resource));
             self.graph.errors.push(GraphError::Conflict { pass, resource, first, second: access });
         }
         clash.is_none()
     }
 
     fn check_fresh(&mut self, resource: u32, version: u32, access: Access) {
-        let declaration = &self.graph.declaration;
-        let writers = &declaration.resources[resource as usize].writers;
-        let newest = writers.len() as u32 - 1;
+        let newest = self.graph.declaration.resources[resource as usize].versions - 1;
         if version == newest {
             return;
         }
-        let later = writers[newest as usize].map(|w| &declaration.passes[w as usize]);
-        let written = later.and_then(|p| p.uses.iter().find(|u| u.resource == resource && u.writes == Some(newest)));
-        if let (Some(later), Some(written)) = (later, written) {
-            let (pass, resource) = (self.decl().name.clone(), self.name_of(resource));
-            let (writer, written) = (later.name.clone(), written.access);
+        let declaration = &self.graph.declaration;
+        let written = |pass: u32| {
+            let of_pass = declaration.uses_of(pass).iter();
+            of_pass.clone().find(|u| u.resource == resource && u.writes == Some(newest)).map(|u| (pass, u.access))
+        };
+        if let Some((writer, written)) = (0..self.pass).rev().find_map(written) {
+            let writer = declaration.pass_name(writer).to_owned();
+            let (pass, resource) = (self.name(), self.name_of(resource));
             self.graph.errors.push(GraphError::StaleRead { pass, resource, access, version, newest, writer, written });
         }
     }
@@ -248,7 +348,7 @@ impl PassBuilder<'_> {
     fn check_contents(&mut self, resource: u32, version: u32, access: Access) {
         let decl = &self.graph.declaration.resources[resource as usize];
         if version == 0 && decl.is_undefined() {
-            let (pass, resource) = (self.decl().name.clone(), self.name_of(resource));
+            let (pass, resource) = (self.name(), self.name_of(resource));
             self.graph.errors.push(GraphError::Unwritten { pass, resource, access });
         }
     }

@@ -1,8 +1,14 @@
 //! A declared frame as plain data: what the plan is made from.
+//!
+//! Everything lies in a few flat lists, so that a frame can be hashed, compared and thrown away without touching the heap.
+
+use std::hash::{Hash, Hasher};
+
+use rustc_hash::FxHasher;
 
 use super::{
     access::{Access, Domain, Layout, Queue, Uses},
-    desc::{Extent, Format},
+    desc::{Extent, Format, Part},
 };
 
 /// Everything that was declared, in the order of declaration. Passes and resources are named by their index.
@@ -14,34 +20,201 @@ pub struct Declaration {
     pub resources: Vec<ResourceDecl>,
     /// Passes.
     pub passes: Vec<PassDecl>,
+    /// What the passes do with which resource, pass by pass.
+    pub uses: Vec<Use>,
+    /// What attachments are cleared to, by the index of the use, ascending.
+    pub clears: Vec<(u32, Clear)>,
     /// What the frame is made for.
     pub outputs: Vec<OutputDecl>,
+    /// Pairs of images or buffers that carry contents from frame to frame.
+    pub histories: Vec<HistoryDecl>,
+    names: String,
+}
+
+/// A name, by its place among all names of the declaration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Name {
+    start: u32,
+    length: u32,
+}
+
+/// From one index up to another, which is not included.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Span {
+    /// The first.
+    pub start: u32,
+    /// The one after the last.
+    pub end: u32,
+}
+
+impl Span {
+    /// As a range of indices.
+    pub fn range(self) -> std::ops::Range<usize> {
+        self.start as usize..self.end as usize
+    }
+
+    /// How many.
+    pub fn len(self) -> usize {
+        (self.end - self.start) as usize
+    }
+
+    /// None at all.
+    pub fn is_empty(self) -> bool {
+        self.end == self.start
+    }
+}
+
+impl Declaration {
+    /// Nothing declared yet, for a frame of so many pixels.
+    pub fn new(full: Extent) -> Self {
+        Self {
+            full,
+            resources: Vec::new(),
+            passes: Vec::new(),
+            uses: Vec::new(),
+            clears: Vec::new(),
+            outputs: Vec::new(),
+            histories: Vec::new(),
+            names: String::new(),
+        }
+    }
+
+    /// Forgets everything but keeps the memory of the lists.
+    pub(super) fn clear(&mut self, full: Extent) {
+        self.full = full;
+        self.resources.clear();
+        self.passes.clear();
+        self.uses.clear();
+        self.clears.clear();
+        self.outputs.clear();
+        self.histories.clear();
+        self.names.clear();
+    }
+
+    pub(super) fn add_name(&mut self, name: &str) -> Name {
+        let start = self.names.len() as u32;
+        self.names.push_str(name);
+        Name { start, length: name.len() as u32 }
+    }
+
+    /// The text of a name.
+    pub fn text(&self, name: Name) -> &str {
+        &self.names[name.start as usize..][..name.length as usize]
+    }
+
+    /// Name of a pass, such as `shadows.trace`.
+    pub fn pass_name(&self, pass: u32) -> &str {
+        self.text(self.passes[pass as usize].name)
+    }
+
+    /// The stage that a pass belongs to: its name up to the first dot.
+    pub fn stage(&self, pass: u32) -> &str {
+        let name = self.pass_name(pass);
+        name.split_once('.').map_or(name, |(stage, _)| stage)
+    }
+
+    /// What a pass does with which resource. Colour attachments are in the order of the fragment shader's outputs.
+    pub fn uses_of(&self, pass: u32) -> &[Use] {
+        &self.uses[self.passes[pass as usize].uses.range()]
+    }
+
+    /// What an attachment is cleared to, by the index of its use.
+    pub fn clear_of(&self, use_index: u32) -> Option<Clear> {
+        let at = self.clears.binary_search_by_key(&use_index, |(at, _)| *at).ok()?;
+        Some(self.clears[at].1)
+    }
+
+    /// `pass:output` of the pass that makes a resource, or the name that it was imported by.
+    pub fn resource_name(&self, resource: u32) -> String {
+        let decl = &self.resources[resource as usize];
+        let local = self.text(decl.name);
+        decl.maker.map_or_else(|| local.to_owned(), |maker| format!("{}:{local}", self.pass_name(maker)))
+    }
+
+    /// What a pass leaves for others. An output has the name that its resource was made or imported by; where that leaves two
+    /// outputs of one pass with one name, that which was made elsewhere has the resource's full name.
+    pub fn outputs_of(&self, pass: u32) -> Vec<NamedOutput> {
+        let written = || self.uses_of(pass).iter().filter_map(|u| Some((u.resource, u.writes?)));
+        let local = |resource: u32| self.text(self.resources[resource as usize].name);
+        let named = |(resource, version): (u32, u32)| {
+            let alone = written().filter(|(other, _)| local(*other) == local(resource)).count() == 1;
+            let made_here = self.resources[resource as usize].maker == Some(pass);
+            let name = if alone || made_here { local(resource).to_owned() } else { self.resource_name(resource) };
+            NamedOutput { name, resource, version }
+        };
+        written().map(named).collect()
+    }
+
+    /// Who wrote which version.
+    pub fn writers(&self) -> Writers {
+        Writers::of(self)
+    }
+
+    /// A number that two declarations share if they are equal, and hardly ever otherwise.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hash = FxHasher::default();
+        self.full.hash(&mut hash);
+        self.resources.hash(&mut hash);
+        self.passes.hash(&mut hash);
+        self.uses.hash(&mut hash);
+        self.outputs.hash(&mut hash);
+        self.histories.hash(&mut hash);
+        hash.write(self.names.as_bytes());
+        hash.finish()
+    }
+}
+
+/// The pass that wrote each version of each resource.
+pub struct Writers {
+    /// Of each resource, the place of its version 0.
+    first: Vec<u32>,
+    writers: Vec<Option<u32>>,
+}
+
+impl Writers {
+    fn of(declaration: &Declaration) -> Self {
+        let mut next = 0;
+        let mut first = Vec::with_capacity(declaration.resources.len());
+        for resource in &declaration.resources {
+            first.push(next);
+            next += resource.versions;
+        }
+        let mut writers = vec![None; next as usize];
+        for (pass, decl) in declaration.passes.iter().enumerate() {
+            for u in &declaration.uses[decl.uses.range()] {
+                if let Some(version) = u.writes {
+                    writers[(first[u.resource as usize] + version) as usize] = Some(pass as u32);
+                }
+            }
+        }
+        Self { first, writers }
+    }
+
+    /// The pass that wrote a version; none for the contents that an imported resource came with.
+    pub fn get(&self, resource: u32, version: u32) -> Option<u32> {
+        self.writers[(self.first[resource as usize] + version) as usize]
+    }
 }
 
 /// A resource.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ResourceDecl {
-    /// `pass:output` of the pass that makes it, or the name it was imported by.
-    pub name: String,
+    /// The name that it was made or imported by; see [`Declaration::resource_name`].
+    pub name: Name,
+    /// The pass that makes it; none where it was imported.
+    pub maker: Option<u32>,
     /// What it is like.
     pub shape: Shape,
     /// Where it comes from.
     pub origin: Origin,
-    /// The pass that wrote each version; none for the contents that an imported resource came with.
-    pub writers: Vec<Option<u32>>,
+    /// How many versions there are.
+    pub versions: u32,
 }
 
 impl ResourceDecl {
-    /// Bytes that its contents take, without padding; zero for an acceleration structure, which is never transient.
+    /// Bytes that its contents take, without padding.
     pub fn bytes(&self) -> u64 {
-        match self.shape {
-            Shape::Image { format, extent, mips } => (0..mips)
-                .map(|level| extent.mip(level))
-                .map(|mip| u64::from(mip.width) * u64::from(mip.height) * u64::from(format.bytes_per_pixel()))
-                .sum(),
-            Shape::Buffer { bytes } => bytes,
-            Shape::Tlas => 0,
-        }
+        self.shape.bytes()
     }
 
     /// Whether it was imported without contents, so that version 0 is nothing.
@@ -56,7 +229,7 @@ impl ResourceDecl {
 }
 
 /// What a resource is like, sizes resolved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// An image.
     Image {
@@ -66,6 +239,8 @@ pub enum Shape {
         extent: Extent,
         /// Number of mips.
         mips: u32,
+        /// Number of layers.
+        layers: u32,
     },
     /// A buffer.
     Buffer {
@@ -73,17 +248,47 @@ pub enum Shape {
         bytes: u64,
     },
     /// An acceleration structure.
-    Tlas,
+    Accel {
+        /// Its size; zero where it was imported and its size is its owner's.
+        bytes: u64,
+    },
+}
+
+impl Shape {
+    /// Bytes that contents take, without padding.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Image { format, extent, mips, layers } => {
+                let pixels = |mip: Extent| u64::from(mip.width) * u64::from(mip.height);
+                let one: u64 = (0..mips).map(|level| pixels(extent.mip(level))).sum();
+                one * u64::from(format.bytes_per_pixel()) * u64::from(layers)
+            }
+            Self::Buffer { bytes } | Self::Accel { bytes } => bytes,
+        }
+    }
+
+    /// Mips and layers; one of each for what is no image.
+    pub fn parts(self) -> (u32, u32) {
+        match self {
+            Self::Image { mips, layers, .. } => (mips, layers),
+            Self::Buffer { .. } | Self::Accel { .. } => (1, 1),
+        }
+    }
+
+    /// Whether it is an image: only images have layouts.
+    pub fn is_image(self) -> bool {
+        matches!(self, Self::Image { .. })
+    }
 }
 
 /// Where a resource comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Origin {
     /// Made by a pass, gone after the frame.
     Transient,
     /// It exists before and after the frame.
     Imported {
-        /// The caller's name for the object behind it.
+        /// The object behind it.
         key: ImportKey,
         /// Last uses before the frame; empty where nothing is known and contents do not matter.
         last: Uses,
@@ -94,9 +299,18 @@ pub enum Origin {
     },
 }
 
-/// The caller's name for the object behind an imported resource. The graph only hands it back.
+/// The object behind an imported resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ImportKey(pub u32);
+pub enum ImportKey {
+    /// One that the caller brings, by the caller's number.
+    Caller(u32),
+    /// What the frame before left in a history.
+    Previous(u32),
+    /// What this frame leaves in a history.
+    Next(u32),
+    /// A buffer that keeps its contents.
+    Kept(u32),
+}
 
 /// State in which an imported image comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,37 +330,33 @@ impl ImageState {
 }
 
 /// A pass.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PassDecl {
-    /// Its name, such as `shadows.trace`.
-    pub name: String,
-    /// The stage it belongs to: its name up to the first dot.
-    pub stage: String,
+    /// Its name, such as `shadows.trace`; see [`Declaration::pass_name`].
+    pub name: Name,
     /// The queue it would like.
     pub queue: Queue,
     /// Where it runs, from its accesses.
     pub domain: Domain,
     /// It observes: it does not keep what it reads alive.
     pub weak: bool,
-    /// What it does with which resource. Colour attachments are in the order of the fragment shader's outputs.
-    pub uses: Vec<Use>,
-    /// What it leaves for others, by name.
-    pub outputs: Vec<NamedOutput>,
+    /// Its uses, in [`Declaration::uses`].
+    pub uses: Span,
 }
 
 /// One use of one resource by one pass.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Use {
     /// Index of the resource.
     pub resource: u32,
     /// How it is used.
     pub access: Access,
+    /// How much of it, counts resolved.
+    pub part: Part,
     /// The version it builds on: read, or kept where it is not written.
     pub reads: Option<u32>,
     /// The version it makes.
     pub writes: Option<u32>,
-    /// What the attachment is cleared to.
-    pub clear: Option<Clear>,
 }
 
 /// What an attachment is cleared to.
@@ -161,8 +371,7 @@ pub enum Clear {
 /// An output of a pass.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedOutput {
-    /// Its name within the pass: that which it was made or imported by. If the pass changes something made elsewhere whose name
-    /// is also that of another of its outputs, it is the resource's full name.
+    /// Its name within the pass; see [`Declaration::outputs_of`].
     pub name: String,
     /// Index of the resource.
     pub resource: u32,
@@ -171,10 +380,19 @@ pub struct NamedOutput {
 }
 
 /// Contents that the frame is made for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct OutputDecl {
     /// Index of the resource.
     pub resource: u32,
     /// The version that is wanted.
     pub version: u32,
+}
+
+/// Contents that go from one frame to the next: this frame's `next` is the `previous` of the frame after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct HistoryDecl {
+    /// Index of the resource with what the frame before left.
+    pub previous: u32,
+    /// Index of the resource that this frame writes.
+    pub next: u32,
 }

@@ -145,6 +145,64 @@ pub enum Size {
     Fixed(Extent),
 }
 
+/// A part of an image: some of its mips, some of its layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Part {
+    /// First mip.
+    pub mip: u16,
+    /// How many mips; [`Part::REST`] for all that follow.
+    pub mips: u16,
+    /// First layer.
+    pub layer: u16,
+    /// How many layers; [`Part::REST`] for all that follow.
+    pub layers: u16,
+}
+
+impl Part {
+    /// As a count: all that follow the first.
+    pub const REST: u16 = u16::MAX;
+
+    /// All mips of all layers.
+    pub const ALL: Self = Self { mip: 0, mips: Self::REST, layer: 0, layers: Self::REST };
+
+    /// One mip of all layers.
+    pub fn mip(mip: u32) -> Self {
+        Self { mip: mip as u16, mips: 1, ..Self::ALL }
+    }
+
+    /// All mips of one layer.
+    pub fn layer(layer: u32) -> Self {
+        Self { layer: layer as u16, layers: 1, ..Self::ALL }
+    }
+
+    /// Whether it is the whole.
+    pub fn is_all(self) -> bool {
+        self == Self::ALL
+    }
+
+    /// With counts in place of [`Part::REST`], for an image of so many mips and layers.
+    pub fn of(self, mips: u32, layers: u32) -> Self {
+        let rest = |first: u16, count: u16, all: u32| if count == Self::REST { all as u16 - first } else { count };
+        Self { mips: rest(self.mip, self.mips, mips), layers: rest(self.layer, self.layers, layers), ..self }
+    }
+
+    /// Whether it lies inside of an image of so many mips and layers, and is not empty.
+    pub fn fits(self, mips: u32, layers: u32) -> bool {
+        let inside = |first: u16, count: u16, all: u32| {
+            u32::from(first) < all && (count == Self::REST || (count > 0 && u32::from(first) + u32::from(count) <= all))
+        };
+        inside(self.mip, self.mips, mips) && inside(self.layer, self.layers, layers)
+    }
+
+    /// Whether two parts of one image have anything in common.
+    pub fn overlaps(self, other: Self) -> bool {
+        let meet = |a: u16, a_count: u16, b: u16, b_count: u16| {
+            u32::from(a) < u32::from(b) + u32::from(b_count) && u32::from(b) < u32::from(a) + u32::from(a_count)
+        };
+        meet(self.mip, self.mips, other.mip, other.mips) && meet(self.layer, self.layers, other.layer, other.layers)
+    }
+}
+
 /// An image to make.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageDesc {
@@ -154,27 +212,32 @@ pub struct ImageDesc {
     pub size: Size,
     /// Number of mips, 1 for none but the whole.
     pub mips: u32,
+    /// Number of layers, 1 for a plain image. Shaders see the layers of an image with several as an array.
+    pub layers: u32,
 }
 
 impl ImageDesc {
+    /// Most layers that the graph accepts; every Vulkan device makes as many.
+    pub const MAX_LAYERS: u32 = 256;
+
     /// As large as the frame, without further mips.
     pub fn full(format: Format) -> Self {
-        Self { format, size: Size::Full, mips: 1 }
+        Self { format, size: Size::Full, mips: 1, layers: 1 }
     }
 
     /// Half the frame on each side, without further mips.
     pub fn half(format: Format) -> Self {
-        Self { format, size: Size::Half, mips: 1 }
+        Self { format, size: Size::Half, mips: 1, layers: 1 }
     }
 
     /// As large as another image, without further mips.
     pub fn like(format: Format, other: Handle<Image>) -> Self {
-        Self { format, size: Size::Like(other), mips: 1 }
+        Self { format, size: Size::Like(other), mips: 1, layers: 1 }
     }
 
     /// So many pixels, without further mips.
     pub fn fixed(format: Format, extent: Extent) -> Self {
-        Self { format, size: Size::Fixed(extent), mips: 1 }
+        Self { format, size: Size::Fixed(extent), mips: 1, layers: 1 }
     }
 }
 
@@ -198,6 +261,17 @@ impl BufferDesc {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parts_know_where_they_end() {
+        let (whole, mip, layer) = (Part::ALL, Part::mip(1), Part::layer(2));
+        assert_eq!(whole.of(4, 3), Part { mip: 0, mips: 4, layer: 0, layers: 3 });
+        assert_eq!(mip.of(4, 3), Part { mip: 1, mips: 1, layer: 0, layers: 3 });
+        assert!(whole.overlaps(mip) && mip.overlaps(layer) && !mip.overlaps(Part::mip(2)) && !layer.overlaps(Part::layer(1)));
+        assert!(mip.fits(2, 1) && !mip.fits(1, 1) && layer.fits(1, 3) && !layer.fits(1, 2));
+        assert!(!Part { mips: 0, ..Part::ALL }.fits(1, 1) && !Part { mips: 3, ..mip }.fits(3, 1));
+        assert!(whole.fits(1, 1) && whole.is_all() && !mip.is_all());
+    }
 
     #[test]
     fn halves_round_up_and_mips_end_at_one_pixel() {

@@ -17,7 +17,7 @@ pub use html::html;
 /// The plan in words: passes in order with all they wait for, passes left out and why, resources with their lifetimes.
 pub fn text(declaration: &Declaration, plan: &Plan) -> String {
     let words = Words(declaration);
-    let barriers: usize = plan.barriers.iter().map(Vec::len).sum();
+    let barriers = plan.barriers.len();
     let mut out = String::new();
     // Writing to a string cannot fail, hence the ignored results.
     let mut line = |text: String| writeln!(out, "{text}").unwrap_or_default();
@@ -34,20 +34,22 @@ pub fn text(declaration: &Declaration, plan: &Plan) -> String {
     ));
 
     line("\npasses".to_owned());
-    for ((position, &index), batch) in plan.order.iter().enumerate().zip(&plan.barriers) {
+    for (position, &index) in plan.order.iter().enumerate() {
+        let batch = &plan.barriers[plan.before[position].range()];
         let pass = &declaration.passes[index as usize];
         let weak = if pass.weak { ", weak" } else { "" };
         line(format!(
             "{position:4} {}  (stage {}, {}, wants {} queue{weak})",
-            pass.name,
-            pass.stage,
+            declaration.pass_name(index),
+            declaration.stage(index),
             pass.domain.name(),
             pass.queue.name()
         ));
         batch.iter().for_each(|b| line(format!("       wait   {}", words.barrier(b))));
-        pass.uses.iter().for_each(|u| line(format!("       {}", words.use_of(u))));
+        declaration.uses_of(index).iter().for_each(|u| line(format!("       {}", words.use_of(u))));
     }
-    if let Some(last) = plan.barriers.last().filter(|batch| !batch.is_empty()) {
+    if !plan.end.is_empty() {
+        let last = &plan.barriers[plan.end.range()];
         line(" end".to_owned());
         last.iter().for_each(|b| line(format!("       wait   {}", words.barrier(b))));
     }
@@ -56,7 +58,7 @@ pub fn text(declaration: &Declaration, plan: &Plan) -> String {
         line("\nleft out".to_owned());
     }
     for culled in &plan.culled {
-        line(format!("     {}: {}", declaration.passes[culled.pass as usize].name, culled.reason));
+        line(format!("     {}: {}", declaration.pass_name(culled.pass), culled.reason));
     }
 
     line("\nresources".to_owned());
@@ -68,7 +70,8 @@ pub fn text(declaration: &Declaration, plan: &Plan) -> String {
             Some(life) => format!("{} bytes, passes {} to {}", life.bytes, life.first, life.last),
             None => "not used".to_owned(),
         };
-        line(format!("     {}  {}{imported}, {life}", decl.name, words.shape(decl.shape)));
+        let name = declaration.resource_name(resource as u32);
+        line(format!("     {name}  {}{imported}, {life}", words.shape(decl.shape)));
     }
 
     if !declaration.outputs.is_empty() {
@@ -85,23 +88,24 @@ pub fn dot(declaration: &Declaration, plan: &Plan) -> String {
     let words = Words(declaration);
     let mut out = String::from("digraph frame {\n  rankdir=LR;\n  node [fontname=\"sans-serif\"];\n");
     let mut line = |text: String| writeln!(out, "  {text}").unwrap_or_default();
-    for (index, pass) in declaration.passes.iter().enumerate() {
+    for index in 0..declaration.passes.len() {
+        let name = declaration.pass_name(index as u32);
         let kept = plan.order.iter().position(|&p| p as usize == index);
         let style = if kept.is_some() { "solid" } else { "dashed" };
-        let label = kept.map_or_else(|| pass.name.clone(), |position| format!("{position} {}", pass.name));
+        let label = kept.map_or_else(|| name.to_owned(), |position| format!("{position} {name}"));
         line(format!("p{index} [shape=box style={style} label={label:?}];"));
     }
     for (resource, decl) in declaration.resources.iter().enumerate() {
         let style = if plan.lifetimes[resource].is_some() { "solid" } else { "dashed" };
-        for version in 0..decl.writers.len() as u32 {
+        for version in 0..decl.versions {
             let wanted = declaration.outputs.iter().any(|o| (o.resource as usize, o.version) == (resource, version));
             let rims = if wanted { 2 } else { 1 };
             let label = words.version(resource as u32, version);
             line(format!("r{resource}_{version} [shape=ellipse style={style} peripheries={rims} label={label:?}];"));
         }
     }
-    for (index, pass) in declaration.passes.iter().enumerate() {
-        for u in &pass.uses {
+    for index in 0..declaration.passes.len() as u32 {
+        for u in declaration.uses_of(index) {
             let label = u.access.name();
             if let Some(version) = u.reads {
                 line(format!("r{}_{version} -> p{index} [label={label:?}];", u.resource));
@@ -122,19 +126,20 @@ pub fn json(declaration: &Declaration, plan: &Plan) -> String {
     let passes: Vec<Value> = plan
         .order
         .iter()
-        .zip(&plan.barriers)
-        .map(|(&index, batch)| {
+        .zip(&plan.before)
+        .map(|(&index, before)| {
             let pass = &declaration.passes[index as usize];
-            let uses: Vec<Value> = pass
-                .uses
+            let batch = &plan.barriers[before.range()];
+            let uses: Vec<Value> = declaration
+                .uses_of(index)
                 .iter()
                 .map(|u| {
-                    let resource = &declaration.resources[u.resource as usize].name;
+                    let resource = declaration.resource_name(u.resource);
                     json!({"resource": resource, "access": u.access.name(), "reads": u.reads, "writes": u.writes})
                 })
                 .collect();
             json!({
-                "name": pass.name, "stage": pass.stage, "queue": pass.queue.name(), "domain": pass.domain.name(),
+                "name": declaration.pass_name(index), "stage": declaration.stage(index), "queue": pass.queue.name(), "domain": pass.domain.name(),
                 "weak": pass.weak, "barriers": barriers(batch), "uses": uses,
             })
         })
@@ -142,15 +147,16 @@ pub fn json(declaration: &Declaration, plan: &Plan) -> String {
     let culled: Vec<Value> = plan
         .culled
         .iter()
-        .map(|c| json!({"name": declaration.passes[c.pass as usize].name, "reason": c.reason}))
+        .map(|c| json!({"name": declaration.pass_name(c.pass), "reason": c.reason}))
         .collect();
     let resources: Vec<Value> = declaration
         .resources
         .iter()
         .zip(&plan.lifetimes)
-        .map(|(decl, life)| {
+        .zip(0..)
+        .map(|((decl, life), resource)| {
             json!({
-                "name": decl.name, "shape": words.shape(decl.shape), "imported": !decl.is_transient(),
+                "name": declaration.resource_name(resource), "shape": words.shape(decl.shape), "imported": !decl.is_transient(),
                 "leave": match decl.origin {
                     Origin::Imported { leave: Some((access, _)), .. } => Some(access.name()),
                     Origin::Imported { leave: None, .. } | Origin::Transient => None,
@@ -162,9 +168,9 @@ pub fn json(declaration: &Declaration, plan: &Plan) -> String {
     let outputs: Vec<Value> = declaration
         .outputs
         .iter()
-        .map(|o| json!({"resource": declaration.resources[o.resource as usize].name, "version": o.version}))
+        .map(|o| json!({"resource": declaration.resource_name(o.resource), "version": o.version}))
         .collect();
-    let end = plan.barriers.last().map(|batch| barriers(batch));
+    let end = barriers(&plan.barriers[plan.end.range()]);
     let all = json!({
         "size": [declaration.full.width, declaration.full.height],
         "passes": passes, "barriers_at_end": end, "left_out": culled, "resources": resources, "outputs": outputs,
@@ -177,20 +183,22 @@ struct Words<'d>(&'d Declaration);
 
 impl Words<'_> {
     fn version(&self, resource: u32, version: u32) -> String {
-        format!("{} version {version}", self.0.resources[resource as usize].name)
+        format!("{} version {version}", self.0.resource_name(resource))
     }
 
     fn shape(&self, shape: Shape) -> String {
         match shape {
-            Shape::Image { format, extent, mips: 1 } => format!("image {format:?} {extent}"),
-            Shape::Image { format, extent, mips } => format!("image {format:?} {extent}, {mips} mips"),
+            Shape::Image { format, extent, mips, layers } => {
+                let several = |n: u32, what: &str| if n > 1 { format!(", {n} {what}") } else { String::new() };
+                format!("image {format:?} {extent}{}{}", several(mips, "mips"), several(layers, "layers"))
+            }
             Shape::Buffer { bytes } => format!("buffer of {bytes} bytes"),
-            Shape::Tlas => "acceleration structure".to_owned(),
+            Shape::Accel { .. } => "acceleration structure".to_owned(),
         }
     }
 
     fn use_of(&self, u: &Use) -> String {
-        let name = &self.0.resources[u.resource as usize].name;
+        let name = self.0.resource_name(u.resource);
         match (u.reads, u.writes) {
             (Some(read), Some(written)) => format!("change {name} version {read} to {written}: {}", u.access),
             (None, Some(written)) => format!("make   {name} version {written}: {}", u.access),
@@ -200,26 +208,20 @@ impl Words<'_> {
     }
 
     fn barrier(&self, b: &Barrier) -> String {
-        let (access, domain) = b.to;
         let layouts = match (b.layout_from, b.layout_to) {
             (_, Layout::Undefined) => String::new(),
             (from, to) if from == to => String::new(),
             (from, to) => format!(", layout {} to {}", from.name(), to.name()),
         };
         let discard = if b.discard { ", contents are new" } else { "" };
-        let name = &self.0.resources[b.resource as usize].name;
-        format!("{name}: {} before {access} ({}){layouts}{discard}", b.from, domain.name())
+        let name = self.0.resource_name(b.resource);
+        format!("{name}: {} before {}{layouts}{discard}", b.from, b.to)
     }
 
     fn barrier_json(&self, b: &Barrier) -> Value {
-        let from: Vec<String> = if b.from.is_any() {
-            vec!["anything".to_owned()]
-        } else {
-            b.from.iter().map(|(access, domain)| format!("{access} ({})", domain.name())).collect()
-        };
         json!({
-            "resource": self.0.resources[b.resource as usize].name,
-            "from": from, "to": format!("{} ({})", b.to.0, b.to.1.name()),
+            "resource": self.0.resource_name(b.resource),
+            "from": b.from.to_string(), "to": b.to.to_string(),
             "layout_from": b.layout_from.name(), "layout_to": b.layout_to.name(), "discard": b.discard,
         })
     }

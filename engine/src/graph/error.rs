@@ -4,7 +4,7 @@ use std::fmt;
 
 use super::{
     access::Access,
-    desc::{BufferDesc, Extent, Format},
+    desc::{BufferDesc, Extent, Format, ImageDesc, Part},
 };
 
 /// One mistake in a declared frame. Declaring goes on after it; [`FrameGraph::finish`](super::FrameGraph::finish) returns all.
@@ -79,6 +79,37 @@ pub enum GraphError {
         access: Access,
         /// The format of the resource.
         format: Format,
+    },
+    /// A part that the image does not have.
+    #[error(
+        "pass `{pass}` uses {} of `{resource}`, which has {mips} mips and {layers} layers",
+        part_in_words(*part)
+    )]
+    Part {
+        /// The pass.
+        pass: String,
+        /// The image.
+        resource: String,
+        /// The part.
+        part: Part,
+        /// Mips of the image.
+        mips: u32,
+        /// Layers of the image.
+        layers: u32,
+    },
+    /// Layers of an image: none, or more than any device makes.
+    #[error("image `{resource}` wants {layers} layers; it can have 1 to {limit}", limit = ImageDesc::MAX_LAYERS)]
+    Layers {
+        /// The image.
+        resource: String,
+        /// Layers that were asked for.
+        layers: u32,
+    },
+    /// One history or kept buffer declared twice in a frame.
+    #[error("the history `{name}` is declared twice in one frame")]
+    DuplicateHistory {
+        /// Its name.
+        name: String,
     },
     /// Attachments of one pass differ in size.
     #[error("attachments of pass `{pass}` differ in size: `{first}` is {first_extent}, `{second}` is {second_extent}")]
@@ -182,6 +213,15 @@ pub enum GraphError {
         /// Its image outputs.
         known: Vec<String>,
     },
+}
+
+fn part_in_words(part: Part) -> String {
+    let range = |first: u16, count: u16| match count {
+        Part::REST => format!("{first} and all after"),
+        1 => format!("{first}"),
+        _ => format!("{first} to {}", u32::from(first) + u32::from(count.max(1)) - 1),
+    };
+    format!("mips {} of layers {}", range(part.mip, part.mips), range(part.layer, part.layers))
 }
 
 /// All mistakes of a declared frame, in the order in which they were made; never empty.

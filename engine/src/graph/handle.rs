@@ -14,14 +14,19 @@ pub enum Buffer {}
 #[derive(Clone, Copy, Debug)]
 pub enum Tlas {}
 
+/// Kind of resource: a bottom-level acceleration structure, over the triangles of one mesh.
+#[derive(Clone, Copy, Debug)]
+pub enum Blas {}
+
 mod sealed {
     pub trait Sealed {}
     impl Sealed for super::Image {}
     impl Sealed for super::Buffer {}
     impl Sealed for super::Tlas {}
+    impl Sealed for super::Blas {}
 }
 
-/// The kinds of resource that a graph knows: [`Image`], [`Buffer`] and [`Tlas`].
+/// The kinds of resource that a graph knows: [`Image`], [`Buffer`], [`Tlas`] and [`Blas`].
 pub trait Kind: sealed::Sealed + 'static {
     /// The kind in words, for messages.
     const NAME: &'static str;
@@ -36,6 +41,19 @@ impl Kind for Buffer {
 impl Kind for Tlas {
     const NAME: &'static str = "tlas";
 }
+impl Kind for Blas {
+    const NAME: &'static str = "blas";
+}
+
+/// The kinds that builds make: [`Tlas`] and [`Blas`].
+pub trait Accel: Kind {}
+impl Accel for Tlas {}
+impl Accel for Blas {}
+
+/// The kinds that a build reads: geometry in a [`Buffer`], or a [`Blas`] under a top level or before its compaction.
+pub trait BuildInput: Kind {}
+impl BuildInput for Buffer {}
+impl BuildInput for Blas {}
 
 /// The kinds that can be copied from and to: [`Image`] and [`Buffer`].
 pub trait Copyable: Kind {}

@@ -50,23 +50,28 @@ pub mod dump;
 mod error;
 pub mod execute;
 mod handle;
+mod history;
 mod pass;
 pub mod plan;
 pub mod record;
+mod switches;
 mod token;
 
 pub use access::{Access, Domain, Layout, Queue, Uses};
 pub use builder::PassBuilder;
 pub use declaration::{
-    Clear, Declaration, ImageState, ImportKey, NamedOutput, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Use,
+    Clear, Declaration, HistoryDecl, ImageState, ImportKey, Name, NamedOutput, Origin, OutputDecl, PassDecl,
+    ResourceDecl, Shape, Span, Use, Writers,
 };
-pub use desc::{BufferDesc, Extent, Format, ImageDesc, Size};
+pub use desc::{BufferDesc, Extent, Format, ImageDesc, Part, Size};
 pub use error::{GraphError, GraphErrors};
-pub use handle::{Buffer, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
+pub use handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
+pub use history::{BufferHistory, History, HistoryScope, KeptBuffer};
 pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn};
 pub use plan::{Plan, plan};
 pub use record::{Draw, MipCopy, Record, Token};
+pub use switches::{Queues, Switches};
 pub use token::{
-    BufferToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken, StorageToken,
-    TraceToken,
+    BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken,
+    SampleToken, ScratchToken, StorageToken, TraceToken,
 };

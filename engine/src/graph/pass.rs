@@ -1,16 +1,25 @@
 //! The frame graph while it is declared.
 
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::{
+    borrow::Cow,
+    collections::HashSet,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+};
 
 use super::{
     access::{Access, Domain, Layout, Queue, Uses},
     builder::PassBuilder,
     declaration::{
-        Declaration, ImageState, ImportKey, NamedOutput, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Use,
+        Declaration, HistoryDecl, ImageState, ImportKey, Name, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Span,
+        Use,
     },
     desc::{BufferDesc, Extent, Format, ImageDesc, Size},
     error::{GraphError, GraphErrors},
     handle::{Buffer, Handle, Image, Kind, Tlas, WriteHandle},
+    history::{Book, BufferHistory, History, HistoryScope, KeptBuffer},
     record::Record,
 };
 
@@ -22,6 +31,8 @@ pub type RecordFn = Box<dyn for<'a> FnOnce(&mut Record<'a>) + Send>;
 pub struct Produced {
     /// Name of the pass.
     pub pass: String,
+    /// Index of the pass.
+    pub pass_index: u32,
     /// Name of the output within the pass.
     pub output: String,
     /// The version that was written, to read.
@@ -42,8 +53,10 @@ pub struct FrameGraph {
     pub(super) declaration: Declaration,
     pub(super) errors: Vec<GraphError>,
     /// One per pass.
-    records: Vec<RecordFn>,
+    pub(super) records: Vec<Option<RecordFn>>,
     observer: Option<Observer>,
+    /// What outlives the frame.
+    pub(super) book: Arc<Book>,
     /// Distinguishes handles of this frame from those of others.
     number: u32,
 }
@@ -59,15 +72,17 @@ pub struct Frame {
 static GRAPHS: AtomicU32 = AtomicU32::new(0);
 
 impl FrameGraph {
-    /// An empty frame of so many pixels.
+    /// An empty frame of so many pixels, to be planned and looked at. A frame that is to run comes from
+    /// [`Executor::begin`](super::execute::Executor::begin): only there do histories go on from the frame before.
     pub fn new(full: Extent) -> Self {
-        Self {
-            declaration: Declaration { full, resources: Vec::new(), passes: Vec::new(), outputs: Vec::new() },
-            errors: Vec::new(),
-            records: Vec::new(),
-            observer: None,
-            number: GRAPHS.fetch_add(1, Ordering::Relaxed),
-        }
+        Self::on(Declaration::new(full), Vec::new(), Arc::default())
+    }
+
+    /// An empty frame in lists that an earlier one no longer needs.
+    pub(super) fn on(declaration: Declaration, records: Vec<Option<RecordFn>>, book: Arc<Book>) -> Self {
+        book.open().begin();
+        let number = GRAPHS.fetch_add(1, Ordering::Relaxed);
+        Self { declaration, errors: Vec::new(), records, observer: None, book, number }
     }
 
     /// Adds a pass: one dispatch, one trace, one draw list or one copy.
@@ -107,34 +122,47 @@ impl FrameGraph {
     where
         F: FnOnce(&mut Record<'_>) + Send + 'static,
     {
-        if self.declaration.passes.iter().any(|p| p.name == name) {
-            self.errors.push(GraphError::DuplicatePass { pass: name.to_owned() });
-        }
         let index = self.declaration.passes.len() as u32;
-        self.declaration.passes.push(PassDecl {
-            name: name.to_owned(),
-            stage: name.split_once('.').map_or(name, |(stage, _)| stage).to_owned(),
-            queue,
-            domain: Domain::Compute,
-            weak,
-            uses: Vec::new(),
-            outputs: Vec::new(),
-        });
-        let (value, record) = declare(&mut PassBuilder { graph: self, pass: index });
-        let closed = self.close(index);
-        self.errors.extend(closed);
-        self.records.push(Box::new(record));
-        self.show_outputs(index);
+        let first_use = self.declaration.uses.len();
+        let name = self.declaration.add_name(name);
+        let uses = Span { start: first_use as u32, end: first_use as u32 };
+        self.declaration.passes.push(PassDecl { name, queue, domain: Domain::Compute, weak, uses });
+        let (value, record) = declare(&mut PassBuilder { graph: self, pass: index, first_use });
+        self.close(index);
+        self.records.push(Some(Box::new(record)));
+        if self.observer.is_some() {
+            self.show_outputs(index);
+        }
         value
     }
 
     /// Settles the domain of a pass and checks what only all its uses together show.
-    fn close(&mut self, index: u32) -> Vec<GraphError> {
-        let name_of = |u: &Use| self.declaration.resources[u.resource as usize].name.clone();
-        let decl = &self.declaration.passes[index as usize];
-        let (pass, uses) = (decl.name.clone(), decl.uses.as_slice());
-        let mut errors = Vec::new();
+    fn close(&mut self, index: u32) {
+        let end = self.declaration.uses.len() as u32;
+        self.declaration.passes[index as usize].uses.end = end;
+        let uses = self.declaration.uses_of(index);
+        let (mut attachments, mut copies) = (0, 0);
+        for u in uses {
+            attachments += usize::from(u.access.is_attachment());
+            copies += usize::from(u.access.is_copy());
+        }
+        let domain = match (attachments, copies) {
+            (0, 0) => Domain::Compute,
+            (0, _) => Domain::Copy,
+            _ => Domain::Raster,
+        };
+        let suspicious = attachments > 1 || (copies > 0 && copies < uses.len());
+        self.declaration.passes[index as usize].domain = domain;
+        if suspicious {
+            let errors = self.check_uses(index);
+            self.errors.extend(errors);
+        }
+    }
 
+    fn check_uses(&self, index: u32) -> Vec<GraphError> {
+        let name_of = |u: &Use| self.declaration.resource_name(u.resource);
+        let (pass, uses) = (self.declaration.pass_name(index).to_owned(), self.declaration.uses_of(index));
+        let mut errors = Vec::new();
         let attachments: Vec<&Use> = uses.iter().filter(|u| u.access.is_attachment()).collect();
         if let Some(first) = attachments.first() {
             let first_extent = self.extent_at(first.resource);
@@ -158,30 +186,7 @@ impl FrameGraph {
             let (copied, resource) = (name_of(copy), name_of(other));
             errors.push(GraphError::MixedCopy { pass, copied, copy: copy.access, resource, access: other.access });
         }
-
-        let domain = match (attachments.is_empty(), copy) {
-            (false, _) => Domain::Raster,
-            (true, Some(_)) => Domain::Copy,
-            (true, None) => Domain::Compute,
-        };
-        let outputs = self.short_names(&decl.outputs);
-        let decl = &mut self.declaration.passes[index as usize];
-        (decl.domain, decl.outputs) = (domain, outputs);
         errors
-    }
-
-    /// Outputs that change what another pass made carry its full name, `pass:output`. They lose the pass where that leaves no two
-    /// outputs with one name.
-    fn short_names(&self, outputs: &[NamedOutput]) -> Vec<NamedOutput> {
-        fn short(name: &str) -> &str {
-            name.rsplit_once(':').map_or(name, |(_, local)| local)
-        }
-        let is_unique = |name: &str| outputs.iter().filter(|o| short(&o.name) == name).count() == 1;
-        let shorten = |o: &NamedOutput| {
-            let name = if is_unique(short(&o.name)) { short(&o.name) } else { o.name.as_str() };
-            NamedOutput { name: name.to_owned(), ..*o }
-        };
-        outputs.iter().map(shorten).collect()
     }
 
     /// Lets `observer` see every image output of the passes declared from now on, each while it is still the newest version.
@@ -227,13 +232,86 @@ impl FrameGraph {
 
     /// Brings in an acceleration structure. `last` is how it was used last: traced, or written as plain bytes.
     pub fn import_tlas(&mut self, name: &str, last: Access, key: ImportKey) -> Handle<Tlas> {
-        self.check_state::<Tlas>(name, last, last.is_tlas());
-        self.import(name, Shape::Tlas, in_any_pass(last), Layout::Undefined, key)
+        self.check_state::<Tlas>(name, last, last.is_accel());
+        self.import(name, Shape::Accel { bytes: 0 }, in_any_pass(last), Layout::Undefined, key)
     }
 
     fn import<K: Kind>(&mut self, name: &str, shape: Shape, last: Uses, layout: Layout, key: ImportKey) -> Handle<K> {
         let origin = Origin::Imported { key, last, layout, leave: None };
-        Handle::new(self.add_resource(name.to_owned(), shape, origin, None), 0, self.number)
+        let name = self.declaration.add_name(name);
+        Handle::new(self.add_resource(name, shape, origin, None), 0, self.number)
+    }
+
+    /// An image that goes from frame to frame: this frame reads what the one before wrote, and writes what the next will read.
+    ///
+    /// `scope` belongs to the instance of the effect, `name` is its own name for the image. What the frame before left is not
+    /// valid in the first frame, in another size or format, after a camera cut, for another instance, and where the frame
+    /// before did not write it; all zeros are read then.
+    pub fn history(&mut self, scope: &HistoryScope, name: impl Into<Cow<'static, str>>, desc: ImageDesc) -> History {
+        let name = name.into();
+        let shape = self.image_shape(&name, desc);
+        let (slot, valid) = self.declare_pair(scope, &name, shape);
+        let (previous, next) = self.import_pair(&name, shape, slot, Layout::ShaderRead);
+        History { previous, next: WriteHandle::new(next), valid }
+    }
+
+    /// A buffer that goes from frame to frame; see [`FrameGraph::history`].
+    pub fn history_buffer(
+        &mut self,
+        scope: &HistoryScope,
+        name: impl Into<Cow<'static, str>>,
+        desc: BufferDesc,
+    ) -> BufferHistory {
+        let name = name.into();
+        let shape = self.buffer_shape(&name, desc);
+        let (slot, valid) = self.declare_pair(scope, &name, shape);
+        let (previous, next) = self.import_pair(&name, shape, slot, Layout::Undefined);
+        BufferHistory { previous, next: WriteHandle::new(next), valid }
+    }
+
+    /// A buffer of at least so many bytes that keeps what it holds from frame to frame, and when it grows; what was never
+    /// written is zero. It lasts as long as each frame declares it.
+    pub fn kept_buffer(
+        &mut self,
+        scope: &HistoryScope,
+        name: impl Into<Cow<'static, str>>,
+        desc: BufferDesc,
+    ) -> KeptBuffer {
+        let name = name.into();
+        self.buffer_shape(&name, desc);
+        let declared = self.book.open().declare_kept(scope, name.clone(), desc.bytes);
+        let (slot, bytes, valid_bytes) = declared.unwrap_or_else(|| {
+            self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
+            (u32::MAX, desc.bytes, 0)
+        });
+        let last = in_any_pass(Access::BufferReadWrite);
+        let key = ImportKey::Kept(slot);
+        let buffer = self.import(&name, Shape::Buffer { bytes }, last, Layout::Undefined, key);
+        KeptBuffer { buffer: WriteHandle::new(buffer), valid_bytes }
+    }
+
+    /// Whether anything in it outlives the frame.
+    pub(super) fn has_history(&self) -> bool {
+        let kept = |r: &ResourceDecl| matches!(r.origin, Origin::Imported { key: ImportKey::Kept(_), .. });
+        !self.declaration.histories.is_empty() || self.declaration.resources.iter().any(kept)
+    }
+
+    fn declare_pair(&mut self, scope: &HistoryScope, name: &Cow<'static, str>, shape: Shape) -> (u32, bool) {
+        let declared = self.book.open().declare_pair(scope, name.clone(), shape);
+        declared.unwrap_or_else(|| {
+            self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
+            (u32::MAX, false)
+        })
+    }
+
+    /// Both halves of a history. What is read comes as it was left: readable by shaders.
+    fn import_pair<K: Kind>(&mut self, name: &str, shape: Shape, slot: u32, layout: Layout) -> (Handle<K>, Handle<K>) {
+        let read = if shape.is_image() { Access::Sample } else { Access::BufferRead };
+        let previous = self.import(&format!("{name}.previous"), shape, in_any_pass(read), layout, ImportKey::Previous(slot));
+        let next = self.import(&format!("{name}.next"), shape, Uses::EMPTY, Layout::Undefined, ImportKey::Next(slot));
+        self.leave(next, read, Domain::Compute);
+        self.declaration.histories.push(HistoryDecl { previous: previous.id, next: next.id });
+        (previous, next)
     }
 
     fn check_state<K: Kind>(&mut self, name: &str, access: Access, suits: bool) {
@@ -245,13 +323,13 @@ impl FrameGraph {
     /// Makes an imported resource ready for this use at the end of the frame, whoever used it before.
     pub fn leave<K: Kind>(&mut self, handle: Handle<K>, access: Access, domain: Domain) {
         self.assert_own(handle);
+        let name = self.declaration.resource_name(handle.id);
         let decl = &mut self.declaration.resources[handle.id as usize];
         let suits = match decl.shape {
             Shape::Image { .. } => access.is_image(),
             Shape::Buffer { .. } => access.is_buffer(),
-            Shape::Tlas => access.is_tlas(),
+            Shape::Accel { .. } => access.is_accel(),
         };
-        let name = decl.name.clone();
         match &mut decl.origin {
             Origin::Transient => self.errors.push(GraphError::NotImported { resource: name, access }),
             Origin::Imported { leave, .. } => {
@@ -293,16 +371,17 @@ impl FrameGraph {
     }
 
     fn produced_by(&self, pass: u32) -> impl Iterator<Item = Produced> {
-        let decl = &self.declaration.passes[pass as usize];
-        decl.outputs.iter().filter_map(|output| match self.declaration.resources[output.resource as usize].shape {
+        let outputs = self.declaration.outputs_of(pass).into_iter();
+        outputs.filter_map(move |output| match self.declaration.resources[output.resource as usize].shape {
             Shape::Image { format, extent, .. } => Some(Produced {
-                pass: decl.name.clone(),
-                output: output.name.clone(),
+                pass: self.declaration.pass_name(pass).to_owned(),
+                pass_index: pass,
+                output: output.name,
                 image: Handle::new(output.resource, output.version, self.number),
                 format,
                 extent,
             }),
-            Shape::Buffer { .. } | Shape::Tlas => None,
+            Shape::Buffer { .. } | Shape::Accel { .. } => None,
         })
     }
 
@@ -313,8 +392,8 @@ impl FrameGraph {
 
     /// What an image is like; its size is given as that of the image itself.
     pub fn desc(&self, image: Handle<Image>) -> ImageDesc {
-        let (format, _, mips) = self.image_at(image);
-        ImageDesc { format, size: Size::Like(image), mips }
+        let (format, _, mips, layers) = self.image_at(image);
+        ImageDesc { format, size: Size::Like(image), mips, layers }
     }
 
     /// Size of an image, pixels.
@@ -338,13 +417,34 @@ impl FrameGraph {
     }
 
     /// Ends the declaration: a frame that can be planned, or every mistake in it.
-    pub fn finish(self) -> Result<Frame, GraphErrors> {
+    ///
+    /// # Errors
+    /// [`GraphErrors`], never empty.
+    pub fn finish(mut self) -> Result<Frame, GraphErrors> {
+        let names = self.check_names();
+        self.errors.extend(names);
         if self.errors.is_empty() {
-            let records = self.records.into_iter().map(Some).collect();
-            Ok(Frame { declaration: self.declaration, records })
+            Ok(Frame { declaration: self.declaration, records: self.records })
         } else {
             Err(GraphErrors(self.errors))
         }
+    }
+
+    /// Names that must be different and are not. A frame equal to one that was checked needs no check.
+    pub(super) fn check_names(&self) -> Vec<GraphError> {
+        let (mut errors, mut seen) = (Vec::new(), HashSet::with_capacity(self.declaration.passes.len()));
+        for pass in 0..self.declaration.passes.len() as u32 {
+            let name = self.declaration.pass_name(pass);
+            if !seen.insert(name) {
+                errors.push(GraphError::DuplicatePass { pass: name.to_owned() });
+            }
+            if self.declaration.uses_of(pass).iter().filter(|u| u.writes.is_some()).count() > 1 {
+                let mut outputs = HashSet::new();
+                let twice = self.declaration.outputs_of(pass).into_iter().find(|o| !outputs.insert(o.name.clone()));
+                errors.extend(twice.map(|o| GraphError::DuplicateOutput { pass: name.to_owned(), output: o.name }));
+            }
+        }
+        errors
     }
 
     pub(super) fn assert_own<K: Kind>(&self, handle: Handle<K>) {
@@ -355,11 +455,11 @@ impl FrameGraph {
         );
     }
 
-    fn image_at(&self, image: Handle<Image>) -> (Format, Extent, u32) {
+    fn image_at(&self, image: Handle<Image>) -> (Format, Extent, u32, u32) {
         self.assert_own(image);
         match self.declaration.resources[image.id as usize].shape {
-            Shape::Image { format, extent, mips } => (format, extent, mips),
-            Shape::Buffer { .. } | Shape::Tlas => unreachable!("{image:?} names no image: handles are typed"),
+            Shape::Image { format, extent, mips, layers } => (format, extent, mips, layers),
+            Shape::Buffer { .. } | Shape::Accel { .. } => unreachable!("{image:?} names no image: handles are typed"),
         }
     }
 
@@ -367,20 +467,22 @@ impl FrameGraph {
     fn extent_at(&self, resource: u32) -> Extent {
         match self.declaration.resources[resource as usize].shape {
             Shape::Image { extent, .. } => extent,
-            Shape::Buffer { .. } | Shape::Tlas => Extent::new(0, 0),
+            Shape::Buffer { .. } | Shape::Accel { .. } => Extent::new(0, 0),
         }
     }
 
     pub(super) fn image_shape(&mut self, name: &str, desc: ImageDesc) -> Shape {
-        let (extent, mips) = (self.extent_of(desc), desc.mips);
+        let (extent, mips, layers) = (self.extent_of(desc), desc.mips, desc.layers);
         let good = 1..=Extent::MAX_SIDE;
         if !good.contains(&extent.width) || !good.contains(&extent.height) {
             self.errors.push(GraphError::Extent { resource: name.to_owned(), extent });
         } else if !(1..=extent.full_mips()).contains(&mips) {
             let most = extent.full_mips();
             self.errors.push(GraphError::Mips { resource: name.to_owned(), extent, mips, most });
+        } else if !(1..=ImageDesc::MAX_LAYERS).contains(&layers) {
+            self.errors.push(GraphError::Layers { resource: name.to_owned(), layers });
         }
-        Shape::Image { format: desc.format, extent, mips }
+        Shape::Image { format: desc.format, extent, mips, layers }
     }
 
     pub(super) fn buffer_shape(&mut self, name: &str, desc: BufferDesc) -> Shape {
@@ -390,23 +492,13 @@ impl FrameGraph {
         Shape::Buffer { bytes: desc.bytes }
     }
 
-    pub(super) fn add_resource(&mut self, name: String, shape: Shape, origin: Origin, writer: Option<u32>) -> u32 {
-        self.declaration.resources.push(ResourceDecl { name, shape, origin, writers: vec![writer] });
+    pub(super) fn add_resource(&mut self, name: Name, shape: Shape, origin: Origin, maker: Option<u32>) -> u32 {
+        self.declaration.resources.push(ResourceDecl { name, maker, shape, origin, versions: 1 });
         self.declaration.resources.len() as u32 - 1
     }
 
     pub(super) fn handle<K: Kind>(&self, resource: u32, version: u32) -> Handle<K> {
         Handle::new(resource, version, self.number)
-    }
-
-    /// Notes an output of a pass under a name that must be its own.
-    pub(super) fn name_output(&mut self, pass: u32, name: &str, resource: u32, version: u32) {
-        let decl = &mut self.declaration.passes[pass as usize];
-        if decl.outputs.iter().any(|o| o.name == name) {
-            let pass = decl.name.clone();
-            self.errors.push(GraphError::DuplicateOutput { pass, output: name.to_owned() });
-        }
-        decl.outputs.push(NamedOutput { name: name.to_owned(), resource, version });
     }
 }
 

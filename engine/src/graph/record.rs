@@ -21,8 +21,27 @@ pub(super) enum Physical {
     Unused,
     /// An image.
     Image(Arc<gpu::Image>),
-    /// A buffer, or an acceleration structure in buffers.
-    Buffer(Arc<gpu::Buffer>),
+    /// A buffer, or an acceleration structure in one.
+    Buffer(BufferRange),
+}
+
+/// Some bytes of a buffer.
+#[derive(Clone)]
+pub(super) struct BufferRange {
+    pub buffer: Arc<gpu::Buffer>,
+    pub offset: u64,
+    pub bytes: u64,
+}
+
+impl BufferRange {
+    pub fn whole(buffer: Arc<gpu::Buffer>) -> Self {
+        let bytes = buffer.bytes();
+        Self { buffer, offset: 0, bytes }
+    }
+
+    fn address(&self) -> Address {
+        self.buffer.address().offset(self.offset)
+    }
 }
 
 /// What a pass recorded, for the figures.
@@ -78,7 +97,7 @@ pub trait Token: Copy {
 impl Token for SampleToken {
     type Id = SampledImage;
     fn resolve(self, record: &Record<'_>) -> SampledImage {
-        let id = record.image(self.resource, self.pass).sampled();
+        let id = record.image(self.resource, self.pass).sampled_part(self.part);
         id.unwrap_or_else(|| record.misuse("samples an image that was not made for it"))
     }
 }
@@ -86,8 +105,15 @@ impl Token for SampleToken {
 impl Token for StorageToken {
     type Id = StorageImage;
     fn resolve(self, record: &Record<'_>) -> StorageImage {
-        let id = record.image(self.resource, self.pass).storage();
+        let id = record.image(self.resource, self.pass).storage_part(self.part);
         id.unwrap_or_else(|| record.misuse("stores to an image that was not made for it"))
+    }
+}
+
+impl Token for TraceToken {
+    type Id = Address;
+    fn resolve(self, record: &Record<'_>) -> Address {
+        record.buffer(self.resource, self.pass).address()
     }
 }
 
@@ -156,14 +182,50 @@ impl Record<'_> {
                 cull: d.cull,
             })
             .collect();
-        let (physical, pass) = (self.physical, self.pass);
-        self.own(indices.pass);
-        let Physical::Buffer(buffer) = &physical[indices.resource as usize] else {
-            self.misuse::<()>(&format!("draws with indices from something else than a buffer (pass {pass})"));
-            return;
-        };
-        self.encoder.draw(kernel, bytemuck::bytes_of(params), buffer, &ranges);
+        let physical = self.physical;
+        let indices = self.buffer_in(physical, indices.resource, indices.pass);
+        self.encoder.draw(kernel, bytemuck::bytes_of(params), (&indices.buffer, indices.offset), &ranges);
         self.recorded.draws += ranges.len() as u32;
+    }
+
+    /// As many workgroups as three words of a buffer say, from `offset` bytes on: x, y and z. Where one of them is zero, nothing
+    /// runs: a pass before it decides on the device whether and how much this one does.
+    ///
+    /// # Panics
+    /// As [`Record::dispatch`], past the end of the buffer, and when the token belongs to another pass.
+    pub fn dispatch_indirect<P: Pod>(&mut self, kernel: Kernel, params: &P, groups: IndirectToken, offset: u64) {
+        let physical = self.physical;
+        let range = self.buffer_in(physical, groups.resource, groups.pass);
+        self.inside(range, offset, 12);
+        self.encoder.dispatch_indirect(kernel, bytemuck::bytes_of(params), &range.buffer, range.offset + offset);
+        self.recorded.dispatches += 1;
+    }
+
+    /// Draws `count` times what a buffer says, from `offset` bytes on. Each draw is five words: how many indices, how many
+    /// instances, the first index, what is added to indices, the first instance. Where there are no instances, nothing is drawn.
+    ///
+    /// # Panics
+    /// As [`Record::dispatch`], past the end of the buffer, and when a token belongs to another pass.
+    pub fn draw_indirect<P: Pod>(
+        &mut self,
+        kernel: RasterKernel,
+        params: &P,
+        indices: IndexToken,
+        draws: (IndirectToken, u64),
+        (count, cull): (u32, Cull),
+    ) {
+        let (physical, (draws, offset)) = (self.physical, draws);
+        let indices = self.buffer_in(physical, indices.resource, indices.pass);
+        let range = self.buffer_in(physical, draws.resource, draws.pass);
+        self.inside(range, offset, 20 * u64::from(count));
+        self.encoder.draw_indirect(
+            kernel,
+            bytemuck::bytes_of(params),
+            (&indices.buffer, indices.offset),
+            (&range.buffer, range.offset + offset),
+            (count, cull),
+        );
+        self.recorded.draws += count;
     }
 
     /// Copies `bytes` bytes from one buffer to another.
@@ -171,17 +233,13 @@ impl Record<'_> {
     /// # Panics
     /// Past the end of either, or when a token belongs to another pass.
     pub fn copy_buffer(&mut self, from: CopySource, from_offset: u64, to: CopyTarget, to_offset: u64, bytes: u64) {
-        let (source, target) = (self.buffer(from.resource, from.pass), self.buffer(to.resource, to.pass));
-        assert!(
-            from_offset + bytes <= source.bytes(),
-            "{}: {} holds {} bytes",
-            self.name,
-            source.name(),
-            source.bytes()
-        );
-        assert!(to_offset + bytes <= target.bytes(), "{}: {} holds {} bytes", self.name, target.name(), target.bytes());
-        let (source, target) = (source.clone(), target.clone());
-        self.encoder.copy_buffer(&source, from_offset, &target, to_offset, bytes);
+        let physical = self.physical;
+        let source = self.buffer_in(physical, from.resource, from.pass);
+        let target = self.buffer_in(physical, to.resource, to.pass);
+        self.inside(source, from_offset, bytes);
+        self.inside(target, to_offset, bytes);
+        let (from_offset, to_offset) = (source.offset + from_offset, target.offset + to_offset);
+        self.encoder.copy_buffer(&source.buffer, from_offset, &target.buffer, to_offset, bytes);
     }
 
     /// Copies mips from a buffer to an image.
@@ -189,10 +247,11 @@ impl Record<'_> {
     /// # Panics
     /// Past the end of the buffer, or when a token belongs to another pass.
     pub fn copy_to_image(&mut self, from: CopySource, to: CopyTarget, mips: &[MipCopy]) {
-        let (source, target) =
-            (self.buffer(from.resource, from.pass).clone(), self.image(to.resource, to.pass).clone());
-        let regions: Vec<_> = mips.iter().map(|m| self.region(*m, &source, &target)).collect();
-        self.encoder.copy_buffer_to_image(&source, &target, &regions);
+        let physical = self.physical;
+        let source = self.buffer_in(physical, from.resource, from.pass);
+        let target = self.image_in(physical, to.resource, to.pass);
+        let regions: Vec<_> = mips.iter().map(|m| self.region(*m, source, target)).collect();
+        self.encoder.copy_buffer_to_image(&source.buffer, target, &regions);
     }
 
     /// Copies one mip of an image to a buffer.
@@ -200,43 +259,63 @@ impl Record<'_> {
     /// # Panics
     /// As [`Record::copy_to_image`].
     pub fn copy_from_image(&mut self, from: CopySource, to: CopyTarget, mip: MipCopy) {
-        let (source, target) =
-            (self.image(from.resource, from.pass).clone(), self.buffer(to.resource, to.pass).clone());
-        let region = self.region(mip, &target, &source);
-        self.encoder.copy_image_to_buffer(&source, &target, region);
+        let physical = self.physical;
+        let source = self.image_in(physical, from.resource, from.pass);
+        let target = self.buffer_in(physical, to.resource, to.pass);
+        let region = self.region(mip, target, source);
+        self.encoder.copy_image_to_buffer(source, &target.buffer, region);
     }
 
-    fn region(&self, copy: MipCopy, buffer: &gpu::Buffer, image: &gpu::Image) -> ImageRegion {
+    /// Copies a part of an image to a part of the same size of another.
+    ///
+    /// # Panics
+    /// When the mips differ in size or format, or a token belongs to another pass.
+    pub fn copy_image(&mut self, from: CopySource, from_mip: u32, to: CopyTarget, to_mip: u32) {
+        let physical = self.physical;
+        let source = self.image_in(physical, from.resource, from.pass);
+        let target = self.image_in(physical, to.resource, to.pass);
+        let (from_extent, to_extent) = (source.extent().mip(from_mip), target.extent().mip(to_mip));
+        assert_eq!(from_extent, to_extent, "{}: mips {from_mip} and {to_mip} differ in size", self.name);
+        assert_eq!(source.format(), target.format(), "{}: copied images differ in format", self.name);
+        self.encoder.copy_image(source, from_mip, target, to_mip);
+    }
+
+    fn region(&self, copy: MipCopy, range: &BufferRange, image: &gpu::Image) -> ImageRegion {
         let extent = image.extent().mip(copy.mip);
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(image.format().bytes_per_pixel());
-        let end = copy.offset + bytes;
-        assert!(
-            end <= buffer.bytes(),
-            "{}: mip {} ends at {end}, {} holds {}",
-            self.name,
-            copy.mip,
-            buffer.name(),
-            buffer.bytes()
-        );
-        ImageRegion { buffer_offset: copy.offset, mip: copy.mip, extent }
+        self.inside(range, copy.offset, bytes);
+        ImageRegion { buffer_offset: range.offset + copy.offset, mip: copy.mip, extent }
+    }
+
+    fn inside(&self, range: &BufferRange, offset: u64, bytes: u64) {
+        let end = offset.saturating_add(bytes);
+        assert!(end <= range.bytes, "{}: {end} is past the end of {} bytes of {}", self.name, range.bytes, range.buffer.name());
     }
 
     fn own(&self, pass: u32) {
         assert_eq!(pass, self.pass, "{}: a token of pass {pass} was used in pass {}", self.name, self.pass);
     }
 
-    fn image(&self, resource: u32, pass: u32) -> &Arc<gpu::Image> {
+    fn image(&self, resource: u32, pass: u32) -> &gpu::Image {
+        self.image_in(self.physical, resource, pass)
+    }
+
+    fn image_in<'p>(&self, physical: &'p [Physical], resource: u32, pass: u32) -> &'p gpu::Image {
         self.own(pass);
-        match &self.physical[resource as usize] {
+        match &physical[resource as usize] {
             Physical::Image(image) => image,
             Physical::Buffer(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no image")),
         }
     }
 
-    fn buffer(&self, resource: u32, pass: u32) -> &Arc<gpu::Buffer> {
+    fn buffer(&self, resource: u32, pass: u32) -> &BufferRange {
+        self.buffer_in(self.physical, resource, pass)
+    }
+
+    fn buffer_in<'p>(&self, physical: &'p [Physical], resource: u32, pass: u32) -> &'p BufferRange {
         self.own(pass);
-        match &self.physical[resource as usize] {
-            Physical::Buffer(buffer) => buffer,
+        match &physical[resource as usize] {
+            Physical::Buffer(range) => range,
             Physical::Image(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no buffer")),
         }
     }
@@ -256,13 +335,6 @@ impl ColorToken {
 }
 
 impl DepthToken {
-    /// Index of the resource.
-    pub fn resource(self) -> u32 {
-        self.resource
-    }
-}
-
-impl IndirectToken {
     /// Index of the resource.
     pub fn resource(self) -> u32 {
         self.resource

@@ -60,6 +60,10 @@ pub struct FrameSample {
     pub plan_ns: u64,
     /// Recording it, nanoseconds.
     pub record_ns: u64,
+    /// Handing it to the device, nanoseconds.
+    pub submit_ns: u64,
+    /// Queues that it was planned for.
+    pub queues: u32,
     /// What ran, in order of submission.
     pub passes: Vec<PassTime>,
     /// Passes that were declared and culled.

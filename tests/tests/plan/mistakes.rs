@@ -158,7 +158,7 @@ fn dependent(d: &Declaration, plan: &Plan) -> Vec<(usize, usize)> {
 /// A frame in which every mistake can be made.
 pub fn frame() -> FrameGraph {
     let mut g = FrameGraph::new(Extent::new(32, 32));
-    let found = g.import_buffer("found", BufferDesc::new(16), Access::HostRead, ImportKey(0));
+    let found = g.import_buffer("found", BufferDesc::new(16), Access::HostRead, ImportKey::Caller(0));
     g.leave(found.read(), Access::HostRead, Domain::Copy);
     let list = g
         .pass("list.make", Queue::Graphics, |p| (p.create_buffer("list", BufferDesc::new(256)).0, |_: &mut Record| {}));

@@ -116,7 +116,7 @@ impl Script {
         for (i, &(last, leave)) in self.images.iter().enumerate() {
             let state = ImageState { access: pick(&states, last) };
             let desc = ImageDesc::full(Format::Rgba16Float);
-            let write = g.import_image(&format!("image{i}"), desc, state, ImportKey(i as u32));
+            let write = g.import_image(&format!("image{i}"), desc, state, ImportKey::Caller(i as u32));
             if let Some((access, domain)) = pick(&states, leave) {
                 g.leave(write.read(), access, domain);
             }
@@ -128,14 +128,14 @@ impl Script {
         let mut bytes = Vec::new();
         for (i, &(last, leave)) in self.buffers.iter().enumerate() {
             let last = before[last as usize % before.len()];
-            let write = g.import_buffer(&format!("buffer{i}"), BufferDesc::new(64), last, ImportKey(100 + i as u32));
+            let write = g.import_buffer(&format!("buffer{i}"), BufferDesc::new(64), last, ImportKey::Caller(100 + i as u32));
             if let Some((access, domain)) = pick(&after, leave) {
                 g.leave(write.read(), access, domain);
             }
             bytes.push(Bytes { write: Some(write), read_by: 0, written_by: 0 });
         }
         let last = [Access::Trace, Access::CopyWrite, Access::BufferWrite][self.tlas as usize % 3];
-        let tlas = g.import_tlas("tlas", last, ImportKey(200));
+        let tlas = g.import_tlas("tlas", last, ImportKey::Caller(200));
         World { pictures, bytes, tlas, step: 0, has_depth: false }
     }
 }

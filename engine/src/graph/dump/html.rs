@@ -27,7 +27,7 @@ svg{font:11px system-ui,sans-serif;display:block}table{border-collapse:collapse}
 /// The plan as a self-contained HTML page with a drawing (SVG), without scripts.
 pub fn html(declaration: &Declaration, plan: &Plan) -> String {
     let words = Words(declaration);
-    let barriers: usize = plan.barriers.iter().map(Vec::len).sum();
+    let barriers = plan.barriers.len();
     let mut page = String::new();
     let mut add = |text: String| writeln!(page, "{text}").unwrap_or_default();
     add(format!(
@@ -48,7 +48,7 @@ pub fn html(declaration: &Declaration, plan: &Plan) -> String {
     if !plan.culled.is_empty() {
         add("<h2>Left out</h2><table>".to_owned());
         for culled in &plan.culled {
-            let name = &declaration.passes[culled.pass as usize].name;
+            let name = declaration.pass_name(culled.pass);
             add(format!("<tr><td>{}<td>{}", escape(name), escape(&culled.reason.to_string())));
         }
         add("</table>".to_owned());
@@ -61,11 +61,13 @@ fn drawing(declaration: &Declaration, plan: &Plan, words: &Words<'_>) -> String 
         .into_iter()
         .filter(|queue| plan.order.iter().any(|&p| declaration.passes[p as usize].queue == *queue))
         .collect();
-    let mut bars: Vec<(&ResourceDecl, Lifetime)> =
-        declaration.resources.iter().zip(&plan.lifetimes).filter_map(|(r, life)| Some((r, (*life)?))).collect();
-    bars.sort_by_key(|(r, life)| (life.first, life.last, r.name.clone()));
+    let bar = |(resource, life): (u32, &Option<Lifetime>)| {
+        Some((declaration.resource_name(resource), &declaration.resources[resource as usize], (*life)?))
+    };
+    let mut bars: Vec<(String, &ResourceDecl, Lifetime)> = (0..).zip(&plan.lifetimes).filter_map(bar).collect();
+    bars.sort_by_key(|(name, _, life)| (life.first, life.last, name.clone()));
 
-    let longest = plan.order.iter().map(|&p| declaration.passes[p as usize].name.len()).max().unwrap_or(0);
+    let longest = plan.order.iter().map(|&p| declaration.pass_name(p).len()).max().unwrap_or(0);
     let column = longest * LETTER + 24;
     let lanes_end = queues.len() * 2 * ROW;
     let bars_end = lanes_end + ROW + bars.len() * ROW;
@@ -83,12 +85,13 @@ fn drawing(declaration: &Declaration, plan: &Plan, words: &Words<'_>) -> String 
         add(format!("<rect class=\"lane\" x=\"0\" y=\"{}\" width=\"{width}\" height=\"{}\"/>", y + 2, 2 * ROW - 4));
         add(format!("<text x=\"6\" y=\"{}\">{}</text>", y + ROW + 4, queue.name()));
     }
-    for (position, (&index, batch)) in plan.order.iter().zip(&plan.barriers).enumerate() {
+    for (position, (&index, before)) in plan.order.iter().zip(&plan.before).enumerate() {
+        let batch = &plan.barriers[before.range()];
         let pass = &declaration.passes[index as usize];
         let lane = queues.iter().position(|q| *q == pass.queue).unwrap_or(0);
         let (x, y) = (LABEL + position * column, lane * 2 * ROW);
-        let mut told = format!("{} ({}, stage {})", pass.name, pass.domain.name(), pass.stage);
-        pass.uses.iter().for_each(|u| write!(told, "\n{}", words.use_of(u)).unwrap_or_default());
+        let mut told = format!("{} ({}, stage {})", declaration.pass_name(index), pass.domain.name(), declaration.stage(index));
+        declaration.uses_of(index).iter().for_each(|u| write!(told, "\n{}", words.use_of(u)).unwrap_or_default());
         add(format!(
             "<g class=\"pass\"><title>{}</title><rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"3\"/><text x=\"{}\" y=\"{}\">{}</text></g>",
             escape(&told),
@@ -98,7 +101,7 @@ fn drawing(declaration: &Declaration, plan: &Plan, words: &Words<'_>) -> String 
             2 * ROW - 16,
             x + 15,
             y + ROW + 4,
-            escape(&pass.name)
+            escape(declaration.pass_name(index))
         ));
         if !batch.is_empty() {
             let waits: Vec<String> = batch.iter().map(|b| words.barrier(b)).collect();
@@ -112,12 +115,12 @@ fn drawing(declaration: &Declaration, plan: &Plan, words: &Words<'_>) -> String 
     }
 
     // Resources over their lifetimes.
-    for (row, (resource, life)) in bars.iter().enumerate() {
+    for (row, (name, resource, life)) in bars.iter().enumerate() {
         let y = lanes_end + ROW + row * ROW;
         let kind = if resource.is_transient() { "transient" } else { "imported" };
-        let told = format!("{}\n{}\n{}", resource.name, words.shape(resource.shape), bytes(life.bytes));
+        let told = format!("{}\n{}\n{}", name, words.shape(resource.shape), bytes(life.bytes));
         let (x, length) = (LABEL + life.first as usize * column, (life.last - life.first + 1) as usize * column);
-        add(format!("<text x=\"6\" y=\"{}\">{}</text>", y + 15, escape(&resource.name)));
+        add(format!("<text x=\"6\" y=\"{}\">{}</text>", y + 15, escape(name)));
         add(format!(
             "<rect class=\"{kind}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"2\"><title>{}</title></rect>",
             x + 4,

@@ -1,117 +1,343 @@
-//! What must wait for what, and how images change layout.
+//! What waits for what on each queue, and how images change layout.
 //!
-//! Each resource is followed through the passes in order. Reads wait for the last write, and only where an earlier barrier has
-//! not shown it to them already; writes wait for every read since the last write, or for that write where nothing read it.
+//! Uses of each slot are gathered into groups that need not wait for each other. Between one group and the next on the same queue
+//! stands one barrier, before the first pass of the next, for all its uses together. Where groups are on different queues the wait
+//! between their batches orders memory already; only a change of layout, or of ownership, is left to do, once: by the queue that
+//! has the next group to itself, else by the writer's queue right after the write, else before the first of the readers.
 
-use super::super::{
-    access::{Access, Domain, Layout, Uses},
-    declaration::{Declaration, Origin, ResourceDecl, Shape},
+use super::{
+    super::{
+        access::{Access, Domain, Layout, Queue, Uses},
+        declaration::{Declaration, ImportKey, Origin, Span},
+        desc::Part,
+    },
+    alias::{Sharing, Transient},
+    group::{Group, Groups, NONE},
+    slots::Slots,
 };
 
-/// Barriers that go together: all that stand before one pass, or at the end of the frame.
-pub type BarrierBatch = Vec<Barrier>;
-
-/// One resource, made ready for one use. It covers the whole of it: all mips, all bytes.
+/// One part of one resource, made ready for the uses of a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Barrier {
     /// Index of the resource.
     pub resource: u32,
+    /// Which mips and layers.
+    pub part: Part,
     /// Uses that must be over. Their writes become visible to `to`.
     pub from: Uses,
-    /// The use that waits.
-    pub to: (Access, Domain),
+    /// The uses that wait. [`Uses::ANY`] where other queues take over.
+    pub to: Uses,
     /// Layout before; [`Layout::Undefined`] for buffers and acceleration structures.
     pub layout_from: Layout,
     /// Layout after; [`Layout::Undefined`] for buffers and acceleration structures.
     pub layout_to: Layout,
     /// Contents before are not kept.
     pub discard: bool,
+    /// It is half of a change of ownership.
+    pub handover: Option<Handover>,
 }
 
-/// One batch before each pass of `order`, and one after the last that leaves imported resources as they are asked for.
-pub(super) fn barriers(declaration: &Declaration, order: &[u32]) -> Vec<BarrierBatch> {
-    let mut states: Vec<State> = declaration.resources.iter().map(State::new).collect();
-    let mut batches: Vec<BarrierBatch> = order
-        .iter()
-        .map(|&pass| {
-            let decl = &declaration.passes[pass as usize];
-            let uses = decl.uses.iter();
-            uses.filter_map(|u| states[u.resource as usize].advance(u.resource, u.access.at(decl.domain))).collect()
-        })
-        .collect();
-    let leaving = declaration.resources.iter().enumerate().filter_map(|(resource, decl)| match decl.origin {
-        Origin::Imported { leave: Some(to), .. } => states[resource].advance(resource as u32, to),
-        Origin::Imported { leave: None, .. } | Origin::Transient => None,
-    });
-    batches.push(leaving.collect());
-    batches
+/// One half of a change of ownership between queues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Handover {
+    /// The queue that had it.
+    pub from: Queue,
+    /// The queue that gets it.
+    pub to: Queue,
+    /// Which half.
+    pub role: Role,
 }
 
-/// What is known of a resource at one point of the frame.
-struct State {
-    /// Only images have layouts.
-    is_image: bool,
+/// The halves of a change of ownership.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// On the queue that had it.
+    Release,
+    /// On the queue that gets it, once it has waited for the release.
+    Acquire,
+}
+
+pub(super) struct Synchronised {
+    pub barriers: Vec<Barrier>,
+    pub before: Vec<Span>,
+    pub after: Vec<Span>,
+    pub end: Span,
+    pub unstored: Vec<u32>,
+}
+
+/// What the step works on.
+pub(super) struct Input<'a> {
+    pub declaration: &'a Declaration,
+    pub slots: &'a Slots,
+    pub groups: &'a Groups,
+    pub transients: &'a [Transient],
+    pub successions: &'a [(u32, u32)],
+    pub positions: usize,
+}
+
+/// Every barrier, and where it stands.
+pub(super) fn barriers(input: &Input<'_>) -> Synchronised {
+    let mut writer = Writer::new(input);
+    for group in &input.groups.all {
+        writer.open(group);
+    }
+    writer.leave();
+    let unstored = unstored(input);
+    let Writer { mut placed, .. } = writer;
+    if !placed.is_sorted_by_key(|(key, _)| *key) {
+        placed.sort_by_key(|(key, _)| *key);
+    }
+    let mut next = 0;
+    let mut span_of = |key: u32| {
+        let start = next;
+        while placed.get(next as usize).is_some_and(|(k, _)| *k == key) {
+            next += 1;
+        }
+        Span { start, end: next }
+    };
+    let (mut before, mut after) = (Vec::with_capacity(input.positions), Vec::with_capacity(input.positions));
+    for position in 0..input.positions as u32 {
+        before.push(span_of(before_pass(position)));
+        after.push(span_of(after_pass(position)));
+    }
+    let end = span_of(END);
+    Synchronised { barriers: placed.into_iter().map(|(_, b)| b).collect(), before, after, end, unstored }
+}
+
+/// Where a barrier stands, as a number by which they are sorted.
+fn before_pass(position: u32) -> u32 {
+    2 * position
+}
+
+fn after_pass(position: u32) -> u32 {
+    2 * position + 1
+}
+
+const END: u32 = u32::MAX;
+
+struct Writer<'a> {
+    input: &'a Input<'a>,
+    placed: Vec<(u32, Barrier)>,
+    /// Of each transient that takes over memory, what was done last with that memory.
+    inherited: Vec<Uses>,
+}
+
+/// A slot before the frame.
+struct Start {
     layout: Layout,
-    /// Whether its contents may be lost: nothing has used it yet, and it came without any.
-    fresh: bool,
-    /// What a read has to wait for: the last write, or the use that the last change of layout was made for.
-    source: Uses,
-    /// Reads since the source.
-    readers: Uses,
-    /// Uses that see the source's contents without a further barrier.
+    /// Uses that a change waits for.
+    from: Uses,
+    /// Reads that need no barrier.
     visible: Uses,
+    discard: bool,
 }
 
-impl State {
-    fn new(decl: &ResourceDecl) -> Self {
-        let unknown = Self {
-            is_image: matches!(decl.shape, Shape::Image { .. }),
-            layout: Layout::Undefined,
-            fresh: true,
-            source: Uses::ANY,
-            readers: Uses::EMPTY,
-            visible: Uses::EMPTY,
-        };
-        match decl.origin {
-            // The memory was something else's a moment ago, or was used so in the frame before.
-            Origin::Transient => unknown,
-            Origin::Imported { .. } if decl.is_undefined() => unknown,
+impl<'a> Writer<'a> {
+    fn new(input: &'a Input<'a>) -> Self {
+        let mut inherited = Vec::new();
+        if !input.successions.is_empty() {
+            inherited = vec![Uses::EMPTY; input.declaration.resources.len()];
+            for &(after, before) in input.successions {
+                for slot in input.slots.of_resource(before) {
+                    // Both are on one queue.
+                    if let Some(last) = input.groups.all.get(input.groups.newest[slot as usize] as usize) {
+                        let uses = last.uses.into_iter().fold(Uses::EMPTY, Uses::union);
+                        inherited[after as usize] = inherited[after as usize].union(uses);
+                    }
+                }
+            }
+        }
+        Self { input, placed: Vec::with_capacity(input.groups.all.len()), inherited }
+    }
+
+    fn start(&self, resource: u32) -> Start {
+        match self.input.declaration.resources[resource as usize].origin {
+            Origin::Transient => {
+                let from = self.inherited.get(resource as usize).copied().unwrap_or(Uses::EMPTY);
+                Start { layout: Layout::Undefined, from, visible: Uses::EMPTY, discard: true }
+            }
+            Origin::Imported { key, last, .. } if last.is_empty() => {
+                // Nobody knows what the caller did with it; nothing of the graph's own is in use when a frame begins.
+                let from = if matches!(key, ImportKey::Caller(_)) { Uses::ANY } else { Uses::EMPTY };
+                Start { layout: Layout::Undefined, from, visible: Uses::EMPTY, discard: true }
+            }
             Origin::Imported { last, layout, .. } => {
                 let readers: Uses = last.iter().filter(|(access, _)| !access.writes()).collect();
-                Self { layout, fresh: false, source: last, readers, visible: readers, ..unknown }
+                let from = if readers.is_empty() { last } else { readers };
+                Start { layout, from, visible: readers, discard: false }
             }
         }
     }
 
-    /// Moves on to the next use; gives the barrier that must stand before it, if any.
-    fn advance(&mut self, resource: u32, to: (Access, Domain)) -> Option<Barrier> {
-        let layout = if self.is_image { to.0.layout() } else { Layout::Undefined };
-        let changes = self.fresh || layout != self.layout || to.0.writes();
-        if !changes && self.visible.contains(to) {
-            self.readers.insert(to);
-            return None;
+    /// Places what stands before a group.
+    fn open(&mut self, group: &Group) {
+        let input = self.input;
+        let Some(previous) = input.groups.all.get(group.previous as usize) else { return self.begin(group) };
+        let moves = previous.layout != group.layout;
+        let sharing = || {
+            let at = input.transients.binary_search_by_key(&group.resource, |t| t.resource).ok()?;
+            Some(input.transients[at].sharing)
+        };
+        if let Some(queue) = group.single() {
+            let (q, first) = (queue.index(), group.first[queue.index()]);
+            match previous.single().filter(|other| *other != queue && sharing() == Some(Sharing::HandedOver)) {
+                Some(other) => {
+                    let handover = |role| Some(Handover { from: other, to: queue, role });
+                    let between = self.barrier(group, Uses::EMPTY, Uses::EMPTY, previous.layout);
+                    let from = previous.uses[other.index()];
+                    let release = Barrier { from, handover: handover(Role::Release), ..between };
+                    let to = group.uses[q];
+                    let acquire = Barrier { from: Uses::WAITED, to, handover: handover(Role::Acquire), ..between };
+                    self.place(after_pass(previous.last[other.index()]), release);
+                    self.place(before_pass(first), acquire);
+                }
+                None => {
+                    let others = previous.single() != Some(queue);
+                    let waited = if others { Uses::WAITED } else { Uses::EMPTY };
+                    if moves || !previous.uses[q].is_empty() {
+                        let from = previous.uses[q].union(waited);
+                        self.place(before_pass(first), self.barrier(group, from, group.uses[q], previous.layout));
+                    }
+                }
+            }
+            return;
         }
-        // Whoever changes contents or layout waits for the readers, and they have waited for the source. Whoever reads waits
-        // for the source alone.
-        let from = if changes && !self.readers.is_empty() { self.readers } else { self.source };
-        let barrier = Barrier { resource, from, to, layout_from: self.layout, layout_to: layout, discard: self.fresh };
-        if changes {
-            // A change of layout is ordered before `to`, so who comes later is ordered after it by waiting for `to`.
-            *self = Self {
-                layout,
-                fresh: false,
-                source: Uses::of(to),
-                readers: Uses::EMPTY,
-                visible: Uses::EMPTY,
-                ..*self
-            };
+        // Read on several queues.
+        match previous.single().filter(|_| previous.write) {
+            Some(writer) => {
+                let (q, from) = (writer.index(), previous.uses[writer.index()]);
+                if moves {
+                    let release = self.barrier(group, from, Uses::ANY, previous.layout);
+                    self.place(after_pass(previous.last[q]), release);
+                } else if group.first[q] != NONE {
+                    let own = self.barrier(group, from, group.uses[q], previous.layout);
+                    self.place(before_pass(group.first[q]), own);
+                }
+            }
+            None => {
+                let q = group.leader().index();
+                let from = previous.uses[q].union(Uses::WAITED);
+                self.place(before_pass(group.first[q]), self.barrier(group, from, group.uses[q], previous.layout));
+            }
         }
-        if !to.0.writes() {
-            self.readers.insert(to);
-            self.visible.insert(to);
-        }
-        Some(barrier)
     }
+
+    /// Places what stands before the first group of a slot.
+    fn begin(&mut self, group: &Group) {
+        let start = self.start(group.resource);
+        let leader = group.leader();
+        let (moves, q) = (start.layout != group.layout, leader.index());
+        let on_graphics = leader == Queue::Graphics;
+        // Imports were last used on the graphics queue; what the others do comes after the frame before, as a whole.
+        let knows = self.input.declaration.resources[group.resource as usize].is_transient() || on_graphics;
+        let from = if knows { start.from } else { Uses::EMPTY };
+        let seen = !group.write && start.visible.includes(group.uses[q]);
+        if moves || (!from.is_empty() && !seen) {
+            let barrier = self.barrier(group, from, group.uses[q], start.layout);
+            self.place(before_pass(group.first[q]), Barrier { discard: start.discard, ..barrier });
+        }
+        let graphics = Queue::Graphics.index();
+        if !on_graphics && !moves && group.first[graphics] != NONE && !start.visible.includes(group.uses[graphics]) {
+            let barrier = self.barrier(group, start.from, group.uses[graphics], start.layout);
+            self.place(before_pass(group.first[graphics]), barrier);
+        }
+    }
+
+    /// Leaves imports as they are asked for.
+    fn leave(&mut self) {
+        let Input { declaration, slots, groups, .. } = *self.input;
+        for (resource, decl) in declaration.resources.iter().enumerate() {
+            let Origin::Imported { leave: Some(at), .. } = decl.origin else { continue };
+            let resource = resource as u32;
+            for slot in slots.of_resource(resource) {
+                self.leave_slot(resource, slot, at, groups.all.get(groups.newest[slot as usize] as usize));
+            }
+        }
+    }
+
+    fn leave_slot(&mut self, resource: u32, slot: u32, at: (Access, Domain), last: Option<&Group>) {
+        let is_image = self.input.declaration.resources[resource as usize].shape.is_image();
+        let layout_to = if is_image { at.0.layout() } else { Layout::Undefined };
+        let (layout_from, from, visible, discard) = match last {
+            None => {
+                let start = self.start(resource);
+                (start.layout, start.from, start.visible, start.discard)
+            }
+            Some(group) => {
+                let graphics = Queue::Graphics;
+                let waited = if group.single() == Some(graphics) { Uses::EMPTY } else { Uses::WAITED };
+                let own = group.uses[graphics.index()];
+                let visible = if group.write { Uses::EMPTY } else { own };
+                // On other queues alone: the wait at the end shows everything to everyone.
+                let seen = own.is_empty() && group.layout == layout_to;
+                (group.layout, own.union(waited), if seen { Uses::of(at) } else { visible }, false)
+            }
+        };
+        let is_new = discard && last.is_none();
+        if layout_from != layout_to || !visible.includes(Uses::of(at)) {
+            let part = self.input.slots.part(self.input.declaration, resource, slot);
+            let to = Uses::of(at);
+            self.place(END, Barrier { resource, part, from, to, layout_from, layout_to, discard: is_new, handover: None });
+        }
+    }
+
+    fn barrier(&self, group: &Group, from: Uses, to: Uses, layout_from: Layout) -> Barrier {
+        let part = self.input.slots.part(self.input.declaration, group.resource, group.slot);
+        let (resource, layout_to) = (group.resource, group.layout);
+        Barrier { resource, part, from, to, layout_from, layout_to, discard: false, handover: None }
+    }
+
+    /// Puts a barrier in its place, as one with those before it of neighbouring mips and layers.
+    fn place(&mut self, key: u32, barrier: Barrier) {
+        let mut barrier = barrier;
+        while let Some((_, before)) = self.placed.last().filter(|(k, _)| *k == key)
+            && let Some(both) = join(before, &barrier)
+        {
+            self.placed.pop();
+            barrier = both;
+        }
+        self.placed.push((key, barrier));
+    }
+}
+
+/// Two barriers as one, where they differ in nothing but neighbouring mips or layers.
+fn join(a: &Barrier, b: &Barrier) -> Option<Barrier> {
+    let alike = Barrier { part: b.part, ..*a } == *b;
+    let (p, q) = (a.part, b.part);
+    let part = if (p.layer, p.layers) == (q.layer, q.layers) && p.mip + p.mips == q.mip {
+        Part { mips: p.mips + q.mips, ..p }
+    } else if (p.mip, p.mips) == (q.mip, q.mips) && p.layer + p.layers == q.layer {
+        Part { layers: p.layers + q.layers, ..p }
+    } else {
+        return None;
+    };
+    alike.then_some(Barrier { part, ..*a })
+}
+
+/// Attachments that nobody reads after the pass: ended transients that are no output of the frame.
+fn unstored(input: &Input<'_>) -> Vec<u32> {
+    let declaration = input.declaration;
+    let mut unstored = Vec::new();
+    for (index, group) in input.groups.all.iter().enumerate() {
+        let u = &declaration.uses[group.use_index as usize];
+        let wanted = || {
+            let output = |o: &super::super::declaration::OutputDecl| {
+                o.resource == u.resource && Some(o.version) == u.writes
+            };
+            declaration.outputs.iter().any(output)
+        };
+        let is_last = input.groups.newest[group.slot as usize] == index as u32;
+        if group.write
+            && u.access.is_attachment()
+            && is_last
+            && declaration.resources[group.resource as usize].is_transient()
+            && !wanted()
+        {
+            unstored.push(group.use_index);
+        }
+    }
+    unstored.sort_unstable();
+    unstored
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 //! A pass is needed when a frame output, an imported resource or a needed pass depends on what it writes. A weak pass that
 //! changes what another made is never needed by those who read it after: it is kept if all that it reads is made anyway.
 
-use super::super::declaration::{Declaration, PassDecl, Use};
+use super::super::declaration::{Declaration, ImportKey, Origin, ResourceDecl, Use, Writers};
 
 /// A pass that the plan leaves out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,114 +14,174 @@ pub struct Culled {
     pub reason: String,
 }
 
-/// Splits the passes into those that are kept, in the order of declaration, and those that are left out.
-pub(super) fn cull(declaration: &Declaration) -> (Vec<u32>, Vec<Culled>) {
+/// Splits the passes into those that are kept, in the order of declaration, and those that are left out. Where culling is off all
+/// are kept.
+pub(super) fn cull(declaration: &Declaration, enabled: bool) -> (Vec<u32>, Vec<Culled>) {
     let count = declaration.passes.len() as u32;
+    if !enabled {
+        return ((0..count).collect(), Vec::new());
+    }
     let none = vec![false; declaration.passes.len()];
-    let mut search = Search { declaration, kept: none.clone(), wanted: none.clone(), possible: none };
+    let mut search = Search {
+        declaration,
+        writers: declaration.writers(),
+        carried: carried(declaration),
+        kept: none.clone(),
+        wanted: none.clone(),
+        possible: none,
+        open: Vec::new(),
+    };
 
     for output in &declaration.outputs {
         if let Some(writer) = search.base_writer(output.resource, output.version) {
             search.keep(writer);
         }
     }
+    let mut any_weak = false;
     for pass in 0..count {
-        if !search.pass(pass).weak && search.outlives_frame(pass) {
+        let weak = search.is_weak(pass);
+        any_weak |= weak;
+        if !weak && search.outlives_frame(pass) {
             search.keep(pass);
         }
     }
-    // What a weak pass reads was declared before it, and what wants it is declared after it.
-    for pass in 0..count {
-        search.possible[pass as usize] = search.pass(pass).weak && search.missing_input(pass).is_none();
-    }
-    for pass in (0..count).rev() {
-        if search.possible[pass as usize] && (search.wanted[pass as usize] || search.outlives_frame(pass)) {
-            search.keep(pass);
+    if any_weak {
+        // What a weak pass reads was declared before it, and what wants it is declared after it.
+        for pass in 0..count {
+            search.possible[pass as usize] = search.is_weak(pass) && search.missing_input(pass).is_none();
+        }
+        for pass in (0..count).rev() {
+            if search.possible[pass as usize] && (search.wanted[pass as usize] || search.outlives_frame(pass)) {
+                search.keep(pass);
+            }
         }
     }
 
-    let (kept, culled): (Vec<u32>, Vec<u32>) = (0..count).partition(|&pass| search.kept[pass as usize]);
-    let culled = culled.into_iter().map(|pass| Culled { pass, reason: search.reason(pass) }).collect();
+    let mut kept = Vec::with_capacity(declaration.passes.len());
+    kept.extend((0..count).filter(|&pass| search.kept[pass as usize]));
+    let left_out = (0..count).filter(|&pass| !search.kept[pass as usize]);
+    let culled = left_out.map(|pass| Culled { pass, reason: search.reason(pass) }).collect();
     (kept, culled)
+}
+
+/// Of each resource that comes from the frame before, the one that goes to the frame after. Empty where there are none.
+fn carried(declaration: &Declaration) -> Vec<Option<u32>> {
+    let key = |r: &ResourceDecl| match r.origin {
+        Origin::Imported { key, .. } => Some(key),
+        Origin::Transient => None,
+    };
+    let is_kept = |r: &ResourceDecl| matches!(key(r), Some(ImportKey::Kept(_)));
+    if declaration.histories.is_empty() && !declaration.resources.iter().any(is_kept) {
+        return Vec::new();
+    }
+    let resources = declaration.resources.iter().zip(0..);
+    let mut carried: Vec<Option<u32>> = resources.map(|(r, index)| is_kept(r).then_some(index)).collect();
+    for history in &declaration.histories {
+        carried[history.previous as usize] = Some(history.next);
+    }
+    carried
 }
 
 struct Search<'d> {
     declaration: &'d Declaration,
+    writers: Writers,
+    carried: Vec<Option<u32>>,
     kept: Vec<bool>,
     /// Weak passes that changed something which a kept pass reads after them.
     wanted: Vec<bool>,
     /// Weak passes that can be kept without keeping anything but weak passes for their sake.
     possible: Vec<bool>,
+    /// Passes found needed whose inputs were not yet looked at.
+    open: Vec<u32>,
 }
 
 impl<'d> Search<'d> {
-    fn pass(&self, pass: u32) -> &'d PassDecl {
-        &self.declaration.passes[pass as usize]
+    fn is_weak(&self, pass: u32) -> bool {
+        self.declaration.passes[pass as usize].weak
     }
 
-    fn name(&self, u: &Use) -> &'d str {
-        &self.declaration.resources[u.resource as usize].name
+    fn uses(&self, pass: u32) -> &'d [Use] {
+        self.declaration.uses_of(pass)
     }
 
+    /// Whether a pass writes something that the caller holds. What goes to the next frame is needed only if this frame needed what
+    /// came from the one before.
     fn outlives_frame(&self, pass: u32) -> bool {
-        let imported = |u: &Use| !self.declaration.resources[u.resource as usize].is_transient();
-        self.pass(pass).uses.iter().any(|u| u.writes.is_some() && imported(u))
+        let held = |u: &Use| match self.declaration.resources[u.resource as usize].origin {
+            Origin::Imported { key, .. } => matches!(key, ImportKey::Caller(_)),
+            Origin::Transient => false,
+        };
+        self.uses(pass).iter().any(|u| u.writes.is_some() && held(u))
     }
 
     /// Keeps a pass and whatever it depends on.
     fn keep(&mut self, pass: u32) {
-        let mut open = vec![pass];
+        let mut open = std::mem::take(&mut self.open);
+        open.push(pass);
         while let Some(pass) = open.pop() {
-            if !std::mem::replace(&mut self.kept[pass as usize], true) {
-                let reads = self.pass(pass).uses.iter().filter_map(|u| Some((u.resource, u.reads?)));
-                open.extend(reads.filter_map(|(resource, version)| self.base_writer(resource, version)));
+            if std::mem::replace(&mut self.kept[pass as usize], true) {
+                continue;
+            }
+            let weak = self.is_weak(pass);
+            for u in self.uses(pass) {
+                let Some(version) = u.reads else { continue };
+                open.extend(self.base_writer(u.resource, version));
+                let carried = self.carried.get(u.resource as usize).copied().flatten();
+                if let Some(next) = carried.filter(|_| !weak) {
+                    let newest = self.declaration.resources[next as usize].versions - 1;
+                    open.extend(self.base_writer(next, newest));
+                }
             }
         }
+        self.open = open;
     }
 
     /// The pass that a version depends on: its writer, or where weak passes only changed it, the writer before them. Notes that
     /// those weak passes are wanted.
     fn base_writer(&mut self, resource: u32, version: u32) -> Option<u32> {
-        let (base, changes) = self.history(resource, version);
-        changes.into_iter().for_each(|pass| self.wanted[pass as usize] = true);
-        base
-    }
-
-    /// The writer of a version before any weak changes, and the passes that made these.
-    fn history(&self, resource: u32, version: u32) -> (Option<u32>, Vec<u32>) {
-        let decl = &self.declaration.resources[resource as usize];
-        // Before this version there are no contents that a change could leave as they were.
-        let first = if decl.is_undefined() { 1 } else { 0 };
-        let mut changes = Vec::new();
         let mut version = version;
         loop {
-            match decl.writers[version as usize] {
-                Some(writer) if version > first && self.pass(writer).weak => changes.push(writer),
-                writer => return (writer, changes),
+            let writer = self.writers.get(resource, version)?;
+            if !self.is_change(resource, version, writer) {
+                return Some(writer);
             }
+            self.wanted[writer as usize] = true;
             version -= 1;
         }
     }
 
+    /// Whether a weak pass wrote this version over contents that it could as well have left as they were.
+    fn is_change(&self, resource: u32, version: u32, writer: u32) -> bool {
+        let first = u32::from(self.declaration.resources[resource as usize].is_undefined());
+        self.is_weak(writer) && version > first
+    }
+
     /// The first use whose contents are not made, and the pass that would make them.
     fn missing_input(&self, pass: u32) -> Option<(&'d Use, u32)> {
-        self.pass(pass).uses.iter().find_map(|u| {
-            let writer = self.history(u.resource, u.reads?).0?;
+        self.uses(pass).iter().find_map(|u| {
+            let mut version = u.reads?;
+            let writer = loop {
+                let writer = self.writers.get(u.resource, version)?;
+                if !self.is_change(u.resource, version, writer) {
+                    break writer;
+                }
+                version -= 1;
+            };
             let made = self.kept[writer as usize] || self.possible[writer as usize];
             (!made).then_some((u, writer))
         })
     }
 
     fn reason(&self, pass: u32) -> String {
-        let decl = self.pass(pass);
-        if decl.weak
+        let name = |u: &Use| self.declaration.resource_name(u.resource);
+        if self.is_weak(pass)
             && let Some((missing, writer)) = self.missing_input(pass)
         {
-            let (missing, writer) = (self.name(missing), &self.pass(writer).name);
+            let (missing, writer) = (name(missing), self.declaration.pass_name(writer));
             return format!("it only observes, and `{missing}` is not made: pass `{writer}` is left out");
         }
         let written: Vec<String> =
-            decl.uses.iter().filter(|u| u.writes.is_some()).map(|u| format!("`{}`", self.name(u))).collect();
+            self.uses(pass).iter().filter(|u| u.writes.is_some()).map(|u| format!("`{}`", name(u))).collect();
         match written.as_slice() {
             [] => "it writes nothing".to_owned(),
             all => format!("nothing that is kept needs {}", all.join(", ")),
@@ -147,7 +207,7 @@ mod tests {
     }
 
     fn findings(g: &mut FrameGraph) -> WriteHandle<Buffer> {
-        g.import_buffer("findings", BufferDesc::new(64), Access::HostRead, ImportKey(0))
+        g.import_buffer("findings", BufferDesc::new(64), Access::HostRead, ImportKey::Caller(0))
     }
 
     fn scan(
@@ -164,8 +224,8 @@ mod tests {
 
     fn order(g: FrameGraph) -> (Vec<String>, Vec<(String, String)>) {
         let frame = g.finish().unwrap();
-        let plan = plan(&frame.declaration);
-        let name = |p: u32| frame.declaration.passes[p as usize].name.clone();
+        let plan = super::super::plan_with(&frame.declaration, "");
+        let name = |p: u32| frame.declaration.pass_name(p).to_owned();
         let culled = plan.culled.iter().map(|c| (name(c.pass), c.reason.clone())).collect();
         (plan.order.iter().map(|&p| name(p)).collect(), culled)
     }
@@ -214,14 +274,14 @@ mod tests {
     fn writing_an_import_is_needed_by_itself() {
         let mut g = FrameGraph::new(Extent::new(8, 8));
         let a = make(&mut g, "a");
-        let readback = g.import_buffer("readback", BufferDesc::new(512), Access::HostRead, ImportKey(7));
+        let readback = g.import_buffer("readback", BufferDesc::new(512), Access::HostRead, ImportKey::Caller(7));
         let readback = g.pass("b", Queue::Graphics, |p| {
             p.copy_from(a.read());
             (p.copy_to(readback).0, |_: &mut Record| {})
         });
         assert!(matches!(
             g.declaration().resources[readback.read().id() as usize].origin,
-            Origin::Imported { key: ImportKey(7), .. }
+            Origin::Imported { key: ImportKey::Caller(7), .. }
         ));
         assert_eq!(order(g).0, ["a", "b"]);
     }
@@ -272,7 +332,7 @@ mod tests {
         ] {
             let mut g = FrameGraph::new(Extent::new(8, 8));
             let a = make(&mut g, "a");
-            let import = g.import_image("import", DESC(), state, ImportKey(0));
+            let import = g.import_image("import", DESC(), state, ImportKey::Caller(0));
             let import = g.weak_pass("fill", Queue::Graphics, |p| {
                 p.sample(a.read());
                 (p.write(import).0, |_: &mut Record| {})

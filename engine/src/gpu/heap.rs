@@ -1,0 +1,85 @@
+//! Memory that several objects share, each in a place of its own or in turn.
+use super::device::{Garbage, lock};
+use super::{Gpu, GpuError};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+/// A piece of device memory. Freed when dropped, after the device is done with it.
+pub(crate) struct Heap {
+    gpu: Gpu,
+    memory: Option<Allocation>,
+    bytes: u64,
+}
+
+/// Alignment of a heap's begin, bytes: no object of today's devices asks for more.
+const ALIGN: u64 = 1 << 16;
+
+impl Heap {
+    /// So many bytes of memory of a type.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn new(gpu: &Gpu, name: &str, bytes: u64, kind: u8) -> Result<Self, GpuError> {
+        let requirements =
+            vk::MemoryRequirements { size: bytes.max(1), alignment: ALIGN, memory_type_bits: 1 << u32::from(kind) };
+        let allocation = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
+            name,
+            requirements,
+            location: MemoryLocation::GpuOnly,
+            linear: false,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        });
+        let memory = allocation.map_err(|e| {
+            log::error!("{name}: {e}");
+            GpuError::OutOfMemory { what: name.to_owned(), bytes }
+        })?;
+        Ok(Self { gpu: gpu.clone(), memory: Some(memory), bytes })
+    }
+
+    /// Its size.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Where an object at `offset` is bound.
+    pub(super) fn place(&self, offset: u64) -> (vk::DeviceMemory, u64) {
+        self.memory.as_ref().map_or((vk::DeviceMemory::null(), 0), |m| {
+            // SAFETY: the memory lives as long as the heap, which whoever is bound to it holds.
+            (unsafe { m.memory() }, m.offset() + offset)
+        })
+    }
+}
+
+impl Drop for Heap {
+    fn drop(&mut self) {
+        if let Some(memory) = self.memory.take() {
+            self.gpu.0.discard(Garbage::Memory(memory));
+        }
+    }
+}
+
+impl Gpu {
+    /// The memory type for objects that can lie in these types: one that is fast for the device, and the one that buffers lie in
+    /// where that is among them.
+    pub(super) fn memory_kind(&self, types: u32) -> u8 {
+        let buffers = self.0.buffer_types.trailing_zeros() as u8;
+        let fast = |t: &u8| {
+            types >> *t & 1 == 1
+                && self.0.memory_types[usize::from(*t)].contains(vk::MemoryPropertyFlags::DEVICE_LOCAL)
+        };
+        let all = || 0..self.0.memory_types.len() as u8;
+        let shared = all().find(|t| fast(t) && self.0.buffer_types >> *t & 1 == 1);
+        shared.or_else(|| all().find(fast)).unwrap_or(buffers)
+    }
+
+    /// The memory type for buffers.
+    pub(crate) fn buffer_kind(&self) -> u8 {
+        self.memory_kind(self.0.buffer_types)
+    }
+
+    /// How far images and buffers keep apart in one heap, bytes.
+    pub(crate) fn granularity(&self) -> u64 {
+        self.0.granularity
+    }
+}

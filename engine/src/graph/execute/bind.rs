@@ -1,0 +1,376 @@
+//! Objects behind the resources of a plan, and its barriers in the device's words.
+//!
+//! Each kind of memory has one heap, as large as the plan asks for. Buffers and acceleration structures are ranges of one buffer
+//! over the whole heap, so that making one costs nothing; images are placed in it, and kept as long as a plan puts the same image
+//! to the same place.
+
+use std::{collections::HashMap, sync::Arc};
+
+use super::{
+    super::{
+        access::{Access, Uses},
+        declaration::{Declaration, ImportKey, Origin, Shape},
+        desc::Part,
+        plan::{Barrier, Footprint, Footprints, Plan, Role, Sharing, Transient},
+        record::{BufferRange, Physical},
+    },
+    ExecuteError, Imports,
+    cache::Entry,
+    keep::Kept,
+};
+use crate::gpu::{self, Gpu, GpuError, Heap, ImageBarrier, ImageInfo, ImageUse, MemoryBarrier};
+
+/// Frames after which a heap that is larger than asked for shrinks.
+const PATIENCE: u32 = 16;
+
+/// Alignment of buffers in a heap, bytes: a cache line; acceleration structures want more.
+const BUFFER_ALIGN: u64 = 64;
+const ACCEL_ALIGN: u64 = 256;
+
+/// Memory and images for transients, kept from frame to frame.
+pub(super) struct Pool {
+    heaps: Vec<Held>,
+    images: HashMap<Place, Pooled>,
+    footprints: HashMap<ImageInfo, Footprint>,
+    /// Counts changes of heaps: what was bound before is bound to memory that is gone.
+    generation: u64,
+    frame: u64,
+    buffer_kind: u8,
+}
+
+/// A heap and the buffer over it.
+struct Held {
+    kind: u8,
+    heap: Arc<Heap>,
+    buffer: Option<Arc<gpu::Buffer>>,
+    /// Frames in a row that asked for less.
+    too_large: u32,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Place {
+    info: ImageInfo,
+    heap: u32,
+    offset: u64,
+}
+
+struct Pooled {
+    image: Arc<gpu::Image>,
+    /// The frame that used it last.
+    used: u64,
+}
+
+/// A plan's objects and barriers.
+pub(super) struct Bound {
+    generation: u64,
+    pub physical: Vec<Physical>,
+    imports: Vec<(u32, ImportKey)>,
+    /// Parts that are bound on their own: resource, part, for storage.
+    parts: Vec<(u32, Part, bool)>,
+    /// Where pooled images are, so that they are known to be in use.
+    places: Vec<Place>,
+    pub barriers: Compiled,
+}
+
+/// The barriers of a plan in the device's words.
+#[derive(Default)]
+pub(super) struct Compiled {
+    memory: Vec<MemoryBarrier>,
+    images: Vec<ImageBarrier>,
+    /// Before and after each position, and at the end: where its barriers begin.
+    stops: Vec<(u32, u32)>,
+    /// Image barriers on imports, whose objects change from frame to frame: barrier and resource.
+    patches: Vec<(u32, u32)>,
+}
+
+impl Compiled {
+    /// The barriers before a position.
+    pub fn before(&self, position: usize) -> (&[MemoryBarrier], &[ImageBarrier]) {
+        self.at(2 * position)
+    }
+
+    /// The barriers after a position.
+    pub fn after(&self, position: usize) -> (&[MemoryBarrier], &[ImageBarrier]) {
+        self.at(2 * position + 1)
+    }
+
+    /// The barriers at the end.
+    pub fn end(&self) -> (&[MemoryBarrier], &[ImageBarrier]) {
+        self.at(self.stops.len() - 2)
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u32 {
+        (self.memory.len() + self.images.len()) as u32
+    }
+
+    fn at(&self, stop: usize) -> (&[MemoryBarrier], &[ImageBarrier]) {
+        let ((memory, image), (memory_end, image_end)) = (self.stops[stop], self.stops[stop + 1]);
+        (&self.memory[memory as usize..memory_end as usize], &self.images[image as usize..image_end as usize])
+    }
+}
+
+/// What the plan asks about the device.
+pub(super) struct Device<'a> {
+    pub gpu: &'a Gpu,
+    pool: &'a mut Pool,
+}
+
+impl<'a> Device<'a> {
+    pub fn new(gpu: &'a Gpu, pool: &'a mut Pool) -> Self {
+        Self { gpu, pool }
+    }
+}
+
+impl Footprints for Device<'_> {
+    fn footprint(&mut self, shape: Shape, uses: Uses, sharing: Sharing) -> Footprint {
+        let kind = self.pool.buffer_kind;
+        let buffer = |bytes: u64, align: u64| Footprint { bytes: bytes.next_multiple_of(align), align, kind };
+        match shape {
+            Shape::Buffer { bytes } => buffer(bytes, BUFFER_ALIGN),
+            Shape::Accel { bytes } => buffer(bytes, ACCEL_ALIGN),
+            Shape::Image { .. } => {
+                let Some(info) = image_info(shape, uses, sharing) else { return buffer(0, 1) };
+                *self.pool.footprints.entry(info).or_insert_with(|| {
+                    let (bytes, align, kind) = info.footprint(self.gpu);
+                    Footprint { bytes, align, kind }
+                })
+            }
+        }
+    }
+
+    fn granularity(&self) -> u64 {
+        self.gpu.granularity()
+    }
+}
+
+impl Pool {
+    pub fn new(gpu: &Gpu) -> Self {
+        Self {
+            heaps: Vec::new(),
+            images: HashMap::new(),
+            footprints: HashMap::new(),
+            generation: 0,
+            frame: 0,
+            buffer_kind: gpu.buffer_kind(),
+        }
+    }
+
+    /// Bytes of device memory behind the transients.
+    pub fn bytes(&self) -> u64 {
+        self.heaps.iter().map(|h| h.heap.bytes()).sum()
+    }
+
+    /// Lets go of images that no recent frame used.
+    pub fn end_frame(&mut self) {
+        self.frame += 1;
+        if self.frame.is_multiple_of(u64::from(PATIENCE)) {
+            let oldest = self.frame.saturating_sub(u64::from(PATIENCE));
+            let before = self.images.len();
+            self.images.retain(|_, pooled| pooled.used >= oldest);
+            if self.images.len() != before {
+                self.generation += 1;
+            }
+        }
+    }
+
+    /// Gives every resource of a plan its object. What was bound in an earlier frame stays; imports are looked up anew.
+    pub fn bind(
+        &mut self,
+        gpu: &Gpu,
+        entry: &mut Entry,
+        imports: &Imports,
+        kept: &Kept,
+    ) -> Result<(), ExecuteError> {
+        self.fit_heaps(gpu, &entry.plan)?;
+        if entry.bound.as_ref().is_none_or(|b| b.generation != self.generation) {
+            entry.bound = Some(self.bind_transients(gpu, &entry.declaration, &entry.plan)?);
+        }
+        let Some(bound) = &mut entry.bound else { return Ok(()) };
+        for place in &bound.places {
+            if let Some(pooled) = self.images.get_mut(place) {
+                pooled.used = self.frame;
+            }
+        }
+        for &(resource, key) in &bound.imports {
+            let object = match key {
+                ImportKey::Caller(at) => imports.0.get(at as usize).cloned(),
+                ImportKey::Previous(_) | ImportKey::Next(_) | ImportKey::Kept(_) => kept.object(key),
+            };
+            bound.physical[resource as usize] = object.unwrap_or(Physical::Unused);
+        }
+        for &(resource, part, storage) in &bound.parts {
+            if let Physical::Image(image) = &bound.physical[resource as usize] {
+                let failed = |source| ExecuteError::Pass { pass: entry.declaration.resource_name(resource), source };
+                image.prepare(part, storage).map_err(failed)?;
+            }
+        }
+        let Bound { physical, barriers, .. } = bound;
+        for &(barrier, resource) in &barriers.patches {
+            if let Physical::Image(image) = &physical[resource as usize] {
+                barriers.images[barrier as usize].set_image(image);
+            }
+        }
+        if !barriers.patches.is_empty() || !barriers.stops.is_empty() {
+            return Ok(());
+        }
+        *barriers = compile(gpu, &entry.declaration, &entry.plan, physical);
+        Ok(())
+    }
+
+    /// One heap for each that the plan asks for, large enough, and not larger for long.
+    fn fit_heaps(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
+        let wanted = |kind: u8| plan.heaps.iter().find(|h| h.kind == kind).map_or(0, |h| h.bytes);
+        for held in &mut self.heaps {
+            let less = wanted(held.kind) < held.heap.bytes();
+            held.too_large = if less { held.too_large + 1 } else { 0 };
+        }
+        let before = self.heaps.len();
+        self.heaps.retain(|held| {
+            let bytes = wanted(held.kind);
+            bytes <= held.heap.bytes() && held.too_large < PATIENCE
+        });
+        if self.heaps.len() != before {
+            self.generation += 1;
+            self.images.clear();
+        }
+        for heap in &plan.heaps {
+            if heap.bytes > 0 && !self.heaps.iter().any(|h| h.kind == heap.kind) {
+                let memory = Arc::new(Heap::new(gpu, "transients", heap.bytes, heap.kind)?);
+                let buffer = (heap.kind == self.buffer_kind)
+                    .then(|| gpu::Buffer::over(gpu, "transient buffers", &memory).map(Arc::new))
+                    .transpose()?;
+                self.heaps.push(Held { kind: heap.kind, heap: memory, buffer, too_large: 0 });
+                self.generation += 1;
+            }
+        }
+        Ok(())
+    }
+
+    fn bind_transients(&mut self, gpu: &Gpu, declaration: &Declaration, plan: &Plan) -> Result<Bound, ExecuteError> {
+        let mut bound = Bound {
+            generation: self.generation,
+            physical: vec![Physical::Unused; declaration.resources.len()],
+            imports: Vec::new(),
+            parts: parts(declaration, plan),
+            places: Vec::new(),
+            barriers: Compiled::default(),
+        };
+        for (resource, decl) in (0..).zip(&declaration.resources) {
+            if let Origin::Imported { key, .. } = decl.origin {
+                bound.imports.push((resource, key));
+            }
+        }
+        for transient in &plan.transients {
+            let failed = |source| ExecuteError::Pass { pass: declaration.resource_name(transient.resource), source };
+            let object = self.object(gpu, declaration, plan, transient, &mut bound.places).map_err(failed)?;
+            bound.physical[transient.resource as usize] = object;
+        }
+        Ok(bound)
+    }
+
+    fn object(
+        &mut self,
+        gpu: &Gpu,
+        declaration: &Declaration,
+        plan: &Plan,
+        transient: &Transient,
+        places: &mut Vec<Place>,
+    ) -> Result<Physical, GpuError> {
+        let kind = plan.heaps[transient.heap as usize].kind;
+        let Some(held) = self.heaps.iter().find(|h| h.kind == kind) else { return Ok(Physical::Unused) };
+        let shape = declaration.resources[transient.resource as usize].shape;
+        let offset = transient.offset;
+        let Some(info) = image_info(shape, transient.uses, transient.sharing) else {
+            let Some(buffer) = held.buffer.clone() else { return Ok(Physical::Unused) };
+            return Ok(Physical::Buffer(BufferRange { buffer, offset, bytes: shape.bytes() }));
+        };
+        let place = Place { info, heap: transient.heap, offset };
+        if let Some(pooled) = self.images.get(&place) {
+            places.push(place);
+            return Ok(Physical::Image(pooled.image.clone()));
+        }
+        // Several resources may take turns in one image, so it has the name of none.
+        let name = format!("transient {:?} {} at {offset}", info.format, info.extent);
+        let image = Arc::new(gpu::Image::placed(gpu, &name, info, &held.heap, offset)?);
+        self.images.insert(place, Pooled { image: image.clone(), used: self.frame });
+        places.push(place);
+        Ok(Physical::Image(image))
+    }
+}
+
+/// Parts of images that kept passes bind on their own.
+fn parts(declaration: &Declaration, plan: &Plan) -> Vec<(u32, Part, bool)> {
+    let mut parts = Vec::new();
+    for u in plan.order.iter().flat_map(|&pass| declaration.uses_of(pass)) {
+        let (mips, layers) = declaration.resources[u.resource as usize].shape.parts();
+        let (sampled, stored) = (u.access == Access::Sample, is_storage(u.access));
+        let one = (u.resource, u.part, stored);
+        if (sampled || stored) && u.part != Part::ALL.of(mips, layers) && !parts.contains(&one) {
+            parts.push(one);
+        }
+    }
+    parts
+}
+
+/// Reads or writes of storage images.
+pub(super) fn is_storage(access: Access) -> bool {
+    matches!(access, Access::StorageRead | Access::StorageWrite | Access::StorageReadWrite)
+}
+
+/// The image that a shape and its uses ask for; none for what is no image.
+fn image_info(shape: Shape, uses: Uses, sharing: Sharing) -> Option<ImageInfo> {
+    let Shape::Image { format, extent, mips, layers } = shape else { return None };
+    let mut usage = ImageUse::default();
+    for (access, _) in uses.iter() {
+        usage.sampled |= access == Access::Sample;
+        usage.attachment |= access.is_attachment();
+        usage.storage |= is_storage(access);
+    }
+    let exclusive = sharing != Sharing::Concurrent;
+    Some(ImageInfo { format, extent, mips, layers, usage, exclusive })
+}
+
+fn compile(gpu: &Gpu, declaration: &Declaration, plan: &Plan, physical: &[Physical]) -> Compiled {
+    let mut compiled = Compiled { stops: Vec::with_capacity(2 * plan.order.len() + 2), ..Default::default() };
+    compiled.memory.reserve(plan.barriers.len());
+    for (before, after) in plan.before.iter().zip(&plan.after) {
+        compiled.stop(gpu, declaration, &plan.barriers[before.range()], physical);
+        compiled.stop(gpu, declaration, &plan.barriers[after.range()], physical);
+    }
+    compiled.stop(gpu, declaration, &plan.barriers[plan.end.range()], physical);
+    compiled.stops.push((compiled.memory.len() as u32, compiled.images.len() as u32));
+    compiled
+}
+
+impl Compiled {
+    /// Adds the barriers of one place. Those that leave layout and owner alone need not name what they are for.
+    fn stop(&mut self, gpu: &Gpu, declaration: &Declaration, batch: &[Barrier], physical: &[Physical]) {
+        let first = self.memory.len();
+        self.stops.push((first as u32, self.images.len() as u32));
+        for b in batch {
+            let families = b.handover.map(|h| (gpu.family(h.from), gpu.family(h.to))).filter(|(from, to)| from != to);
+            // Two queues of the graph may be one of the device: there the release alone changes the layout.
+            let done = families.is_none() && b.handover.is_some_and(|h| h.role == Role::Acquire);
+            let image = match &physical[b.resource as usize] {
+                Physical::Image(image) if b.layout_from != b.layout_to || families.is_some() => image,
+                Physical::Image(_) | Physical::Buffer(_) => {
+                    let new = MemoryBarrier::new(b.from, b.to);
+                    if !self.memory[first..].iter_mut().any(|known| known.join(&new)) {
+                        self.memory.push(new);
+                    }
+                    continue;
+                }
+                Physical::Unused => continue,
+            };
+            if done {
+                continue;
+            }
+            if !declaration.resources[b.resource as usize].is_transient() {
+                self.patches.push((self.images.len() as u32, b.resource));
+            }
+            let layouts = (b.layout_from, b.layout_to);
+            self.images.push(ImageBarrier::new(image, b.part, (b.from, b.to), layouts, families));
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! Command buffers of a frame and their submission.
+//!
+//! A batch is one command buffer, or several where it has so many passes that threads share the work: they are submitted one after
+//! another, and barriers in one reach across to those before it, so no pass notices.
+
+use std::{ops::Range, time::Instant};
+
+use rayon::prelude::*;
+
+use super::{
+    super::{
+        access::{Access, Domain, Queue},
+        declaration::{Clear, Declaration},
+        pass::RecordFn,
+        plan::{Batch, Plan},
+        record::{Physical, Record, Recorded},
+    },
+    bind::{Bound, is_storage},
+    nanoseconds,
+    time::Clock,
+};
+use crate::{
+    gpu::{Attachment, CommandEncoder, Gpu, GpuError, PassSet, Submission},
+    measure::PassTime,
+};
+
+/// Command buffers, kept from frame to frame.
+pub(super) struct Commands {
+    gpu: Gpu,
+    /// By queue.
+    encoders: [Vec<CommandEncoder>; Queue::ALL.len()],
+    /// What passes record, by position.
+    ordered: Vec<Option<RecordFn>>,
+}
+
+/// A frame to record.
+#[derive(Clone, Copy)]
+pub(super) struct Frame<'a> {
+    pub gpu: &'a Gpu,
+    pub declaration: &'a Declaration,
+    pub plan: &'a Plan,
+    pub bound: &'a Bound,
+    /// Has room for the rays of every pass.
+    pub counters: &'a Clock,
+    pub begun: Instant,
+}
+
+/// A frame that was handed over.
+pub(super) struct Ran {
+    /// Once this is done, all is.
+    pub last: Submission,
+    /// By position; empty when nothing is measured.
+    pub passes: Vec<PassTime>,
+    pub barriers: u32,
+    pub submit_ns: u64,
+    /// Descriptor sets of the passes; they live until the device is done.
+    _sets: Vec<PassSet>,
+}
+
+/// What one command buffer holds.
+struct Unit<'a> {
+    encoder: CommandEncoder,
+    queue: Queue,
+    positions: Range<usize>,
+    records: &'a mut [Option<RecordFn>],
+    opens_frame: bool,
+    closes_frame: bool,
+    passes: Vec<PassTime>,
+    sets: Vec<PassSet>,
+}
+
+impl Commands {
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { gpu: gpu.clone(), encoders: Default::default(), ordered: Vec::new() }
+    }
+
+    /// Records a frame and hands it over.
+    pub fn run(
+        &mut self,
+        frame: Frame<'_>,
+        records: &mut [Option<RecordFn>],
+        clock: Option<&Clock>,
+        passes_per_thread: Option<usize>,
+    ) -> Result<Ran, GpuError> {
+        let plan = frame.plan;
+        self.ordered.clear();
+        self.ordered.extend(plan.order.iter().map(|&pass| records[pass as usize].take()));
+
+        let mut ordered = std::mem::take(&mut self.ordered);
+        let units = self.divide(plan, &mut ordered, passes_per_thread);
+        let mut units = match units {
+            Ok(units) => units,
+            Err(error) => return Err(error),
+        };
+        let recorded = if units.len() > 1 && passes_per_thread.is_some_and(|n| plan.order.len() >= 2 * n) {
+            units.par_iter_mut().try_for_each(|unit| unit.record(frame, clock))
+        } else {
+            units.iter_mut().try_for_each(|unit| unit.record(frame, clock))
+        };
+        let submit_start = Instant::now();
+        let submitted = recorded.and_then(|()| self.submit(plan, &units));
+        let submit_ns = nanoseconds(submit_start);
+        let (mut passes, mut sets) = (Vec::new(), Vec::new());
+        if clock.is_some() {
+            passes.reserve(plan.order.len());
+        }
+        for unit in units {
+            passes.extend(unit.passes);
+            sets.extend(unit.sets);
+            self.encoders[unit.queue.index()].push(unit.encoder);
+        }
+        self.ordered = ordered;
+        let barriers = frame.bound.barriers.count();
+        Ok(Ran { last: submitted?, passes, barriers, submit_ns, _sets: sets })
+    }
+
+    /// The command buffers of a frame, in the order in which they are handed over. On several queues the frame is opened and closed
+    /// by command buffers of their own, for which all queues wait and which wait for all.
+    fn divide<'a>(
+        &mut self,
+        plan: &Plan,
+        mut records: &'a mut [Option<RecordFn>],
+        passes_per_thread: Option<usize>,
+    ) -> Result<Vec<Unit<'a>>, GpuError> {
+        let several_queues = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
+        let mut units = Vec::with_capacity(plan.batches.len() + 2);
+        if several_queues || plan.batches.is_empty() {
+            units.push(self.unit(Queue::Graphics, 0..0, &mut [])?);
+        }
+        let per_unit = match passes_per_thread {
+            Some(least) if plan.order.len() >= 2 * least => {
+                least.max(plan.order.len().div_ceil(rayon::current_num_threads()))
+            }
+            _ => usize::MAX,
+        };
+        for batch in &plan.batches {
+            let mut positions = batch.passes.range();
+            while !positions.is_empty() {
+                let taken = positions.len().min(per_unit);
+                let (own, rest) = records.split_at_mut(taken);
+                records = rest;
+                units.push(self.unit(batch.queue, positions.start..positions.start + taken, own)?);
+                positions.start += taken;
+            }
+        }
+        if several_queues {
+            units.push(self.unit(Queue::Graphics, 0..0, &mut [])?);
+        }
+        if let Some(first) = units.first_mut() {
+            first.opens_frame = true;
+        }
+        if let Some(last) = units.last_mut() {
+            last.closes_frame = true;
+        }
+        Ok(units)
+    }
+
+    fn unit<'a>(
+        &mut self,
+        queue: Queue,
+        positions: Range<usize>,
+        records: &'a mut [Option<RecordFn>],
+    ) -> Result<Unit<'a>, GpuError> {
+        let free = self.encoders[queue.index()].pop();
+        let encoder = free.map_or_else(|| CommandEncoder::new(&self.gpu, queue), Ok)?;
+        let (passes, sets) = (Vec::new(), Vec::new());
+        Ok(Unit { encoder, queue, positions, records, opens_frame: false, closes_frame: false, passes, sets })
+    }
+
+    fn submit(&self, plan: &Plan, units: &[Unit<'_>]) -> Result<Submission, GpuError> {
+        let several_queues = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
+        if !several_queues {
+            return self.gpu.submit(Queue::Graphics, units.iter().map(|u| &u.encoder), &[]);
+        }
+        // The first unit opens the frame, the last closes it; those between belong to batches.
+        let [first, middle @ .., last] = units else {
+            return Err(GpuError::Call { call: "submit", code: format!("{} command buffers", units.len()) });
+        };
+        let opened = self.gpu.submit(Queue::Graphics, [&first.encoder], &[])?;
+        let mut newest: [Option<Submission>; Queue::ALL.len()] = [None; Queue::ALL.len()];
+        let mut submissions: Vec<Submission> = Vec::with_capacity(plan.batches.len());
+        let mut next = 0;
+        for batch in &plan.batches {
+            let own = middle[next..].iter().take_while(|u| u.positions.start < batch.passes.range().end).count();
+            let encoders = middle[next..next + own].iter().map(|u| &u.encoder);
+            next += own;
+            let waits = self.waits(plan, batch, &submissions, newest[batch.queue.index()].is_none().then_some(opened));
+            let submission = self.gpu.submit(batch.queue, encoders, &waits)?;
+            submissions.push(submission);
+            newest[batch.queue.index()] = Some(submission);
+        }
+        let others = Queue::ALL.iter().filter(|q| **q != Queue::Graphics);
+        let waits: Vec<Submission> = others.filter_map(|q| newest[q.index()]).collect();
+        self.gpu.submit(Queue::Graphics, [&last.encoder], &waits)
+    }
+
+    /// What a batch waits for; the first of each queue for the opening of the frame as well.
+    fn waits(
+        &self,
+        plan: &Plan,
+        batch: &Batch,
+        submissions: &[Submission],
+        opened: Option<Submission>,
+    ) -> Vec<Submission> {
+        let planned = plan.waits[batch.waits.range()].iter().map(|&w| submissions[w as usize]);
+        let opening = opened.filter(|_| batch.queue != Queue::Graphics);
+        let mut waits: Vec<Submission> = planned.collect();
+        // A wait for a later submission of the graphics queue stands for its opening one.
+        let covered = plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
+        waits.extend(opening.filter(|_| !covered));
+        waits
+    }
+}
+
+impl Unit<'_> {
+    fn record(&mut self, frame: Frame<'_>, clock: Option<&Clock>) -> Result<(), GpuError> {
+        let Frame { plan, bound, .. } = frame;
+        self.encoder.begin()?;
+        if let Some(clock) = clock.filter(|_| self.opens_frame) {
+            clock.open_frame(&mut self.encoder);
+        }
+        if clock.is_some() {
+            self.passes.reserve(self.positions.len());
+        }
+        for position in self.positions.clone() {
+            let cpu_start = clock.map(|_| Instant::now());
+            let (memory, images) = bound.barriers.before(position);
+            if plan.serial {
+                self.encoder.full_barrier();
+            }
+            if !memory.is_empty() || !images.is_empty() {
+                self.encoder.barriers(memory, images);
+            }
+            let recorded = self.pass(frame, position, clock)?;
+            let (memory, images) = bound.barriers.after(position);
+            if !memory.is_empty() || !images.is_empty() {
+                self.encoder.barriers(memory, images);
+            }
+            if let Some(cpu_start) = cpu_start {
+                let pass = plan.order[position];
+                self.passes.push(PassTime {
+                    name: frame.declaration.pass_name(pass).to_owned(),
+                    stage: frame.declaration.stage(pass).to_owned(),
+                    queue: self.queue.name(),
+                    cpu_ns: nanoseconds(cpu_start),
+                    cpu_start_ns: Some((cpu_start - frame.begun).as_nanos() as u64),
+                    draws: recorded.draws,
+                    dispatches: recorded.dispatches,
+                    ..Default::default()
+                });
+            }
+        }
+        if self.closes_frame {
+            let (memory, images) = bound.barriers.end();
+            if !memory.is_empty() || !images.is_empty() {
+                self.encoder.barriers(memory, images);
+            }
+            // Whatever comes next, the host or another frame, sees everything: frames do not overlap.
+            self.encoder.full_barrier();
+            if let Some(clock) = clock {
+                clock.close_frame(&mut self.encoder);
+            }
+        }
+        self.encoder.finish()
+    }
+
+    /// Records one pass, inside of its attachments if it has any.
+    fn pass(&mut self, frame: Frame<'_>, position: usize, clock: Option<&Clock>) -> Result<Recorded, GpuError> {
+        let Frame { gpu, declaration, plan, bound, .. } = frame;
+        let pass = plan.order[position];
+        let name = declaration.pass_name(pass);
+        let encoder = &mut self.encoder;
+        encoder.begin_label(name);
+        if let Some(clock) = clock {
+            clock.open_pass(encoder, position as u32);
+        }
+        if gpu.validates() {
+            let set = pass_set(frame, pass)?;
+            encoder.bind_pass_set(&set);
+            self.sets.push(set);
+        }
+        let raster = declaration.passes[pass as usize].domain == Domain::Raster;
+        if raster {
+            begin_rendering(encoder, frame, pass);
+        }
+        let rays = frame.counters.rays(position as u32);
+        let physical = &bound.physical;
+        let mut scope = Record { encoder, physical, pass, name, rays, recorded: Recorded::default() };
+        if let Some(record) = self.records[position - self.positions.start].take() {
+            record(&mut scope);
+        }
+        let recorded = scope.recorded;
+        if raster {
+            self.encoder.end_rendering();
+        }
+        if let Some(clock) = clock {
+            clock.close_pass(&mut self.encoder, position as u32);
+        }
+        self.encoder.end_label();
+        Ok(recorded)
+    }
+}
+
+/// The part of the bindless set that a pass declared.
+fn pass_set(frame: Frame<'_>, pass: u32) -> Result<PassSet, GpuError> {
+    let (mut sampled, mut stored) = (Vec::new(), Vec::new());
+    for u in frame.declaration.uses_of(pass) {
+        let Physical::Image(image) = &frame.bound.physical[u.resource as usize] else { continue };
+        if u.access == Access::Sample {
+            sampled.extend(image.sampled_part(u.part));
+        } else if is_storage(u.access) {
+            stored.extend(image.storage_part(u.part));
+        }
+    }
+    PassSet::new(frame.gpu, &sampled, &stored)
+}
+
+fn begin_rendering(encoder: &mut CommandEncoder, frame: Frame<'_>, pass: u32) {
+    let declaration = frame.declaration;
+    let (mut colours, mut depth, mut extent) = (Vec::new(), None, declaration.full);
+    for index in declaration.passes[pass as usize].uses.range() {
+        let u = &declaration.uses[index];
+        let Physical::Image(image) = &frame.bound.physical[u.resource as usize] else { continue };
+        if !u.access.is_attachment() {
+            continue;
+        }
+        extent = image.extent();
+        let clear = declaration.clear_of(index as u32).map(|c| match c {
+            Clear::Color(colour) => colour,
+            Clear::Depth(depth) => [depth, 0.0, 0.0, 0.0],
+        });
+        let store = frame.plan.unstored.binary_search(&(index as u32)).is_err();
+        let attachment = Attachment { image, clear, store };
+        if u.access.is_depth() {
+            depth = Some(attachment);
+        } else {
+            colours.push(attachment);
+        }
+    }
+    encoder.begin_rendering(extent, &colours, depth.as_ref());
+}

@@ -1,0 +1,104 @@
+//! GPU times of passes, and the rays that they count.
+
+use std::time::Instant;
+
+use super::super::super::measure::{FrameSample, PassTime};
+use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Timestamps};
+use magpie_shaders::Address;
+
+const FIRST_PASSES: u32 = 64;
+const RAY_BYTES: u64 = 8;
+
+/// Timestamps and ray counters of one frame.
+pub(super) struct Clock {
+    gpu: Gpu,
+    timestamps: Timestamps,
+    /// Two words per pass, closest-hit and any-hit rays: where shaders count, and where the host reads.
+    rays: [gpu::Buffer; 2],
+    begun: Instant,
+}
+
+impl Clock {
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            timestamps: Timestamps::new(gpu, stamps(FIRST_PASSES))?,
+            rays: ray_counters(gpu, FIRST_PASSES)?,
+            begun: Instant::now(),
+        })
+    }
+
+    /// Makes room for so many passes, all timestamps unwritten.
+    pub fn prepare(&mut self, passes: u32) -> Result<(), GpuError> {
+        if self.timestamps.capacity() < stamps(passes) {
+            let room = passes.next_power_of_two();
+            self.timestamps = Timestamps::new(&self.gpu, stamps(room))?;
+            self.rays = ray_counters(&self.gpu, room)?;
+        }
+        self.timestamps.reset();
+        Ok(())
+    }
+
+    /// Where the pass at a position counts its rays.
+    pub fn rays(&self, position: u32) -> Address {
+        self.rays[0].address().offset(u64::from(position) * RAY_BYTES)
+    }
+
+    pub fn open_frame(&self, encoder: &mut CommandEncoder) {
+        encoder.clear_buffer(&self.rays[0]);
+        encoder.full_barrier();
+        encoder.timestamp(&self.timestamps, 0);
+    }
+
+    pub fn open_pass(&self, encoder: &mut CommandEncoder, position: u32) {
+        encoder.timestamp(&self.timestamps, 1 + 2 * position);
+    }
+
+    pub fn close_pass(&self, encoder: &mut CommandEncoder, position: u32) {
+        encoder.timestamp(&self.timestamps, 2 + 2 * position);
+    }
+
+    /// Everything before must be done and visible.
+    pub fn close_frame(&self, encoder: &mut CommandEncoder) {
+        let [counters, counted] = &self.rays;
+        encoder.copy_buffer(counters, 0, counted, 0, counters.bytes());
+        encoder.full_barrier();
+    }
+
+    /// Fills in the times and ray counts of a frame that is done. `passes` are by position.
+    pub fn read(&self, start: Instant, passes: &mut [PassTime], sample: &mut FrameSample) -> Result<(), GpuError> {
+        let stamps = self.timestamps.read(stamps(passes.len() as u32))?;
+        let counters = self.rays[1].contents();
+        for (position, time) in passes.iter_mut().enumerate() {
+            let (begin, end) = (stamps[1 + 2 * position], stamps[2 + 2 * position]);
+            time.gpu_ns = Some(end.saturating_sub(begin));
+            time.gpu_start_ns = Some(begin.saturating_sub(stamps[0]));
+            let word = |at: usize| {
+                let first = position * RAY_BYTES as usize + at;
+                let bytes = counters.get(first..first + 4);
+                bytes.and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
+            };
+            (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
+        }
+        // On several queues the last to end need not be the last in order.
+        let last = stamps.iter().copied().max().unwrap_or(stamps[0]);
+        sample.gpu_ns = Some(last.saturating_sub(stamps[0]));
+        sample.start_ns = Some((start - self.begun).as_nanos() as u64);
+        sample.gpu_begin_ns = self.gpu.calibrate().and_then(|(device_now, now)| {
+            let ago = device_now.checked_sub(stamps[0])?;
+            ((now - self.begun).as_nanos() as u64).checked_sub(ago)
+        });
+        Ok(())
+    }
+}
+
+/// Timestamps of a frame: one at its begin, two per pass.
+fn stamps(passes: u32) -> u32 {
+    1 + 2 * passes
+}
+
+fn ray_counters(gpu: &Gpu, passes: u32) -> Result<[gpu::Buffer; 2], GpuError> {
+    let bytes = u64::from(passes) * RAY_BYTES;
+    let make = |name, memory| gpu::Buffer::new(gpu, name, bytes, memory, BufferUse::Storage);
+    Ok([make("ray counters", BufferMemory::Device)?, make("ray counts", BufferMemory::ReadBack)?])
+}
