@@ -2,6 +2,8 @@
 
 use std::{path::PathBuf, str::FromStr};
 
+use magpie::graph::Switches;
+
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 /// Greatest width and height of a picture, pixels.
@@ -104,12 +106,27 @@ pub struct RenderArguments {
     /// Write the plan of the last frame
     #[arg(long, value_name = "F.txt|F.json|F.dot|F.html")]
     pub dump_graph: Option<PathBuf>,
+    /// Leave steps of the frame graph out, or plan for so many queues, to compare
+    #[arg(long, value_name = "serial,no-cull,no-alias,no-async,no-reorder,no-cache,queues=N", value_parser = switches,
+          default_value = "", hide_default_value = true)]
+    pub graph: Switches,
     /// Turn on the validation layers and scan every output for NaN and Inf; any finding is an error
     #[arg(long)]
     pub check: bool,
     /// Print the whole configuration as TOML, and do nothing else
     #[arg(long)]
     pub print_config: bool,
+}
+
+fn switches(text: &str) -> Result<Switches, String> {
+    let mut switches = Switches::default();
+    for word in text.split(',').filter(|_| !text.is_empty()) {
+        if !switches.set(word) {
+            let known = Switches::WORDS.join(", ");
+            return Err(format!("`{word}` is no switch of the graph; wanted {known} or queues=N with N from 1 to 3"));
+        }
+    }
+    Ok(switches)
 }
 
 /// Width and height, pixels, each from 1 to 16384.

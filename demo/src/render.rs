@@ -75,6 +75,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         check: arguments.check,
         size: arguments.size,
         seed: arguments.seed,
+        switches: arguments.graph,
     };
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);

@@ -5,7 +5,7 @@ use std::path::Path;
 use magpie::{
     config::{Catalogue, Config},
     gpu::{DeviceReport, Gpu, GpuOptions},
-    graph::GraphError,
+    graph::{GraphError, Switches},
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
 };
@@ -74,6 +74,7 @@ pub(crate) struct Options<'a> {
     pub(crate) check: bool,
     pub(crate) size: Extent,
     pub(crate) seed: u32,
+    pub(crate) switches: Switches,
 }
 
 /// A device and a renderer on it.
@@ -87,7 +88,8 @@ impl Session {
         let gpu = Gpu::new(&GpuOptions { device: options.device.map(str::to_owned), validation: options.check })?;
         let Extent { width, height } = options.size;
         let render_options = RenderOptions { width, height, seed: options.seed, check: options.check };
-        let renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
+        let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
+        renderer.set_switches(options.switches);
         Ok(Self { renderer, gpu })
     }
 

@@ -6,10 +6,10 @@ use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::check::{Finding, Scan};
-use magpie::graph::execute::{ExecuteError, Executed, Executor, Imports};
+use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
 use magpie::graph::{
     Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Observer,
-    Plan, Queue, Record,
+    Plan, Queue, Record, Switches,
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
@@ -162,6 +162,17 @@ impl Renderer {
             frame: 0,
             previous_clip_from_world: None,
         })
+    }
+
+    /// Sets which steps the frame graph takes, from the next frame on.
+    pub fn set_switches(&mut self, switches: Switches) {
+        self.executor.set_options(ExecuteOptions { switches, ..self.executor.options() });
+    }
+
+    /// Begins anew: the next frame is the first again, and nothing is left of those before it.
+    pub fn restart(&mut self) {
+        self.executor.restart();
+        (self.frame, self.previous_clip_from_world) = (0, None);
     }
 
     /// Renders one frame and waits for it.

@@ -115,6 +115,11 @@ impl Pages {
         self.entries.values_mut().for_each(|entry| entry.declared = false);
     }
 
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        *self = Self::default();
+    }
+
     /// The camera jumped: nothing that was seen before is of use. What kept buffers hold is no picture, and stays.
     pub fn cut(&mut self) {
         self.entries.values_mut().filter(|e| e.keeping == Keeping::Pair).for_each(|entry| entry.valid = false);

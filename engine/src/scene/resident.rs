@@ -213,7 +213,7 @@ impl Block {
         }
         let mut staging = Buffer::new(gpu, "staging", bytes, BufferMemory::Upload, BufferUse::Storage)?;
         staging.write(0, &self.0)?;
-        let (mut g, mut imports) = (FrameGraph::new(Extent::new(1, 1)), Imports::default());
+        let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
         let source =
             g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
         let desc = BufferDesc::new(target.bytes());
@@ -246,7 +246,7 @@ fn upload_textures(gpu: &Gpu, executor: &mut Executor, scene: &Scene) -> Result<
         let mut staging = Buffer::new(gpu, "staging", bytes, BufferMemory::Upload, BufferUse::Storage)?;
         staging.write(0, &block.0)?;
 
-        let (mut g, mut imports) = (FrameGraph::new(extent), Imports::default());
+        let (mut g, mut imports) = (executor.begin(extent), Imports::default());
         let source =
             g.import_buffer("staging", BufferDesc::new(bytes), Access::CopyRead, imports.buffer(&Arc::new(staging)));
         let desc = ImageDesc { mips: image.mips(), ..ImageDesc::fixed(format, extent) };

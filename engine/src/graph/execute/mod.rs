@@ -172,6 +172,11 @@ impl Executor {
         self.book.open().cut();
     }
 
+    /// Forgets everything that outlives frames.
+    pub fn restart(&mut self) {
+        self.book.open().clear();
+    }
+
     /// Plans and runs a frame, and waits for it.
     ///
     /// # Errors
