@@ -134,7 +134,13 @@ impl Declaration {
     /// What a pass leaves for others. An output has the name that its resource was made or imported by; where that leaves two
     /// outputs of one pass with one name, that which was made elsewhere has the resource's full name.
     pub fn outputs_of(&self, pass: u32) -> Vec<NamedOutput> {
-        let written = || self.uses_of(pass).iter().filter_map(|u| Some((u.resource, u.writes?)));
+        let uses = self.uses_of(pass);
+        // A pass that writes several parts of one image has one output, the last of its versions.
+        let is_last = |at: usize| !uses[at + 1..].iter().any(|u| u.resource == uses[at].resource && u.writes.is_some());
+        let written = || {
+            let writes = uses.iter().enumerate().filter_map(|(at, u)| Some((at, u.resource, u.writes?)));
+            writes.filter(|(at, ..)| is_last(*at)).map(|(_, resource, version)| (resource, version))
+        };
         let local = |resource: u32| self.text(self.resources[resource as usize].name);
         let named = |(resource, version): (u32, u32)| {
             let alone = written().filter(|(other, _)| local(*other) == local(resource)).count() == 1;
@@ -278,6 +284,11 @@ impl Shape {
     /// Whether it is an image: only images have layouts.
     pub fn is_image(self) -> bool {
         matches!(self, Self::Image { .. })
+    }
+
+    /// The layout that it has during an access; [`Layout::Undefined`] for what is no image.
+    pub fn layout(self, access: Access) -> Layout {
+        if self.is_image() { access.layout() } else { Layout::Undefined }
     }
 }
 

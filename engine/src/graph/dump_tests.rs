@@ -1,11 +1,11 @@
 //! The dumps of one small frame that has a bit of everything.
 
-use super::super::*;
+use super::super::{plan::plan_with, *};
 
 fn frame() -> (Frame, Plan) {
     let mut g = FrameGraph::new(Extent::new(16, 8));
-    let tlas = g.import_tlas("scene", Access::Trace, ImportKey(0));
-    let readback = g.import_buffer("readback", BufferDesc::new(2048), Access::HostRead, ImportKey(1));
+    let tlas = g.import_tlas("scene", Access::Trace, ImportKey::Caller(0));
+    let readback = g.import_buffer("readback", BufferDesc::new(2048), Access::HostRead, ImportKey::Caller(1));
     g.leave(readback.read(), Access::HostRead, Domain::Copy);
     let depth = g.pass("gbuffer.draw", Queue::Graphics, |p| {
         let (depth, _) = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0);
@@ -29,7 +29,7 @@ fn frame() -> (Frame, Plan) {
         (p.copy_to(readback).0, |_: &mut Record| {})
     });
     let frame = g.finish().unwrap();
-    let plan = plan(&frame.declaration);
+    let plan = plan_with(&frame.declaration, "");
     (frame, plan)
 }
 

@@ -60,7 +60,7 @@ fn a_stale_read_names_both_versions_and_accesses() {
 #[test]
 fn contents_that_nothing_wrote_cannot_be_read() {
     let mut g = graph();
-    let x = g.import_image("x", ImageDesc::full(COLOUR), ImageState::UNDEFINED, ImportKey(0));
+    let x = g.import_image("x", ImageDesc::full(COLOUR), ImageState::UNDEFINED, ImportKey::Caller(0));
     with(&mut g, "read", |p| p.sample(x.read()));
     let x = g.pass("over", Queue::Graphics, |p| (p.color_load(x).0, |_: &mut Record| {}));
     with(&mut g, "fine", |p| p.sample(x.read()));
@@ -71,7 +71,7 @@ fn contents_that_nothing_wrote_cannot_be_read() {
 #[test]
 fn an_import_without_contents_can_be_written() {
     let mut g = graph();
-    let x = g.import_image("x", ImageDesc::full(COLOUR), ImageState::UNDEFINED, ImportKey(0));
+    let x = g.import_image("x", ImageDesc::full(COLOUR), ImageState::UNDEFINED, ImportKey::Caller(0));
     let x = g.pass("fill", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
     with(&mut g, "read", |p| p.sample(x.read()));
     assert_eq!(errors(g), []);
@@ -81,7 +81,7 @@ fn an_import_without_contents_can_be_written() {
 fn uses_that_do_not_go_together() {
     let mut g = graph();
     let x = make(&mut g, "make");
-    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey(0));
+    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey::Caller(0));
     with(&mut g, "two layouts", |p| {
         p.sample(x.read());
         p.sample(x.read());
@@ -120,7 +120,7 @@ fn uses_that_do_not_go_together() {
 fn a_copy_is_a_pass_of_its_own() {
     let mut g = graph();
     let x = make(&mut g, "make");
-    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey(0));
+    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey::Caller(0));
     with(&mut g, "mixed", |p| {
         p.sample(x.read());
         let _ = p.copy_to(buffer);
@@ -217,9 +217,9 @@ fn sizes_are_checked() {
 fn states_must_suit_their_kind_and_outlive_the_frame() {
     let mut g = graph();
     let state = ImageState::last(Access::Index, Domain::Raster);
-    let image = g.import_image("i", ImageDesc::full(COLOUR), state, ImportKey(0));
-    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::Sample, ImportKey(1));
-    let tlas = g.import_tlas("t", Access::Index, ImportKey(2));
+    let image = g.import_image("i", ImageDesc::full(COLOUR), state, ImportKey::Caller(0));
+    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::Sample, ImportKey::Caller(1));
+    let tlas = g.import_tlas("t", Access::Index, ImportKey::Caller(2));
     g.leave(image.read(), Access::HostRead, Domain::Copy);
     g.leave(buffer.read(), Access::HostRead, Domain::Copy);
     g.leave(tlas, Access::Trace, Domain::Compute);
@@ -273,7 +273,7 @@ fn domains_stages_and_tokens() {
         assert_eq!((token.resource, token.pass), (x.read().id(), 0));
         (x, |_: &mut Record| {})
     });
-    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey(0));
+    let buffer = g.import_buffer("b", BufferDesc::new(4), Access::HostRead, ImportKey::Caller(0));
     g.pass("copy", Queue::Transfer, |p| {
         let source = p.copy_from(x.read());
         assert_eq!((source.resource, source.pass), (x.read().id(), 1));
@@ -285,7 +285,7 @@ fn domains_stages_and_tokens() {
         ((), |_: &mut Record| {})
     });
     let frame = g.finish().unwrap();
-    let of = |i: usize| (frame.declaration.passes[i].stage.as_str(), frame.declaration.passes[i].domain);
+    let of = |i: u32| (frame.declaration.stage(i), frame.declaration.passes[i as usize].domain);
     assert_eq!([of(0), of(1), of(2)], [("gbuffer", Domain::Raster), ("copy", Domain::Copy), ("post", Domain::Compute)]);
     assert_eq!(frame.declaration.passes[2].uses.len(), 1);
     assert_eq!(frame.records.len(), 3);

@@ -173,7 +173,7 @@ fn escape(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::*;
+    use super::super::super::{plan::plan_with, *};
     use super::*;
 
     #[test]
@@ -188,7 +188,7 @@ mod tests {
         let _ = g.pass("ao.unused", Queue::Graphics, |p| (p.create("lost", desc).0, |_: &mut Record| {}));
         g.output(smooth.read());
         let frame = g.finish().unwrap();
-        let plan = plan(&frame.declaration);
+        let plan = plan_with(&frame.declaration, "");
         let page = html(&frame.declaration, &plan);
         for expected in
             ["a&lt;b.make", "ao.blur", "async compute", "smooth", "64x32", "Left out", "ao.unused", "16.4 kB"]
@@ -203,6 +203,6 @@ mod tests {
     #[test]
     fn an_empty_frame_has_a_page() {
         let frame = FrameGraph::new(Extent::new(1, 1)).finish().unwrap();
-        assert!(html(&frame.declaration, &plan(&frame.declaration)).contains("0 passes"));
+        assert!(html(&frame.declaration, &plan_with(&frame.declaration, "")).contains("0 passes"));
     }
 }
