@@ -6,7 +6,7 @@ use super::query::Timestamps;
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
 use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
-use std::ffi::CString;
+use std::ffi::{CStr, CString};
 
 /// One command pool with one command buffer, recorded anew each time it is free.
 pub(crate) struct CommandEncoder {
@@ -17,6 +17,8 @@ pub(crate) struct CommandEncoder {
     computes: bool,
     /// Its queue draws.
     draws: bool,
+    /// Pipelines bound now: for compute and for drawing.
+    bound: [Option<u32>; 2],
 }
 
 /// Waits for some uses, then lets others see what they wrote, wherever it is.
@@ -145,7 +147,7 @@ impl CommandEncoder {
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(GpuError::call("vkCreateCommandPool"))?;
         let computes = queue != Queue::Transfer || gpu.family(queue) == gpu.family(Queue::Graphics);
         let draws = queue == Queue::Graphics;
-        let mut made = Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws };
+        let mut made = Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws, bound: [None; 2] };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
         let buffers = unsafe { made.gpu.raw().allocate_command_buffers(&info) }
@@ -169,6 +171,7 @@ impl CommandEncoder {
                 .map_err(GpuError::call("vkResetCommandPool"))?;
             device.begin_command_buffer(self.buffer, &info).map_err(GpuError::call("vkBeginCommandBuffer"))?;
         }
+        self.bound = [None; 2];
         self.bind(self.gpu.0.bindless.set);
         Ok(())
     }
@@ -274,26 +277,30 @@ impl CommandEncoder {
         }
     }
 
-    pub fn dispatch(&mut self, kernel: Kernel, params: &[u8], groups: [u32; 3]) {
-        let pipeline = self.gpu.0.pipelines.get(kernel.index);
-        self.push(params);
-        // SAFETY: the command buffer is recording outside of rendering, with the bindless set bound.
-        unsafe {
-            self.gpu.raw().cmd_bind_pipeline(self.buffer, vk::PipelineBindPoint::COMPUTE, pipeline);
-            self.gpu.raw().cmd_dispatch(self.buffer, groups[0], groups[1], groups[2]);
+    /// Binds a pipeline unless it is bound already.
+    fn bind_pipeline(&mut self, index: u32, point: vk::PipelineBindPoint) {
+        let bound = &mut self.bound[usize::from(point == vk::PipelineBindPoint::GRAPHICS)];
+        if bound.replace(index) != Some(index) {
+            let pipeline = self.gpu.0.pipelines.get(index);
+            // SAFETY: the command buffer is recording; pipelines live as long as the device.
+            unsafe { self.gpu.raw().cmd_bind_pipeline(self.buffer, point, pipeline) };
         }
+    }
+
+    pub fn dispatch(&mut self, kernel: Kernel, params: &[u8], groups: [u32; 3]) {
+        self.bind_pipeline(kernel.index, vk::PipelineBindPoint::COMPUTE);
+        self.push(params);
+        // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound.
+        unsafe { self.gpu.raw().cmd_dispatch(self.buffer, groups[0], groups[1], groups[2]) };
     }
 
     /// Dispatches as many groups as three words at `offset` say, which may be zero.
     pub fn dispatch_indirect(&mut self, kernel: Kernel, params: &[u8], groups: &Buffer, offset: u64) {
-        let pipeline = self.gpu.0.pipelines.get(kernel.index);
+        self.bind_pipeline(kernel.index, vk::PipelineBindPoint::COMPUTE);
         self.push(params);
-        // SAFETY: the command buffer is recording outside of rendering, with the bindless set bound; the caller keeps the words
-        // inside of the buffer.
-        unsafe {
-            self.gpu.raw().cmd_bind_pipeline(self.buffer, vk::PipelineBindPoint::COMPUTE, pipeline);
-            self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset);
-        }
+        // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound; the caller keeps the
+        // words inside of the buffer.
+        unsafe { self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset) };
     }
 
     /// Draws `count` times what five words each, from `offset` on, say.
@@ -324,14 +331,10 @@ impl CommandEncoder {
     }
 
     fn begin_draws(&mut self, kernel: RasterKernel, params: &[u8], indices: &Buffer, first_byte: u64) {
-        let pipeline = self.gpu.0.pipelines.get(kernel.index);
+        self.bind_pipeline(kernel.index, vk::PipelineBindPoint::GRAPHICS);
         self.push(params);
-        let (device, commands) = (self.gpu.raw(), self.buffer);
         // SAFETY: the command buffer is recording inside of rendering, with the bindless set bound.
-        unsafe {
-            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, pipeline);
-            device.cmd_bind_index_buffer(commands, indices.raw, first_byte, vk::IndexType::UINT32);
-        }
+        unsafe { self.gpu.raw().cmd_bind_index_buffer(self.buffer, indices.raw, first_byte, vk::IndexType::UINT32) };
     }
 
     fn set_cull(&mut self, cull: Cull) {
@@ -452,8 +455,13 @@ impl CommandEncoder {
 
     /// Opens a named section for debuggers and profilers.
     pub fn begin_label(&mut self, name: &str) {
-        if let (Some(api), Ok(text)) = (&self.gpu.0.labels, CString::new(name)) {
-            let label = vk::DebugUtilsLabelEXT::default().label_name(&text);
+        let Some(api) = &self.gpu.0.labels else { return };
+        // Ended by a zero, on the stack: labels of passes are short, and there is one for each.
+        let mut text = [0_u8; 128];
+        let length = name.len().min(text.len() - 1);
+        text[..length].copy_from_slice(&name.as_bytes()[..length]);
+        if let Ok(text) = CStr::from_bytes_until_nul(&text) {
+            let label = vk::DebugUtilsLabelEXT::default().label_name(text);
             // SAFETY: the command buffer is recording; `text` outlives the call.
             unsafe { api.cmd_begin_debug_utils_label(self.buffer, &label) };
         }

@@ -1,10 +1,6 @@
 //! A declared frame as plain data: what the plan is made from.
 //!
-//! Everything lies in a few flat lists, so that a frame can be hashed, compared and thrown away without touching the heap.
-
-use std::hash::{Hash, Hasher};
-
-use rustc_hash::FxHasher;
+//! Everything lies in a few flat lists, so that a frame can be compared with another and thrown away without touching the heap.
 
 use super::{
     access::{Access, Domain, Layout, Queue, Uses},
@@ -154,19 +150,6 @@ impl Declaration {
     /// Who wrote which version.
     pub fn writers(&self) -> Writers {
         Writers::of(self)
-    }
-
-    /// A number that two declarations share if they are equal, and hardly ever otherwise.
-    pub fn fingerprint(&self) -> u64 {
-        let mut hash = FxHasher::default();
-        self.full.hash(&mut hash);
-        self.resources.hash(&mut hash);
-        self.passes.hash(&mut hash);
-        self.uses.hash(&mut hash);
-        self.outputs.hash(&mut hash);
-        self.histories.hash(&mut hash);
-        hash.write(self.names.as_bytes());
-        hash.finish()
     }
 }
 

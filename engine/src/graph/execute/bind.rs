@@ -4,7 +4,9 @@
 //! over the whole heap, so that making one costs nothing; images are placed in it, and kept as long as a plan puts the same image
 //! to the same place.
 
-use std::{collections::HashMap, sync::Arc};
+use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
 
 use super::{
     super::{
@@ -30,8 +32,8 @@ const ACCEL_ALIGN: u64 = 256;
 /// Memory and images for transients, kept from frame to frame.
 pub(super) struct Pool {
     heaps: Vec<Held>,
-    images: HashMap<Place, Pooled>,
-    footprints: HashMap<ImageInfo, Footprint>,
+    images: FxHashMap<Place, Pooled>,
+    footprints: FxHashMap<ImageInfo, Footprint>,
     /// Counts changes of heaps: what was bound before is bound to memory that is gone.
     generation: u64,
     frame: u64,
@@ -148,8 +150,8 @@ impl Pool {
     pub fn new(gpu: &Gpu) -> Self {
         Self {
             heaps: Vec::new(),
-            images: HashMap::new(),
-            footprints: HashMap::new(),
+            images: FxHashMap::default(),
+            footprints: FxHashMap::default(),
             generation: 0,
             frame: 0,
             buffer_kind: gpu.buffer_kind(),

@@ -1,7 +1,7 @@
 //! Plans of declarations that were seen before.
 //!
-//! A declaration is found by its fingerprint and then compared as a whole, so that no accident of hashing can give a frame the plan
-//! of another.
+//! A declaration is a few flat lists of plain values, and comparing them costs less than hashing them would: declarations are
+//! compared as they are, the newest first, and no accident can give a frame the plan of another.
 
 use std::sync::Arc;
 
@@ -22,7 +22,6 @@ const MOST: usize = 8;
 
 /// A planned declaration, with its objects if it has been bound.
 pub(super) struct Entry {
-    fingerprint: u64,
     switches: Switches,
     pub declaration: Arc<Declaration>,
     pub plan: Arc<Plan>,
@@ -55,12 +54,9 @@ impl Cache {
         if !graph.errors.is_empty() {
             return Err(graph.finish().err().unwrap_or(GraphErrors(Vec::new())));
         }
-        let fingerprint = if switches.cache { graph.declaration.fingerprint() } else { 0 };
-        let same = |e: &Entry| {
-            e.fingerprint == fingerprint && e.switches == switches && *e.declaration == graph.declaration
-        };
+        let same = |e: &Entry| e.switches == switches && *e.declaration == graph.declaration;
         if switches.cache
-            && let Some(at) = self.0.iter().position(same)
+            && let Some(at) = self.0.iter().rposition(same)
         {
             return Ok((self.0.remove(at), graph.records, Some(graph.declaration)));
         }
@@ -68,7 +64,7 @@ impl Cache {
         let queues = device.queues();
         let plan = Arc::new(plan(&frame.declaration, &switches, queues, &mut device));
         let declaration = Arc::new(frame.declaration);
-        Ok((Entry { fingerprint, switches, declaration, plan, bound: None }, frame.records, None))
+        Ok((Entry { switches, declaration, plan, bound: None }, frame.records, None))
     }
 
     /// Keeps an entry for the next frame of its kind.

@@ -87,11 +87,7 @@ impl Commands {
         self.ordered.extend(plan.order.iter().map(|&pass| records[pass as usize].take()));
 
         let mut ordered = std::mem::take(&mut self.ordered);
-        let units = self.divide(plan, &mut ordered, passes_per_thread);
-        let mut units = match units {
-            Ok(units) => units,
-            Err(error) => return Err(error),
-        };
+        let mut units = self.divide(plan, &mut ordered, passes_per_thread)?;
         let recorded = if units.len() > 1 && passes_per_thread.is_some_and(|n| plan.order.len() >= 2 * n) {
             units.par_iter_mut().try_for_each(|unit| unit.record(frame, clock))
         } else {
@@ -270,7 +266,11 @@ impl Unit<'_> {
         let pass = plan.order[position];
         let name = declaration.pass_name(pass);
         let encoder = &mut self.encoder;
-        encoder.begin_label(name);
+        // Names for debuggers and profilers, which are of no use to a frame that nobody looks at.
+        let labelled = clock.is_some() || gpu.validates();
+        if labelled {
+            encoder.begin_label(name);
+        }
         if let Some(clock) = clock {
             clock.open_pass(encoder, position as u32);
         }
@@ -296,7 +296,9 @@ impl Unit<'_> {
         if let Some(clock) = clock {
             clock.close_pass(&mut self.encoder, position as u32);
         }
-        self.encoder.end_label();
+        if labelled {
+            self.encoder.end_label();
+        }
         Ok(recorded)
     }
 }
