@@ -1,10 +1,11 @@
-//! `cargo xtask`: set-up, demo and test commands.
+//! `cargo xtask`: set-up, demo and test commands, and the template of a pass.
 //!
 //! This crate is compiled before a C++ compiler or a Vulkan loader need exist, so it depends on neither:
 //! whether a device is good enough is asked of `magpie devices`, built as soon as it can be.
 
 mod apt;
 mod demo;
+mod new_pass;
 mod probe;
 mod setup;
 mod shell;
@@ -15,7 +16,7 @@ mod workplace;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Set-up, demo and tests of Magpie.
+/// Set-up, demo and tests of Magpie, and the template of a pass.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Arguments {
@@ -46,6 +47,11 @@ enum Task {
         #[arg(long)]
         quick: bool,
     },
+    /// Make the files of a new effect with a running example, and build it into the frame
+    NewPass {
+        /// Name of the effect, in kebab or snake case: depth-of-field
+        name: String,
+    },
 }
 
 fn main() -> ExitCode {
@@ -53,12 +59,14 @@ fn main() -> ExitCode {
         Task::Setup { dry_run } => setup::setup(dry_run),
         Task::Demo { arguments } => demo::demo(&arguments),
         Task::Test { no_gpu, quick } => test::test(test::Extent { no_gpu, quick }),
+        Task::NewPass { name } => new_pass::new_pass(&name),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::FAILURE
+            // Wrong usage, as clap has it.
+            if error.is::<new_pass::BadName>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }
 }

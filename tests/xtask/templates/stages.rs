@@ -1,0 +1,14 @@
+/// Slot `new_pass`.
+#[derive(Clone, Copy, Debug)]
+pub struct NewPassIn {
+    /// Linear radiance.
+    pub colour: Handle<Image>,
+}
+
+/// What goes on to `post`.
+#[derive(Clone, Copy, Debug)]
+pub struct NewPassOut {
+    /// Linear radiance.
+    pub colour: Handle<Image>,
+}
+
