@@ -85,6 +85,11 @@ pub fn html(declaration: &Declaration, plan: &Plan) -> String {
     Dump::new(declaration, plan).html()
 }
 
+/// Tests the examples of the page on the graph.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/frame-graph.md")]
+mod page {}
+
 #[cfg(test)]
 #[path = "dump_tests.rs"]
 mod tests;
