@@ -4,7 +4,10 @@ use std::{path::Path, sync::Arc};
 
 use magpie::{
     config::Config,
-    graph::{Declaration, Plan, dump},
+    graph::{
+        Declaration, Plan,
+        dump::{self, Gains},
+    },
     measure::{Recorder, Report, Run, chrome_trace, pass_table},
 };
 use magpie_passes::ReadBack;
@@ -100,6 +103,9 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let report = recorder.report(run).map_err(Failure::running)?;
     write_outputs(&outputs, last.as_ref(), &recorder, &report)?;
     console::print(&pass_table(&report))?;
+    if let Some(last) = &last {
+        console::print(&format!("{}\n", Gains::of(&last.plan)))?;
+    }
     findings.extend(session.close()?);
     tell_findings(&findings)
 }

@@ -69,6 +69,8 @@ pub struct Plan {
     pub memory: Memory,
     /// Every pass waits for everything before it.
     pub serial: bool,
+    /// Transients were allowed to share memory.
+    pub alias: bool,
     /// Queues that it is made for.
     pub queues: Queues,
 }
@@ -103,8 +105,9 @@ pub fn plan(
     let batch::Batches { order, batches, waits } = batch::batches(order, &hazards, &lanes, queues);
     let lifetimes = lifetime::lifetimes(declaration, &order, &lanes);
     let groups = group::groups(declaration, &order, &slots, &lanes);
+    let alias = switches.alias && !switches.serial;
     let alias::Placed { transients, heaps, successions, memory } =
-        alias::place(declaration, &groups, &lifetimes, switches.alias && !switches.serial, footprints);
+        alias::place(declaration, &groups, &lifetimes, alias, footprints);
     let barrier::Synchronised { barriers, before, after, end, unstored } = barrier::barriers(&barrier::Input {
         declaration,
         slots: &slots,
@@ -130,6 +133,7 @@ pub fn plan(
         unstored,
         memory,
         serial,
+        alias,
         queues,
     }
 }

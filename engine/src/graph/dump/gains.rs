@@ -1,0 +1,103 @@
+//! What the graph gained.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use super::{super::plan::Plan, words::bytes};
+
+/// What the graph gained over running every declared pass in turn, each resource with memory of its own.
+///
+/// Shown with [`Display`](fmt::Display) it is two lines for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Gains {
+    /// Passes that run.
+    pub passes: usize,
+    /// Passes that were declared and are left out.
+    pub culled: usize,
+    /// Bytes of transients when each has memory of its own.
+    pub unaliased: u64,
+    /// Bytes of transients as placed.
+    pub aliased: u64,
+    /// Most bytes of transients that are alive at one time: no placement takes less.
+    pub lower_bound: u64,
+    /// Attachments that need not reach memory.
+    pub unstored: usize,
+    /// Barriers, those that are issued together counted one by one.
+    pub barriers: usize,
+    /// Barriers per pass that runs; 0 where none does.
+    pub barriers_per_pass: f64,
+    /// Places between passes at which barriers are issued together.
+    pub barrier_calls: usize,
+    /// Queues that it was planned for.
+    pub queues: usize,
+    /// Runs of passes that are handed to a queue as one.
+    pub batches: usize,
+    /// Waits of one batch for another on another queue.
+    pub waits: usize,
+    /// Time that queues worked beside each other, milliseconds; none where it was not measured.
+    pub overlap_ms: Option<f64>,
+}
+
+impl Gains {
+    /// Those of a plan; what takes measuring is left open.
+    pub fn of(plan: &Plan) -> Self {
+        let (passes, barriers) = (plan.order.len(), plan.barriers.len());
+        let calls = plan.before.iter().chain(&plan.after).chain([&plan.end]);
+        Self {
+            passes,
+            culled: plan.culled.len(),
+            unaliased: plan.memory.unaliased,
+            aliased: plan.memory.aliased,
+            lower_bound: plan.memory.lower_bound,
+            unstored: plan.unstored.len(),
+            barriers,
+            barriers_per_pass: if passes == 0 { 0.0 } else { barriers as f64 / passes as f64 },
+            barrier_calls: calls.filter(|span| !span.is_empty()).count(),
+            queues: plan.queues.count(),
+            batches: plan.batches.len(),
+            waits: plan.waits.len(),
+            overlap_ms: None,
+        }
+    }
+
+    /// What part of the unaliased sum so many bytes are; 1 where nothing needs memory.
+    pub fn share(&self, bytes: u64) -> f64 {
+        if self.unaliased == 0 { 1.0 } else { bytes as f64 / self.unaliased as f64 }
+    }
+
+    /// How many times the lower bound the placement takes; 1 where nothing needs memory.
+    pub fn over_bound(&self) -> f64 {
+        if self.lower_bound == 0 { 1.0 } else { self.aliased as f64 / self.lower_bound as f64 }
+    }
+}
+
+impl fmt::Display for Gains {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "transient memory: {} unaliased, {} as placed ({:.0} %, {:.2} times the lower bound of {})",
+            bytes(self.unaliased),
+            bytes(self.aliased),
+            100.0 * self.share(self.aliased),
+            self.over_bound(),
+            bytes(self.lower_bound)
+        )?;
+        write!(
+            f,
+            "graph: {} passes ({} culled), {} barriers ({:.1} per pass), {}, {}",
+            self.passes,
+            self.culled,
+            self.barriers,
+            self.barriers_per_pass,
+            counted(self.batches, "batch", "batches"),
+            counted(self.waits, "wait between queues", "waits between queues")
+        )?;
+        self.overlap_ms.map_or(Ok(()), |ms| write!(f, ", {ms:.3} ms of overlap"))
+    }
+}
+
+/// `1 batch`, `3 batches`.
+pub(super) fn counted(n: usize, one: &str, several: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { several })
+}
