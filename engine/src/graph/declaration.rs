@@ -118,6 +118,11 @@ impl Declaration {
         &self.uses[self.passes[pass as usize].uses.range()]
     }
 
+    /// Layout that a use needs; [`Layout::Undefined`] for what is no image, also where it is copied.
+    pub(super) fn layout_of(&self, u: &Use) -> Layout {
+        if self.resources[u.resource as usize].shape.is_image() { u.access.layout() } else { Layout::Undefined }
+    }
+
     /// What an attachment is cleared to, by the index of its use.
     pub fn clear_of(&self, use_index: u32) -> Option<Clear> {
         let at = self.clears.binary_search_by_key(&use_index, |(at, _)| *at).ok()?;

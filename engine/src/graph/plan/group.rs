@@ -61,7 +61,7 @@ pub(super) fn groups(declaration: &Declaration, order: &[u32], slots: &Slots, la
         let lane = lanes[pass as usize].index();
         for use_index in decl.uses.range() {
             let u = &declaration.uses[use_index];
-            let (layout, write, at) = (u.access.layout(), u.access.writes(), u.access.at(decl.domain));
+            let (layout, write, at) = (declaration.layout_of(u), u.access.writes(), u.access.at(decl.domain));
             for slot in slots.of(u) {
                 let known = newest[slot as usize];
                 let joins = !write && all.get(known as usize).is_some_and(|g| !g.write && g.layout == layout);

@@ -66,7 +66,7 @@ pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, qu
         for u in declaration.uses_of(pass) {
             for slot in slots.of(u) {
                 let state = &mut states[slot as usize];
-                let layout = u.access.layout();
+                let layout = declaration.layout_of(u);
                 let moves = several_queues && layout != state.layout && !u.access.writes();
                 if u.access.writes() || moves {
                     let mut read = state.readers;
