@@ -4,21 +4,29 @@
 
 #[path = "plan/checker.rs"]
 mod checker;
+#[path = "plan/mistakes.rs"]
+mod mistakes;
 #[path = "plan/random.rs"]
 mod random;
 
-use std::{cell::RefCell, env, time::Instant};
+use std::{
+    cell::{Cell, RefCell},
+    collections::{BTreeMap, HashSet},
+    env,
+    time::Instant,
+};
 
 use magpie::graph::{
-    Declaration, Queues, Shape, Switches, Uses, dump, plan,
-    plan::{Footprint, Footprints, Plan, Sharing},
+    Access, Declaration, ImportKey, Origin, Queue, Queues, Shape, Switches, Use, Uses, dump, plan,
+    plan::{Barrier, Footprint, Footprints, Plan, Sharing},
 };
 use proptest::{
     prelude::*,
     test_runner::{RngAlgorithm, TestError, TestRng, TestRunner},
 };
 
-use checker::{Asked, check};
+use checker::{Asked, check, peak};
+use mistakes::{MISTAKES, Mistake};
 use random::{Script, scripts};
 
 /// A random frame, and how it is planned.
@@ -120,17 +128,206 @@ fn describe(d: &Declaration, plan: &Plan) -> String {
     format!("{}\n{uses}{plan_words}{:?}\n{:?}", dump::text(d, plan), plan.unstored, plan.successions)
 }
 
+/// How often things occurred, so that a property does not hold for want of cases.
+#[derive(Default)]
+struct Tally(BTreeMap<&'static str, usize>);
+
+impl Tally {
+    fn add(&mut self, what: &'static str, count: usize) {
+        *self.0.entry(what).or_default() += count;
+    }
+
+    fn look(&mut self, d: &Declaration, plan: &Plan) {
+        let parts = |r: u32| d.resources[r as usize].shape.parts();
+        let uses = || plan.order.iter().flat_map(|&p| d.uses_of(p));
+        let on = |queue: Queue| plan.batches.iter().filter(|b| b.queue == queue).count();
+        let shared = |sharing: Sharing| plan.transients.iter().filter(|t| t.sharing == sharing).count();
+        let used = |access: Access| uses().filter(|u| u.access == access).count();
+        let imported = |u: &&Use, suits: fn(ImportKey) -> bool| match d.resources[u.resource as usize].origin {
+            Origin::Imported { key, .. } => suits(key),
+            Origin::Transient => false,
+        };
+        let barriers = |suits: fn(&Barrier) -> bool| plan.barriers.iter().filter(|b| suits(b)).count();
+        self.add("passes kept", plan.order.len());
+        self.add("passes culled", plan.culled.len());
+        self.add("weak passes kept", plan.order.iter().filter(|&&p| d.passes[p as usize].weak).count());
+        self.add("uses of images in part", uses().filter(|u| parts(u.resource) != (u.part.mips.into(), u.part.layers.into())).count());
+        self.add("builds", used(Access::Build));
+        self.add("refits", used(Access::Refit));
+        self.add("build inputs", used(Access::BuildInput));
+        self.add("traces", used(Access::Trace));
+        self.add("reads of a history", uses().filter(|u| imported(u, |k| matches!(k, ImportKey::Previous(_)))).count());
+        self.add("writes of a history", uses().filter(|u| imported(u, |k| matches!(k, ImportKey::Next(_)))).count());
+        self.add("uses of kept buffers", uses().filter(|u| imported(u, |k| matches!(k, ImportKey::Kept(_)))).count());
+        self.add("barriers", plan.barriers.len());
+        self.add("barriers from several uses", barriers(|b| b.from.iter().count() > 1));
+        self.add("barriers on one mip or layer", plan.barriers.iter().filter(|b| parts(b.resource) != (b.part.mips.into(), b.part.layers.into())).count());
+        self.add("barriers for other queues", barriers(|b| b.to.is_any()));
+        self.add("barriers at the end", plan.end.len());
+        self.add("changes of owner", barriers(|b| b.handover.is_some()) / 2);
+        self.add("batches for compute", on(Queue::AsyncCompute));
+        self.add("batches for copies", on(Queue::Transfer));
+        self.add("waits for other queues", plan.waits.len());
+        self.add("transients", plan.transients.len());
+        self.add("handed over", shared(Sharing::HandedOver));
+        self.add("shared at once", shared(Sharing::Concurrent));
+        self.add("memory taken over", plan.successions.len());
+        self.add("attachments not stored", plan.unstored.len());
+        self.add("orders that are not the declared one", usize::from(plan.batches.len() == 1 && !plan.order.is_sorted()));
+    }
+}
+
+fn sound(setup: Setup, d: &Declaration, plan: &Plan) -> Result<(), TestCaseError> {
+    let words = |c: checker::Complaint| TestCaseError::fail(format!("{}\n{setup:?}\n{}", c.0, describe(d, plan)));
+    setup.check(d, plan).map_err(words)
+}
+
 #[test]
 fn plans_of_random_frames_are_sound() {
-    let start = Instant::now();
-    let cases = count(10_000);
-    over(cases, &self::cases(), |case| {
-        let frame = case.script.declare().finish().unwrap();
-        let plan = case.setup.plan(&frame.declaration);
-        case.setup.check(&frame.declaration, &plan).map_err(|complaint| {
-            TestCaseError::fail(format!("{}\n{}", complaint.0, describe(&frame.declaration, &plan)))
-        })
+    let (start, cases) = (Instant::now(), count(10_000));
+    let tally = RefCell::new(Tally::default());
+    let combinations = RefCell::new(HashSet::new());
+    let strategy = (scripts(20), prop::collection::vec(setups(), 4));
+    over(cases, &strategy, |(script, setups)| {
+        let d = script.declare().finish().unwrap().declaration;
+        for setup in setups {
+            let plan = setup.plan(&d);
+            sound(setup, &d, &plan)?;
+            tally.borrow_mut().look(&d, &plan);
+            combinations.borrow_mut().insert(setup.switches);
+        }
+        Ok(())
     });
-    println!("{cases} random frames in {:.1} s", start.elapsed().as_secs_f64());
-    let _ = RefCell::new(0);
+    println!("{cases} random frames, each planned 4 times, in {:.1} s:", start.elapsed().as_secs_f64());
+    for (what, times) in &tally.borrow().0 {
+        println!("{times:9} {what}");
+    }
+    if cases >= 1000 {
+        assert_eq!(combinations.borrow().len(), 256, "64 combinations of switches, for 1, 2, 3 queues and the device's");
+        let rare = |(_, times): &(&&str, &usize)| **times < cases as usize / 50;
+        let tally = tally.borrow();
+        assert_eq!(tally.0.iter().find(rare), None, "hardly ever seen");
+    }
+}
+
+/// A frame small enough that all that can be planned of it is.
+#[test]
+fn every_combination_of_switches_and_queues_is_sound() {
+    let tried = Cell::new(0);
+    over(count(10_000).div_ceil(100), &scripts(16), |script| {
+        let d = script.declare().finish().unwrap().declaration;
+        for (bits, queues) in (0..64).flat_map(|bits| (1..=3).map(move |queues| (bits, queues))) {
+            let switches = Switches { queues: Some(queues), ..Switches::combination(bits) };
+            let setup = Setup { switches, device: Queues::default(), prints: Prints(bits) };
+            sound(setup, &d, &setup.plan(&d))?;
+            tried.set(tried.get() + 1);
+        }
+        Ok(())
+    });
+    println!("{} plans", tried.get());
+}
+
+#[test]
+fn another_order_never_takes_more_memory() {
+    let (better, same) = (Cell::new(0), Cell::new(0));
+    over(count(10_000) / 5, &(scripts(20), any::<bool>()), |(script, cull)| {
+        let d = script.declare().finish().unwrap().declaration;
+        let peak_with = |reorder: bool| {
+            let switches = Switches { reorder, cull, ..Switches::default() };
+            peak(&d, &plan(&d, &switches, Queues::default(), &mut Prints(0)).order)
+        };
+        let (chosen, declared) = (peak_with(true), peak_with(false));
+        let counter = if chosen < declared { &better } else { &same };
+        counter.set(counter.get() + 1);
+        prop_assert!(chosen <= declared, "{chosen} bytes, {declared} in the declared order");
+        Ok(())
+    });
+    println!("{} frames take less memory in another order, {} as much", better.get(), same.get());
+    assert!(better.get() > 0);
+}
+
+#[test]
+fn planning_and_dumping_are_functions() {
+    over(count(10_000) / 20, &cases(), |case| {
+        let (a, b) = (case.script.declare().finish().unwrap(), case.script.declare().finish().unwrap());
+        let (a, b) = (a.declaration, b.declaration);
+        prop_assert_eq!(&a, &b);
+        prop_assert_eq!(a.fingerprint(), b.fingerprint());
+        let (plan_a, plan_b) = (case.setup.plan(&a), case.setup.plan(&b));
+        prop_assert_eq!(&plan_a, &plan_b);
+        prop_assert_eq!(dump::text(&a, &plan_a), dump::text(&b, &plan_b));
+        prop_assert_eq!(dump::dot(&a, &plan_a), dump::dot(&b, &plan_b));
+        prop_assert_eq!(dump::json(&a, &plan_a), dump::json(&b, &plan_b));
+        Ok(())
+    });
+}
+
+/// Of each kind of mistake, how many were planted and how many were found.
+fn report(title: &str, found: &[(usize, usize)]) {
+    println!("{title}");
+    for (mistake, (planted, found)) in MISTAKES.iter().zip(found) {
+        let why = if planted == found { "" } else { mistake.harmless.unwrap_or("NO REASON") };
+        println!("  {found:6} of {planted:6} found: {}  {why}", mistake.name);
+    }
+}
+
+/// Plants a mistake in a place; whether it was found. `None` where the plan is as it was.
+fn try_out(mistake: &Mistake, setup: Setup, d: &Declaration, good: &Plan, place: mistakes::Place) -> Option<bool> {
+    let mut bad = good.clone();
+    (mistake.plant)(d, &mut bad, place, &|d| setup.plan(d));
+    (bad != *good).then(|| setup.check(d, &bad).is_err())
+}
+
+#[test]
+fn the_checker_finds_planted_mistakes() {
+    let start = Instant::now();
+    let found = RefCell::new(vec![(0, 0); MISTAKES.len()]);
+    let strategy = (cases(), any::<usize>());
+    over(count(10_000) / 5, &strategy, |(case, pick)| {
+        let d = case.script.declare().finish().unwrap().declaration;
+        let good = case.setup.plan(&d);
+        for (mistake, tally) in MISTAKES.iter().zip(found.borrow_mut().iter_mut()) {
+            let places = (mistake.places)(&d, &good);
+            let Some(&place) = places.get(pick % places.len().max(1)) else { continue };
+            let Some(is_found) = try_out(mistake, case.setup, &d, &good, place) else { continue };
+            *tally = (tally.0 + 1, tally.1 + usize::from(is_found));
+            if !is_found && mistake.harmless.is_none() && env::var("ALL").is_err() {
+                let mut bad = good.clone();
+                (mistake.plant)(&d, &mut bad, place, &|d| case.setup.plan(d));
+                let plans = format!("{}\nspoilt:\n{}", describe(&d, &good), describe(&d, &bad));
+                return Err(TestCaseError::fail(format!("overlooked: {} at {place:?}\n{plans}", mistake.name)));
+            }
+        }
+        Ok(())
+    });
+    let found = found.into_inner();
+    report(&format!("in random frames, one place of each kind ({:.1} s)", start.elapsed().as_secs_f64()), &found);
+    for (mistake, (_, found)) in MISTAKES.iter().zip(found) {
+        assert!(found > 0, "{} is never found", mistake.name);
+    }
+}
+
+/// Every place of every kind in one frame, so that the property above is not true for want of cases.
+#[test]
+fn every_mistake_in_a_frame_made_by_hand_is_found() {
+    let d = mistakes::frame().finish().unwrap().declaration;
+    let mut found = vec![(0, 0); MISTAKES.len()];
+    for queues in [1, 2, 3] {
+        let switches = Switches { queues: Some(queues), ..Switches::default() };
+        let setup = Setup { switches, device: Queues::default(), prints: Prints(0) };
+        let good = setup.plan(&d);
+        assert_eq!(setup.check(&d, &good), Ok(()));
+        for (mistake, tally) in MISTAKES.iter().zip(&mut found) {
+            for place in (mistake.places)(&d, &good) {
+                let Some(is_found) = try_out(mistake, setup, &d, &good, place) else { continue };
+                *tally = (tally.0 + 1, tally.1 + usize::from(is_found));
+                let may_be = mistake.harmless.is_some();
+                assert!(is_found || may_be, "{} at {place:?} on {queues} queues\n{}", mistake.name, describe(&d, &good));
+            }
+        }
+    }
+    report("in the frame made by hand, every place", &found);
+    for (mistake, (_, found)) in MISTAKES.iter().zip(found) {
+        assert!(found > 0, "{} is never found", mistake.name);
+    }
 }

@@ -25,13 +25,25 @@ pub struct Mistake {
 pub const MISTAKES: &[Mistake] = &[
     Mistake {
         name: "a barrier is missing",
-        places: |_, plan| barriers(plan, |_| true),
+        places: |d, plan| certain(d, plan),
         plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
         harmless: None,
     },
     Mistake {
+        name: "a barrier after what was before the frame is missing",
+        places: |d, plan| {
+            let certain = certain(d, plan);
+            barriers(plan, |_| true).into_iter().filter(|at| !certain.contains(at)).collect()
+        },
+        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        harmless: Some("the queue has waited for another one, which began after the frame before was over"),
+    },
+    Mistake {
         name: "a barrier waits for nothing",
-        places: |_, plan| barriers(plan, |b| !b.from.is_empty()),
+        places: |d, plan| {
+            let waits = |&(b, _): &Place| !plan.barriers[b].from.is_empty();
+            certain(d, plan).into_iter().filter(waits).collect()
+        },
         plant: |_, plan, at, _| plan.barriers[at.0].from = Uses::EMPTY,
         harmless: None,
     },
@@ -67,9 +79,10 @@ pub const MISTAKES: &[Mistake] = &[
     },
     Mistake {
         name: "a barrier stands a pass too late",
-        places: |_, plan| {
-            let all = plan.before.iter().enumerate();
-            all.flat_map(|(position, stop)| stop.range().map(move |b| (b, position))).collect()
+        places: |d, plan| {
+            let (certain, all) = (certain(d, plan), plan.before.iter().enumerate());
+            let all = all.flat_map(|(position, stop)| stop.range().map(move |b| (b, position)));
+            all.filter(|&(b, _)| certain.contains(&(b, 0))).collect()
         },
         plant: |_, plan, (at, position), _| {
             let late = plan.barriers[at];
@@ -273,7 +286,7 @@ pub const MISTAKES: &[Mistake] = &[
     },
     Mistake {
         name: "an import is not left as it was asked for",
-        places: |_, plan| plan.end.range().map(|b| (b, 0)).collect(),
+        places: |d, plan| certain(d, plan).into_iter().filter(|(b, _)| plan.end.range().contains(b)).collect(),
         plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
         harmless: None,
     },
@@ -316,6 +329,19 @@ pub const MISTAKES: &[Mistake] = &[
 
 fn barriers(plan: &Plan, suits: impl Fn(&Barrier) -> bool) -> Vec<Place> {
     (0..plan.barriers.len()).filter(|&b| suits(&plan.barriers[b])).map(|b| (b, 0)).collect()
+}
+
+/// Barriers that nothing else can stand for. Those that only wait for what was before the frame are not, where there are several
+/// queues: a wait for another queue waits for that as well.
+fn certain(d: &Declaration, plan: &Plan) -> Vec<Place> {
+    let several = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
+    let first = |i: usize| !plan.barriers[..i].iter().any(|b| b.resource == plan.barriers[i].resource);
+    let begins = |i: usize, b: &Barrier| d.resources[b.resource as usize].maker.is_none() && first(i);
+    let all = plan.barriers.iter().enumerate();
+    // What was in no use and is no image needs nothing; the planner says so with a barrier where it is left for the next frame.
+    let all = all.filter(|(_, b)| b.layout_from != b.layout_to || !b.from.is_empty());
+    let all = all.filter(|(i, b)| !several || b.layout_from != b.layout_to || !begins(*i, b));
+    all.map(|(i, _)| (i, 0)).collect()
 }
 
 /// Barriers that name several uses, with the number of each.
@@ -449,9 +475,11 @@ pub fn frame() -> FrameGraph {
     let float = ImageDesc::full(Format::Rgba16Float);
     let found = g.import_buffer("found", BufferDesc::new(16), Access::HostRead, ImportKey::Caller(0));
     g.leave(found.read(), Access::HostRead, Domain::Copy);
+    let counts = g.import_buffer("counts", BufferDesc::new(16), Access::BufferRead, ImportKey::Caller(1));
     let scope = HistoryScope::new();
     let light = g.history(&scope, "light", float);
     let list = g.pass("list.make", Queue::Graphics, |p| {
+        let _ = p.write_buffer(counts);
         (p.create_buffer("list", BufferDesc::new(256)).0, |_: &mut Record<'_>| {})
     });
     let (drawn, marked) = g.pass("list.draw", Queue::Graphics, |p| {
