@@ -169,11 +169,23 @@ impl<'a> Writer<'a> {
         }
     }
 
+    /// Uses before the frame that a first group of reads goes on beside, without any barrier: what comes after it on the graphics
+    /// queue must wait for them as well.
+    fn beside(&self, group: &Group) -> Uses {
+        let own = group.uses[Queue::Graphics.index()];
+        if group.previous != NONE || group.write || own.is_empty() {
+            return Uses::EMPTY;
+        }
+        let start = self.start(group.resource);
+        if start.layout == group.layout && start.visible.includes(own) { start.visible } else { Uses::EMPTY }
+    }
+
     /// Places what stands before a group.
     fn open(&mut self, group: &Group) {
         let input = self.input;
         let Some(previous) = input.groups.all.get(group.previous as usize) else { return self.begin(group) };
         let moves = previous.layout != group.layout;
+        let beside = |queue: Queue| if queue == Queue::Graphics { self.beside(previous) } else { Uses::EMPTY };
         let sharing = || {
             let at = input.transients.binary_search_by_key(&group.resource, |t| t.resource).ok()?;
             Some(input.transients[at].sharing)
@@ -195,7 +207,7 @@ impl<'a> Writer<'a> {
                     let others = previous.single() != Some(queue);
                     let waited = if others { Uses::WAITED } else { Uses::EMPTY };
                     if moves || !previous.uses[q].is_empty() {
-                        let from = previous.uses[q].union(waited);
+                        let from = previous.uses[q].union(waited).union(beside(queue));
                         self.place(before_pass(first), self.barrier(group, from, group.uses[q], previous.layout));
                     }
                 }
@@ -216,7 +228,7 @@ impl<'a> Writer<'a> {
             }
             None => {
                 let q = group.leader().index();
-                let from = previous.uses[q].union(Uses::WAITED);
+                let from = previous.uses[q].union(Uses::WAITED).union(beside(group.leader()));
                 self.place(before_pass(group.first[q]), self.barrier(group, from, group.uses[q], previous.layout));
             }
         }
@@ -269,7 +281,7 @@ impl<'a> Writer<'a> {
                 let visible = if group.write { Uses::EMPTY } else { own };
                 // On other queues alone: the wait at the end shows everything to everyone.
                 let seen = own.is_empty() && group.layout == layout_to;
-                (group.layout, own.union(waited), if seen { Uses::of(at) } else { visible }, false)
+                (group.layout, own.union(waited).union(self.beside(group)), if seen { Uses::of(at) } else { visible }, false)
             }
         };
         let is_new = discard && last.is_none();
@@ -313,29 +325,25 @@ fn join(a: &Barrier, b: &Barrier) -> Option<Barrier> {
     alike.then_some(Barrier { part, ..*a })
 }
 
-/// Attachments that nobody reads after the pass: ended transients that are no output of the frame.
+/// Attachments of which nobody reads any part after the pass: ended transients that are no output of the frame.
 fn unstored(input: &Input<'_>) -> Vec<u32> {
     let declaration = input.declaration;
-    let mut unstored = Vec::new();
+    let (mut unstored, mut stored) = (Vec::new(), Vec::new());
     for (index, group) in input.groups.all.iter().enumerate() {
         let u = &declaration.uses[group.use_index as usize];
-        let wanted = || {
-            let output = |o: &super::super::declaration::OutputDecl| {
-                o.resource == u.resource && Some(o.version) == u.writes
-            };
-            declaration.outputs.iter().any(output)
-        };
-        let is_last = input.groups.newest[group.slot as usize] == index as u32;
-        if group.write
-            && u.access.is_attachment()
-            && is_last
-            && declaration.resources[group.resource as usize].is_transient()
-            && !wanted()
-        {
-            unstored.push(group.use_index);
+        let is_transient = || declaration.resources[group.resource as usize].is_transient();
+        if !group.write || !u.access.is_attachment() || !is_transient() {
+            continue;
         }
+        let wanted = || declaration.outputs.iter().any(|o| o.resource == u.resource && Some(o.version) == u.writes);
+        let is_last = input.groups.newest[group.slot as usize] == index as u32;
+        if is_last && !wanted() { &mut unstored } else { &mut stored }.push(group.use_index);
     }
+    // An image whose mips or layers are used apart has several groups for one attachment.
     unstored.sort_unstable();
+    unstored.dedup();
+    stored.sort_unstable();
+    unstored.retain(|u| stored.binary_search(u).is_err());
     unstored
 }
 
