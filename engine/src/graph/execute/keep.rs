@@ -3,7 +3,7 @@
 use std::{collections::HashMap, sync::Arc};
 
 use super::super::{
-    access::{Access, Domain, Layout, Queue, Uses},
+    access::{Layout, Queue, Uses},
     declaration::{Declaration, ImportKey, Origin, Shape},
     desc::Part,
     history::{Book, Entry, Keeping},
@@ -152,12 +152,11 @@ impl Slot {
         match &self.halves[self.previous] {
             Physical::Image(image) => {
                 let all = Part::ALL.of(image.mips(), image.layers());
-                let (nothing, cleared) = (Uses::EMPTY, Uses::of((Access::CopyWrite, Domain::Copy)));
-                let layouts = (Layout::Undefined, Layout::TransferTarget);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (nothing, cleared), layouts, None)]);
+                // No access of the graph stands for a clear, which is no copy to a device.
+                let into = |from, to| ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), (from, to), None);
+                work.barriers(&[], &[into(Layout::Undefined, Layout::TransferTarget)]);
                 work.clear_image(image);
-                let layouts = (Layout::TransferTarget, Layout::ShaderRead);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (cleared, Uses::ANY), layouts, None)]);
+                work.barriers(&[], &[into(Layout::TransferTarget, Layout::ShaderRead)]);
             }
             Physical::Buffer(range) => work.clear_buffer(&range.buffer),
             Physical::Unused => {}
