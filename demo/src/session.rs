@@ -101,7 +101,8 @@ impl Session {
         read_back: bool,
     ) -> Result<FrameResult, Failure> {
         let view = view.map(|v| (v.pass.as_str(), v.output.as_str()));
-        self.renderer.frame(FrameRequest { camera, view, read_back }).map_err(failure)
+        let frame = self.renderer.frame(FrameRequest { camera, view, read_back }).map_err(failure)?;
+        frame.ok_or_else(|| Failure::bad("a size of zero shows nothing".to_owned()))
     }
 
     pub(crate) fn device(&self) -> Device {
@@ -142,6 +143,7 @@ fn failure(error: RenderError) -> Failure {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),
         RenderError::Scene(ResidentError::Ray(error)) => Failure::input(error),
+        RenderError::Config(error) => error.into(),
         RenderError::View(error @ (GraphError::UnknownPass { .. } | GraphError::UnknownOutput { .. })) => {
             Failure::input(error).context("--view")
         }

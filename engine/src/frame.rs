@@ -37,6 +37,42 @@ pub struct ViewDesc<'a> {
     pub previous_clip_from_world: Option<Mat4>,
 }
 
+/// Memory of the block that shaders know a view by, from frame to frame. Frames do not overlap, so one is enough.
+pub struct ViewBlock {
+    gpu: Gpu,
+    buffer: Arc<gpu::Buffer>,
+}
+
+impl ViewBlock {
+    /// Memory for one view.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self { gpu: gpu.clone(), buffer: Arc::new(Self::buffer(gpu)?) })
+    }
+
+    fn buffer(gpu: &Gpu) -> Result<gpu::Buffer, GpuError> {
+        gpu::Buffer::new(gpu, "view", BLOCK_BYTES, BufferMemory::Upload, BufferUse::Storage)
+    }
+
+    fn write(&mut self, block: &shared::View) -> Result<&Arc<gpu::Buffer>, GpuError> {
+        let bytes = bytemuck::bytes_of(block);
+        match Arc::get_mut(&mut self.buffer) {
+            Some(buffer) => buffer.write(0, bytes)?,
+            None => {
+                // Imports of an earlier frame hold it still: that frame keeps what it was declared with.
+                let mut buffer = Self::buffer(&self.gpu)?;
+                buffer.write(0, bytes)?;
+                self.buffer = Arc::new(buffer);
+            }
+        }
+        Ok(&self.buffer)
+    }
+}
+
+const BLOCK_BYTES: u64 = size_of::<shared::View>() as u64;
+
 impl ViewDesc<'_> {
     /// Clip space from the world: reversed infinite depth, y down.
     pub fn clip_from_world(&self) -> Mat4 {
@@ -47,13 +83,13 @@ impl ViewDesc<'_> {
         self.camera.clip_from_view(self.extent.width as f32 / self.extent.height as f32)
     }
 
-    /// Brings camera, frame and sky into a frame of the graph.
+    /// Brings camera, frame and sky into a frame of the graph, in the memory of `block`.
     ///
     /// # Errors
-    /// [`GpuError::OutOfMemory`].
+    /// [`GpuError::OutOfMemory`], where an earlier frame's imports still hold that memory.
     pub fn declare(
         &self,
-        gpu: &Gpu,
+        block: &mut ViewBlock,
         scene: &ResidentScene,
         g: &mut FrameGraph,
         imports: &mut Imports,
@@ -61,7 +97,7 @@ impl ViewDesc<'_> {
         let clip_from_world = self.clip_from_world();
         // The product of the two inverses: the inverse of the product loses digits far from the origin.
         let world_from_clip = Mat4::from(self.camera.world_from_camera) * self.clip_from_view().inverse();
-        let block = shared::View {
+        let contents = shared::View {
             clip_from_world: clip_from_world.to_cols_array_2d(),
             world_from_clip: world_from_clip.to_cols_array_2d(),
             previous_clip_from_world: self.previous_clip_from_world.unwrap_or(clip_from_world).to_cols_array_2d(),
@@ -74,12 +110,9 @@ impl ViewDesc<'_> {
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or_default(),
         };
-        let bytes = size_of::<shared::View>() as u64;
-        let mut buffer = gpu::Buffer::new(gpu, "view", bytes, BufferMemory::Upload, BufferUse::Storage)?;
-        buffer.write(0, bytemuck::bytes_of(&block))?;
-        let key = imports.buffer(&Arc::new(buffer));
+        let key = imports.buffer(block.write(&contents)?);
         Ok(View {
-            block: g.import_buffer("view", BufferDesc::new(bytes), Access::BufferRead, key).read(),
+            block: g.import_buffer("view", BufferDesc::new(BLOCK_BYTES), Access::BufferRead, key).read(),
             frame: self.frame,
             draws: scene.draws().clone(),
             key_light: scene.key_light(),

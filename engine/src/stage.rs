@@ -7,12 +7,16 @@
 //! stages.shadows.register("mine", "My own shadows.", &[], |build, settings| Ok(Box::new(Mine::new(build, settings)?)));
 //! ```
 
-use std::{collections::BTreeMap, error::Error, fmt};
+mod filled;
+
+pub use filled::{Change, Filled};
+
+use std::{collections::BTreeMap, error::Error, fmt, sync::Arc};
 
 use serde::Serialize;
 
 use crate::{
-    config::{Config, Suggestion, Value},
+    config::{Suggestion, Value},
     frame::View,
     gpu::Gpu,
     graph::FrameGraph,
@@ -444,12 +448,18 @@ impl StageError {
 }
 
 type Constructor<In, Out> =
-    Box<dyn Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync>;
+    Arc<dyn Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync>;
 
-/// A slot of the frame and the implementations that can fill it.
+/// A slot of the frame and the implementations that can fill it. Clones share these.
 pub struct Stage<In, Out> {
     info: SlotInfo,
     constructors: Vec<Constructor<In, Out>>,
+}
+
+impl<In, Out> Clone for Stage<In, Out> {
+    fn clone(&self) -> Self {
+        Self { info: self.info.clone(), constructors: self.constructors.clone() }
+    }
 }
 
 impl<In, Out> fmt::Debug for Stage<In, Out> {
@@ -500,10 +510,10 @@ impl<In, Out> Stage<In, Out> {
         }
         if let Some(at) = self.info.implementations.iter().position(|i| i.name == name) {
             self.info.implementations[at] = info;
-            self.constructors[at] = Box::new(make);
+            self.constructors[at] = Arc::new(make);
         } else {
             self.info.implementations.push(info);
-            self.constructors.push(Box::new(make));
+            self.constructors.push(Arc::new(make));
         }
     }
 
@@ -530,29 +540,35 @@ impl<In, Out> Stage<In, Out> {
         name: &str,
         given: &BTreeMap<String, Value>,
     ) -> Result<BoxedEffect<In, Out>, StageError> {
+        let (at, settings) = self.find(name, given)?;
+        self.construct(build, at, &settings)
+    }
+
+    /// Place and settings of the implementation `name`.
+    fn find(&self, name: &str, given: &BTreeMap<String, Value>) -> Result<(usize, Settings), StageError> {
         let slot = &self.info.name;
         let at = self.info.implementations.iter().position(|i| i.name == name).ok_or_else(|| {
             let known = self.info.names();
             let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
             StageError::UnknownImplementation { slot: slot.clone(), name: name.to_owned(), known, suggestion }
         })?;
-        let settings = Settings::new(slot, &self.info.implementations[at], given)?;
-        self.constructors[at](build, &settings).map_err(|source| match source {
-            StageError::Other(source) => {
-                StageError::Construct { slot: slot.clone(), implementation: name.to_owned(), source }
-            }
-            other => other,
-        })
+        Ok((at, Settings::new(slot, &self.info.implementations[at], given)?))
     }
 
-    /// Makes the implementation that `config` names for this slot, or the default, with the settings of `config`.
-    ///
-    /// # Errors
-    /// As [`Stage::choose`].
-    pub fn from_config(&self, build: &Build<'_>, config: &Config) -> Result<BoxedEffect<In, Out>, StageError> {
-        let name = config.stages.get(&self.info.name).unwrap_or(&self.info.default);
-        let none = BTreeMap::new();
-        self.choose(build, name, config.settings.get(&self.info.name).unwrap_or(&none))
+    fn construct(
+        &self,
+        build: &Build<'_>,
+        at: usize,
+        settings: &Settings,
+    ) -> Result<BoxedEffect<In, Out>, StageError> {
+        self.constructors[at](build, settings).map_err(|source| match source {
+            StageError::Other(source) => StageError::Construct {
+                slot: self.info.name.clone(),
+                implementation: self.info.implementations[at].name.clone(),
+                source,
+            },
+            other => other,
+        })
     }
 }
 

@@ -6,18 +6,18 @@ use crate::stages::{
 };
 use magpie::config::Config;
 use magpie::prelude::*;
-use magpie::stage::{BoxedEffect, Build, StageError};
+use magpie::stage::{Build, Filled, StageError};
 
 /// One implementation in every slot.
 pub struct Stages {
-    gbuffer: BoxedEffect<GBufferIn, GBuffer>,
-    shadows: BoxedEffect<ShadowIn, ShadowOut>,
-    direct: BoxedEffect<DirectIn, DirectOut>,
-    gi: BoxedEffect<IndirectIn, IndirectOut>,
-    reflections: BoxedEffect<IndirectIn, IndirectOut>,
-    compose: BoxedEffect<ComposeIn, WriteHandle<Image>>,
-    sky: BoxedEffect<SkyIn, Handle<Image>>,
-    post: BoxedEffect<PostIn, PostOut>,
+    gbuffer: Filled<GBufferIn, GBuffer>,
+    shadows: Filled<ShadowIn, ShadowOut>,
+    direct: Filled<DirectIn, DirectOut>,
+    gi: Filled<IndirectIn, IndirectOut>,
+    reflections: Filled<IndirectIn, IndirectOut>,
+    compose: Filled<ComposeIn, WriteHandle<Image>>,
+    sky: Filled<SkyIn, Handle<Image>>,
+    post: Filled<PostIn, PostOut>,
 }
 
 /// What a frame is made for.
@@ -59,5 +59,28 @@ impl Stages {
             sky: slots.sky.from_config(&build, config)?,
             post: slots.post.from_config(&build, config)?,
         })
+    }
+
+    /// Puts what `config` names into the slots where that is another implementation or has other settings. The others keep
+    /// their instances, and with them their histories.
+    ///
+    /// # Errors
+    /// As [`Stages::new`]; then nothing has changed.
+    pub fn configure(&mut self, gpu: &Gpu, slots: &Slots, config: &Config) -> Result<(), StageError> {
+        let build = Build { gpu };
+        let Self { gbuffer, shadows, direct, gi, reflections, compose, sky, post } = self;
+        // Everything is made before anything takes its place.
+        let changes = [
+            slots.gbuffer.change(gbuffer, &build, config)?,
+            slots.shadows.change(shadows, &build, config)?,
+            slots.direct.change(direct, &build, config)?,
+            slots.gi.change(gi, &build, config)?,
+            slots.reflections.change(reflections, &build, config)?,
+            slots.compose.change(compose, &build, config)?,
+            slots.sky.change(sky, &build, config)?,
+            slots.post.change(post, &build, config)?,
+        ];
+        changes.into_iter().flatten().for_each(|change| change());
+        Ok(())
     }
 }

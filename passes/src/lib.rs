@@ -18,7 +18,9 @@
 //! let options = RenderOptions { width: 1280, height: 720, seed: 0, check: false };
 //! let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
 //! let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
-//! println!("{:?}", frame.sample.passes); // times, draws, rays of every pass
+//! if let Some(frame) = frame {
+//!     println!("{:?}", frame.sample.passes); // times, draws, rays of every pass
+//! } // None while the size is zero
 //! # Ok(())
 //! # }
 //! ```

@@ -2,8 +2,8 @@
 use crate::frame::{Stages, frame};
 use crate::slots::Slots;
 use crate::stages::SceneHandles;
-use magpie::config::Config;
-use magpie::frame::ViewDesc;
+use magpie::config::{Config, ConfigError};
+use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::check::{Finding, Scan};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
@@ -23,9 +23,9 @@ use std::time::Instant;
 /// How to render.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
-    /// Pixels from left to right.
+    /// Pixels from left to right, or 0: minimised.
     pub width: u32,
-    /// Pixels from top to bottom.
+    /// Pixels from top to bottom, or 0: minimised.
     pub height: u32,
     /// Seed of everything random.
     pub seed: u32,
@@ -73,6 +73,9 @@ pub enum RenderError {
     /// A stage could not be made.
     #[error(transparent)]
     Stage(#[from] StageError),
+    /// No such slot, implementation or setting.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     /// The scene could not be brought to the device.
     #[error("scene: {0}")]
     Scene(#[from] ResidentError),
@@ -92,7 +95,10 @@ pub struct Renderer {
     gpu: Gpu,
     executor: Executor,
     scene: ResidentScene,
+    slots: Slots,
+    config: Config,
     stages: Stages,
+    view: ViewBlock,
     scan: Option<Scan>,
     options: RenderOptions,
     frame: u32,
@@ -156,6 +162,9 @@ impl Renderer {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
             stages: Stages::new(gpu, slots, config)?,
+            slots: slots.clone(),
+            config: config.clone(),
+            view: ViewBlock::new(gpu)?,
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
             scene: ResidentScene::new(gpu, scene)?,
             options,
@@ -175,12 +184,62 @@ impl Renderer {
         (self.frame, self.previous_clip_from_world) = (0, None);
     }
 
-    /// Renders one frame and waits for it.
+    /// Renders in another size from the next frame on. What histories hold in the old size is lost then, but not before:
+    /// where the old size returns without a frame between them, as after a window was minimised, they go on.
+    pub fn resize(&mut self, width: u32, height: u32) {
+        (self.options.width, self.options.height) = (width, height);
+    }
+
+    /// The camera jumps: the next frame has nothing to do with the one before. Nothing moves in it, and histories begin anew.
+    pub fn cut(&mut self) {
+        self.executor.cut();
+        self.previous_clip_from_world = None;
+    }
+
+    /// Puts an implementation into a slot, with the settings that the configuration has for it.
+    ///
+    /// # Errors
+    /// [`RenderError::Config`] where there is no such slot or implementation, [`RenderError::Stage`] where it cannot be made.
+    /// The old one stays then.
+    pub fn swap(&mut self, slot: &str, implementation: &str) -> Result<(), RenderError> {
+        let mut over = Config::default();
+        over.stages.insert(slot.to_owned(), implementation.to_owned());
+        self.slots.catalogue().check(&over, "swap")?;
+        let mut config = self.config.clone();
+        config.merge(over);
+        self.put_in_place(config)
+    }
+
+    /// Renders with another configuration from the next frame on. Slots whose implementation and settings stay what they are
+    /// keep their histories.
+    ///
+    /// # Errors
+    /// As [`Renderer::swap`], and for settings that do not suit. Nothing has changed then.
+    pub fn configure(&mut self, config: &Config) -> Result<(), RenderError> {
+        self.slots.catalogue().check(config, "configure")?;
+        self.put_in_place(config.clone())
+    }
+
+    fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
+        self.stages.configure(&self.gpu, &self.slots, &config)?;
+        self.config = config;
+        Ok(())
+    }
+
+    /// The configuration in use.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Renders one frame and waits for it. `None`: the size is zero, nothing was done, and all is as it was.
     ///
     /// # Errors
     /// [`RenderError::View`] when the image that was asked for does not exist, and whatever the device says. With
     /// `check`, messages of the validation layers are errors.
-    pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<FrameResult, RenderError> {
+    pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
+        if self.options.width == 0 || self.options.height == 0 {
+            return Ok(None);
+        }
         let start = Instant::now();
         let extent = Extent::new(self.options.width, self.options.height);
         let mut g = self.executor.begin(extent);
@@ -192,7 +251,7 @@ impl Renderer {
             seed: self.options.seed,
             previous_clip_from_world: self.previous_clip_from_world,
         };
-        let view = desc.declare(&self.gpu, &self.scene, &mut g, &mut imports.borrow_mut())?;
+        let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?;
         let imported = self.scene.import(&mut g, &mut imports.borrow_mut());
         let scene = SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
 
@@ -244,6 +303,6 @@ impl Renderer {
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
         let findings = scan.map(|s| s.findings()).unwrap_or_default();
-        Ok(FrameResult { sample, images, findings, declaration, plan })
+        Ok(Some(FrameResult { sample, images, findings, declaration, plan }))
     }
 }

@@ -9,7 +9,7 @@ use magpie::prelude::*;
 use magpie::stage::{SlotInfo, Stage};
 
 /// Every slot of the frame with all that can fill it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Slots {
     /// What the camera sees first.
     pub gbuffer: Stage<GBufferIn, GBuffer>,

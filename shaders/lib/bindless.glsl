@@ -10,11 +10,14 @@
 #extension GL_EXT_shader_image_load_formatted : require
 #extension GL_EXT_samplerless_texture_functions : require
 
-// Float and unsigned views of one table: an index must be used through the view that fits its image's format.
+// Views of one table: an index must be used through the view that fits its image: its format, and whether it is an array. An image,
+// or a part of one, is an array where it has several layers.
 layout(set = 0, binding = 0) uniform texture2D images[];
 layout(set = 0, binding = 0) uniform utexture2D images_uint[];
+layout(set = 0, binding = 0) uniform texture2DArray image_arrays[];
 layout(set = 0, binding = 1) uniform image2D storage_images[];
 layout(set = 0, binding = 1) uniform uimage2D storage_images_uint[];
+layout(set = 0, binding = 1) uniform image2DArray storage_image_arrays[];
 layout(set = 0, binding = 2) uniform sampler samplers[];
 
 // Three floats each: the positions of a mesh.
@@ -32,6 +35,11 @@ uvec4 load_uint(uint image, ivec2 p) {
     return texelFetch(images_uint[image], p, 0);
 }
 
+// The same for one layer of an image with several.
+vec4 load_layer(uint image, ivec2 p, int layer) {
+    return texelFetch(image_arrays[image], ivec3(p, layer), 0);
+}
+
 // Filtered at mip level `lod`. Image and sampler may differ between invocations.
 vec4 sample_lod(uint image, uint sampler_id, vec2 uv, float lod) {
     return textureLod(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, lod);
@@ -45,6 +53,11 @@ vec4 sample_implicit(uint image, uint sampler_id, vec2 uv) {
 // Writes pixel `p`. `image` must be the same for the whole draw or dispatch.
 void store(uint image, ivec2 p, vec4 value) {
     imageStore(storage_images[image], p, value);
+}
+
+// The same for one layer of an image with several.
+void store_layer(uint image, ivec2 p, int layer, vec4 value) {
+    imageStore(storage_image_arrays[image], ivec3(p, layer), value);
 }
 
 // The same for an unsigned integer format.

@@ -1,7 +1,7 @@
 //! Frames of a test's own, run with every check, and the images and buffers that a test wants to see.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
-use magpie::frame::{View, ViewDesc};
+use magpie::frame::{View, ViewBlock, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
 use magpie::graph::check::{Finding, Scan};
 use magpie::graph::execute::{Executed, Executor, Imports};
@@ -142,7 +142,7 @@ impl Shot<'_> {
     pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
         let Self { scene, camera, extent } = *self;
         let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous_clip_from_world: None };
-        let view = desc.declare(gpu, scene, g, &mut imports.borrow_mut())?;
+        let view = desc.declare(&mut ViewBlock::new(gpu)?, scene, g, &mut imports.borrow_mut())?;
         let s = scene.import(g, &mut imports.borrow_mut());
         Ok((view, SceneHandles { tables: s.tables, indices: s.indices, tlas: s.tlas }))
     }

@@ -63,6 +63,7 @@ pub fn render(
     for frame in 1.. {
         let read_back = frame == frames;
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view, read_back })?;
+        let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "frame {frame}: {}", result.findings[0]);
         if read_back {
             return Ok(result);

@@ -13,6 +13,7 @@ fn run(scene: &Scene) -> Result<Option<Vec<ReadBack>>> {
     let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), &config(&[])?, options)?;
     let frames = (0..FRAMES).map(|_| {
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+        let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         result.images.context("nothing was read back")
     });

@@ -1,7 +1,7 @@
 //! Motion vectors of a moving camera, against a projection in double precision.
 use anyhow::Result;
 use magpie::config::Config;
-use magpie::frame::ViewDesc;
+use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::graph::Extent;
 use magpie::scene::{Camera, ResidentScene, Scene};
 use magpie::stage::Build;
@@ -28,7 +28,8 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
     let previous = desc(before, None).clip_from_world();
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:depth"];
     let ran = bench.run(EXTENT, &wanted, |g, imports| {
-        let view = desc(now, Some(previous)).declare(&gpu, &resident, g, &mut imports.borrow_mut())?;
+        let mut block = ViewBlock::new(&gpu)?;
+        let view = desc(now, Some(previous)).declare(&mut block, &resident, g, &mut imports.borrow_mut())?;
         let s = resident.import(g, &mut imports.borrow_mut());
         let scene = SceneHandles { tables: s.tables, indices: s.indices, tlas: s.tlas };
         let motion = gbuffer.add(g, &view, GBufferIn { scene }).motion;

@@ -29,6 +29,8 @@ pub enum BufferUse {
     Index,
     /// Arguments of indirect draws and dispatches as well.
     Indirect,
+    /// All of these.
+    Any,
 }
 
 /// A buffer. Freed when dropped, after the device is done with it.
@@ -57,6 +59,7 @@ impl Buffer {
             BufferUse::Storage => vk::BufferUsageFlags::empty(),
             BufferUse::Index => vk::BufferUsageFlags::INDEX_BUFFER,
             BufferUse::Indirect => vk::BufferUsageFlags::INDIRECT_BUFFER,
+            BufferUse::Any => EVERYTHING,
         };
         let families = &gpu.0.families;
         let info = shared(vk::BufferCreateInfo::default().size(size).usage(BASIC | extra), families);

@@ -78,14 +78,26 @@ pub(super) enum Keeping {
 pub(super) struct Entry {
     /// Its number, by which the executor knows the objects behind it.
     pub slot: u32,
+    /// Unlike that of any other: a slot is taken over when it is free, what lay behind it is not.
+    pub birth: u64,
     pub keeping: Keeping,
+    /// As this frame wants it.
     pub shape: Shape,
-    /// Its contents are those of the frame before.
-    pub valid: bool,
+    /// As the newest frame that ran left it; none before there was one.
+    left: Option<Shape>,
+    /// That frame wrote it, and no cut came after.
+    fresh: bool,
     /// Bytes of a kept buffer that hold something.
     pub valid_bytes: u64,
     /// This frame declared it.
     pub declared: bool,
+}
+
+impl Entry {
+    /// Whether its contents are those of the frame before. Frames that were declared and never ran change nothing.
+    pub fn is_valid(&self) -> bool {
+        self.fresh && self.left == Some(self.shape)
+    }
 }
 
 type Key = (u32, Cow<'static, str>);
@@ -100,6 +112,7 @@ pub(super) struct Pages {
     /// Slots that are free again, and the first never used: a frame like the last gets the same ones.
     free: Vec<u32>,
     next_slot: u32,
+    births: u64,
 }
 
 impl Book {
@@ -115,27 +128,21 @@ impl Pages {
         self.entries.values_mut().for_each(|entry| entry.declared = false);
     }
 
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
-
     /// The camera jumped: nothing that was seen before is of use. What kept buffers hold is no picture, and stays.
     pub fn cut(&mut self) {
-        self.entries.values_mut().filter(|e| e.keeping == Keeping::Pair).for_each(|entry| entry.valid = false);
+        self.entries.values_mut().filter(|e| e.keeping == Keeping::Pair).for_each(|entry| entry.fresh = false);
+    }
+
+    /// Forgets everything, kept buffers too.
+    pub fn clear(&mut self) {
+        *self = Self { births: self.births, ..Self::default() };
     }
 
     /// Declares a pair for this frame; gives its slot and whether it is valid. `None` when this frame has declared it already.
     pub fn declare_pair(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> Option<(u32, bool)> {
-        let entry = self.entry(scope, name, Keeping::Pair, shape);
-        if entry.declared {
-            return None;
-        }
-        if entry.shape != shape {
-            (entry.shape, entry.valid) = (shape, false);
-        }
-        entry.declared = true;
-        Some((entry.slot, entry.valid))
+        let entry = self.declare(scope, name, Keeping::Pair, shape)?;
+        entry.shape = shape;
+        Some((entry.slot, entry.is_valid()))
     }
 
     /// Declares a kept buffer of at least `bytes` bytes; gives its slot, its size and how much of it is valid.
@@ -145,26 +152,51 @@ impl Pages {
         name: Cow<'static, str>,
         bytes: u64,
     ) -> Option<(u32, u64, u64)> {
-        let entry = self.entry(scope, name, Keeping::Single, Shape::Buffer { bytes });
-        if entry.declared {
-            return None;
-        }
-        // By half at least, so that one that grows by a little each frame is copied few times.
-        let held = entry.shape.bytes();
+        let entry = self.declare(scope, name, Keeping::Single, Shape::Buffer { bytes })?;
+        // By half at least, so that one that grows by a little each frame is copied few times. What a frame that did not run
+        // asked for does not count.
+        let held = entry.left.map_or(0, Shape::bytes);
         let grown = if bytes > held { bytes.max(held + held / 2) } else { held };
-        (entry.shape, entry.declared) = (Shape::Buffer { bytes: grown }, true);
+        entry.shape = Shape::Buffer { bytes: grown };
         Some((entry.slot, grown, entry.valid_bytes))
     }
 
-    fn entry(&mut self, scope: &HistoryScope, name: Cow<'static, str>, keeping: Keeping, shape: Shape) -> &mut Entry {
-        let (free, next) = (&mut self.free, &mut self.next_slot);
-        self.entries.entry((scope.0, name)).or_insert_with(|| {
+    fn declare(
+        &mut self,
+        scope: &HistoryScope,
+        name: Cow<'static, str>,
+        keeping: Keeping,
+        shape: Shape,
+    ) -> Option<&mut Entry> {
+        let Self { entries, free, next_slot, births } = self;
+        let mut new = |slot: u32| {
+            *births += 1;
+            Entry {
+                slot,
+                birth: *births,
+                keeping,
+                shape,
+                left: None,
+                fresh: false,
+                valid_bytes: 0,
+                declared: false,
+            }
+        };
+        let entry = entries.entry((scope.0, name)).or_insert_with(|| {
             let slot = free.pop().unwrap_or_else(|| {
-                *next += 1;
-                *next - 1
+                *next_slot += 1;
+                *next_slot - 1
             });
-            Entry { slot, keeping, shape, valid: false, valid_bytes: 0, declared: false }
-        })
+            new(slot)
+        });
+        if entry.declared {
+            return None;
+        }
+        if entry.keeping != keeping {
+            *entry = new(entry.slot); // one name for two things, one after the other
+        }
+        entry.declared = true;
+        Some(entry)
     }
 
     /// What the frame declared, by slot, in no particular order.
@@ -172,24 +204,20 @@ impl Pages {
         self.entries.values().filter(|e| e.declared)
     }
 
-    /// The frame ran: `written` says which slots it wrote. What it did not declare or write is forgotten.
+    /// The frame ran: `written` says which slots it wrote. What it did not declare is forgotten.
     pub fn end(&mut self, written: impl Fn(u32) -> bool) {
         let free = &mut self.free;
         self.entries.retain(|_, entry| {
-            let keep = match entry.keeping {
-                Keeping::Pair => {
-                    entry.valid = entry.declared && written(entry.slot);
-                    entry.valid
-                }
-                Keeping::Single => {
-                    entry.valid_bytes = entry.shape.bytes();
-                    entry.declared
-                }
-            };
-            if !keep {
+            if !entry.declared {
                 free.push(entry.slot);
+                return false;
             }
-            keep
+            let written = written(entry.slot);
+            (entry.left, entry.fresh) = (Some(entry.shape), written);
+            if written {
+                entry.valid_bytes = entry.shape.bytes();
+            }
+            true
         });
         free.sort_unstable_by(|a, b| b.cmp(a));
     }
@@ -249,7 +277,7 @@ mod tests {
                 pages.cut();
             }
             let (_, held, valid) = pages.declare_kept(&scope, "surfels".into(), bytes).unwrap();
-            pages.end(|_| false);
+            pages.end(|_| true);
             (held, valid)
         };
         assert_eq!(frame(100, false), (100, 0));
@@ -257,5 +285,62 @@ mod tests {
         assert_eq!(frame(110, false), (150, 100));
         assert_eq!(frame(400, false), (400, 150));
         assert_eq!(frame(10, false), (400, 400));
+    }
+
+    #[test]
+    fn frames_that_did_not_run_change_nothing() {
+        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let mut declare = |side: u32, bytes: u64, runs: bool| {
+            pages.begin();
+            let (_, valid) = pages.declare_pair(&scope, "colour".into(), image(side)).unwrap();
+            let (_, held, valid_bytes) = pages.declare_kept(&scope, "surfels".into(), bytes).unwrap();
+            if runs {
+                pages.end(|_| true);
+            }
+            (valid, held, valid_bytes)
+        };
+        assert_eq!(declare(8, 100, true), (false, 100, 0));
+        assert_eq!(declare(16, 1 << 60, false), (false, 1 << 60, 100));
+        assert_eq!(declare(8, 100, true), (true, 100, 100));
+        assert_eq!(declare(16, 100, true), (false, 100, 100));
+    }
+
+    #[test]
+    fn nothing_is_taken_over_with_a_slot() {
+        let (one, two, mut pages) = (HistoryScope::new(), HistoryScope::new(), Pages::default());
+        let mut frame = |scope: &HistoryScope, kept: bool| {
+            pages.begin();
+            let (slot, valid) = if kept {
+                pages.declare_kept(scope, "thing".into(), 64).map(|(slot, _, valid)| (slot, valid > 0)).unwrap()
+            } else {
+                pages.declare_pair(scope, "thing".into(), Shape::Buffer { bytes: 64 }).unwrap()
+            };
+            let birth = pages.declared().next().unwrap().birth;
+            pages.end(|_| true);
+            (slot, birth, valid)
+        };
+        let first = frame(&one, false);
+        assert_eq!(frame(&one, false), (first.0, first.1, true));
+        let as_kept = frame(&one, true);
+        assert!(as_kept.0 == first.0 && as_kept.1 != first.1 && !as_kept.2, "one name for two things: {as_kept:?}");
+        let other = frame(&two, true);
+        assert!(other.0 != first.0 && !other.2);
+        let again = frame(&one, true);
+        assert!(again.0 == first.0 && again.1 != as_kept.1 && !again.2, "it was forgotten meanwhile: {again:?}");
+    }
+
+    #[test]
+    fn a_kept_buffer_that_nobody_wrote_holds_nothing() {
+        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let mut frame = |written: bool| {
+            pages.begin();
+            let (_, _, valid) = pages.declare_kept(&scope, "surfels".into(), 100).unwrap();
+            pages.end(|_| written);
+            valid
+        };
+        assert_eq!([frame(false), frame(true), frame(false), frame(false)], [0, 0, 100, 100]);
+        pages.clear();
+        pages.begin();
+        assert_eq!(pages.declare_kept(&scope, "surfels".into(), 100), Some((0, 100, 0)));
     }
 }

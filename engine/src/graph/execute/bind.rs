@@ -74,6 +74,20 @@ pub(super) struct Bound {
     pub barriers: Compiled,
 }
 
+impl Bound {
+    /// Lets go of imported objects, which are looked up anew each frame: a plan that is kept must not keep them.
+    pub fn release_imports(&mut self) {
+        for &(resource, _) in &self.imports {
+            self.physical[resource as usize] = Physical::Unused;
+        }
+    }
+
+    /// Whether it is bound to memory that is still there.
+    pub fn is_of(&self, pool: &Pool) -> bool {
+        self.generation == pool.generation
+    }
+}
+
 /// The barriers of a plan in the device's words.
 #[derive(Default)]
 pub(super) struct Compiled {

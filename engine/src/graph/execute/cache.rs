@@ -13,7 +13,7 @@ use super::{
         plan::{Plan, plan},
         switches::{Queues, Switches},
     },
-    bind::{Bound, Device},
+    bind::{Bound, Device, Pool},
 };
 use crate::gpu::GpuError;
 
@@ -67,16 +67,22 @@ impl Cache {
         Ok((Entry { switches, declaration, plan, bound: None }, frame.records, None))
     }
 
-    /// Keeps an entry for the next frame of its kind.
-    pub fn put_back(&mut self, entry: Entry, switches: Switches) {
+    /// Keeps an entry for the next frame of its kind. Objects are kept only where that costs no memory.
+    pub fn put_back(&mut self, mut entry: Entry, switches: Switches, pool: &Pool) {
         if !switches.cache {
             self.0.clear();
             return;
+        }
+        if let Some(bound) = &mut entry.bound {
+            bound.release_imports();
         }
         if self.0.len() == MOST {
             self.0.remove(0);
         }
         self.0.push(entry);
+        for entry in &mut self.0 {
+            entry.bound.take_if(|bound| !bound.is_of(pool));
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::{collections::HashMap, sync::Arc};
 
 use super::super::{
-    access::{Access, Domain, Layout, Queue, Uses},
+    access::{Layout, Queue, Uses},
     declaration::{Declaration, ImportKey, Origin, Shape},
     desc::Part,
     history::{Book, Entry, Keeping},
@@ -17,6 +17,8 @@ use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, I
 pub(super) struct Kept(HashMap<u32, Slot>);
 
 struct Slot {
+    /// Whose it is.
+    birth: u64,
     shape: Shape,
     /// Both halves of a pair; a kept buffer has one.
     halves: Vec<Physical>,
@@ -54,60 +56,68 @@ impl Kept {
             return Ok(());
         }
         declared.sort_unstable_by_key(|e| e.slot);
-        self.0.retain(|slot, _| declared.binary_search_by_key(slot, |e| e.slot).is_ok());
-        let mut encoder = None;
-        // Replaced buffers live until the copies from them are done.
-        let mut replaced = Vec::new();
-        for entry in declared {
-            let same = self.0.get(&entry.slot).is_some_and(|held| held.shape == entry.shape);
-            let (valid, bytes) = (entry.valid || entry.keeping == Keeping::Single, entry.valid_bytes);
-            if same && valid {
-                continue;
-            }
-            let work = match &mut encoder {
-                Some(work) => work,
-                none => {
-                    let new = none.insert(CommandEncoder::new(gpu, Queue::Graphics)?);
-                    new.begin()?;
-                    new
-                }
-            };
-            if !same {
-                let old = self.0.insert(entry.slot, Slot::new(gpu, entry)?);
-                if let (Keeping::Single, Some(old), Some(new)) = (entry.keeping, old, self.0.get(&entry.slot)) {
-                    new.copy_from(&old, bytes, work);
-                    replaced.push(old);
-                    continue;
-                }
-            }
-            if let Some(slot) = self.0.get(&entry.slot) {
-                slot.clear(work);
+        self.forget(gpu, &declared)?;
+
+        // All is made before anything is replaced: where memory runs out, kept buffers still hold what they held.
+        let mut made = Vec::new();
+        for entry in &declared {
+            if self.0.get(&entry.slot).is_none_or(|held| held.shape != entry.shape) {
+                made.push((*entry, Slot::new(gpu, entry)?));
             }
         }
-        if let Some(mut work) = encoder {
-            work.full_barrier();
-            work.finish()?;
-            let done = gpu.submit(Queue::Graphics, [&work], &[])?;
-            gpu.wait(done)?;
+        let stale = |entry: &&&Entry| entry.keeping == Keeping::Pair && !entry.is_valid();
+        let stale = declared.iter().filter(stale).filter_map(|entry| self.0.get(&entry.slot));
+        let stale: Vec<&Slot> = stale.collect();
+        if made.is_empty() && stale.is_empty() {
+            return Ok(());
         }
-        drop(replaced);
+        let mut work = CommandEncoder::new(gpu, Queue::Graphics)?;
+        work.begin()?;
+        for slot in stale {
+            slot.clear(&mut work);
+        }
+        for (entry, slot) in &made {
+            match self.0.get(&entry.slot) {
+                Some(smaller) => slot.copy_from(smaller, entry.valid_bytes, &mut work),
+                None => slot.clear(&mut work),
+            }
+        }
+        work.full_barrier();
+        work.finish()?;
+        let done = gpu.submit(Queue::Graphics, [&work], &[])?;
+        gpu.wait(done)?;
+        self.0.extend(made.into_iter().map(|(entry, slot)| (entry.slot, slot)));
         Ok(())
+    }
+
+    /// Lets go of what is not declared any more, and of pairs of another size, before anything new takes memory.
+    fn forget(&mut self, gpu: &Gpu, declared: &[&Entry]) -> Result<(), GpuError> {
+        let before = self.0.len();
+        self.0.retain(|slot, held| {
+            let Ok(at) = declared.binary_search_by_key(slot, |e| e.slot) else { return false };
+            let entry = declared[at];
+            held.birth == entry.birth && (held.shape == entry.shape || entry.keeping == Keeping::Single)
+        });
+        if self.0.len() == before { Ok(()) } else { gpu.wait_idle() }
     }
 
     /// The frame ran: what it wrote is what the next one reads.
     pub fn end(&mut self, book: &Book, declaration: &Declaration, plan: &Plan) {
-        let written: Vec<u32> = declaration
-            .resources
-            .iter()
-            .zip(&plan.lifetimes)
-            .filter_map(|(decl, life)| match decl.origin {
-                Origin::Imported { key: ImportKey::Next(slot), .. } => life.map(|_| slot),
-                Origin::Imported { .. } | Origin::Transient => None,
-            })
-            .collect();
+        let mut written = Vec::new();
+        if !self.0.is_empty() {
+            let uses = plan.order.iter().flat_map(|&pass| declaration.uses_of(pass));
+            for u in uses.filter(|u| u.writes.is_some()) {
+                let Origin::Imported { key, .. } = declaration.resources[u.resource as usize].origin else { continue };
+                if let ImportKey::Next(slot) | ImportKey::Kept(slot) = key
+                    && !written.contains(&slot)
+                {
+                    written.push(slot);
+                }
+            }
+        }
         for slot in &written {
             if let Some(slot) = self.0.get_mut(slot) {
-                slot.previous = 1 - slot.previous;
+                slot.previous = (slot.previous + 1) % slot.halves.len();
             }
         }
         book.open().end(|slot| written.contains(&slot));
@@ -126,7 +136,7 @@ impl Slot {
             Shape::Buffer { bytes } | Shape::Accel { bytes } => {
                 let name = format!("kept {} {half}", entry.slot);
                 let bytes = bytes.next_multiple_of(4);
-                let buffer = gpu::Buffer::new(gpu, &name, bytes, BufferMemory::Device, BufferUse::Indirect)?;
+                let buffer = gpu::Buffer::new(gpu, &name, bytes, BufferMemory::Device, BufferUse::Any)?;
                 Ok::<_, GpuError>(Physical::Buffer(BufferRange::whole(Arc::new(buffer))))
             }
         };
@@ -134,7 +144,7 @@ impl Slot {
             Keeping::Pair => vec![make("a")?, make("b")?],
             Keeping::Single => vec![make("")?],
         };
-        Ok(Self { shape: entry.shape, halves, previous: 0 })
+        Ok(Self { birth: entry.birth, shape: entry.shape, halves, previous: 0 })
     }
 
     /// Fills what the frame reads with zeros, and leaves it as the plan expects it.
@@ -142,12 +152,11 @@ impl Slot {
         match &self.halves[self.previous] {
             Physical::Image(image) => {
                 let all = Part::ALL.of(image.mips(), image.layers());
-                let (nothing, cleared) = (Uses::EMPTY, Uses::of((Access::CopyWrite, Domain::Copy)));
-                let layouts = (Layout::Undefined, Layout::TransferTarget);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (nothing, cleared), layouts, None)]);
+                // No access of the graph stands for a clear, which is no copy to a device.
+                let into = |from, to| ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), (from, to), None);
+                work.barriers(&[], &[into(Layout::Undefined, Layout::TransferTarget)]);
                 work.clear_image(image);
-                let layouts = (Layout::TransferTarget, Layout::ShaderRead);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (cleared, Uses::ANY), layouts, None)]);
+                work.barriers(&[], &[into(Layout::TransferTarget, Layout::ShaderRead)]);
             }
             Physical::Buffer(range) => work.clear_buffer(&range.buffer),
             Physical::Unused => {}

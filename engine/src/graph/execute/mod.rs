@@ -250,7 +250,7 @@ impl Executor {
             ..Default::default()
         };
         self.pool.end_frame();
-        self.cache.put_back(entry, self.options.switches);
+        self.cache.put_back(entry, self.options.switches, &self.pool);
         records.clear();
         self.spare = spare.map(|lists| (lists, records));
         sample.cpu_ns = nanoseconds(start);
