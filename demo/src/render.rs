@@ -80,7 +80,6 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);
     let mut recorder = Recorder::new(arguments.warmup as usize);
-    let mut findings = Vec::new();
     let mut last = None;
     let frames = arguments.warmup + arguments.frames;
     let progress = Progress::new(u64::from(frames), loudness);
@@ -88,7 +87,6 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         let read_back = frame == frames && outputs.picture.is_some();
         let result = session.frame(&camera, arguments.view.as_ref(), read_back)?;
         recorder.push(result.sample);
-        findings.extend(result.findings.iter().map(|finding| format!("frame {frame}: {finding}")));
         if frame == frames {
             last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
         }
@@ -100,6 +98,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let report = recorder.report(run).map_err(Failure::running)?;
     write_outputs(&outputs, last.as_ref(), &recorder, &report)?;
     console::print(&pass_table(&report))?;
+    let mut findings = session.origins();
     findings.extend(session.close()?);
     tell_findings(&findings)
 }

@@ -3,7 +3,7 @@
 use std::{collections::HashMap, sync::Arc};
 
 use super::super::{
-    access::{Access, Domain, Layout, Queue, Uses},
+    access::{Layout, Queue, Uses},
     declaration::{Declaration, ImportKey, Origin, Shape},
     desc::Part,
     history::{Book, Entry, Keeping},
@@ -142,12 +142,12 @@ impl Slot {
         match &self.halves[self.previous] {
             Physical::Image(image) => {
                 let all = Part::ALL.of(image.mips(), image.layers());
-                let (nothing, cleared) = (Uses::EMPTY, Uses::of((Access::CopyWrite, Domain::Copy)));
+                // A clear is no copy: no access of the graph stands for it.
                 let layouts = (Layout::Undefined, Layout::TransferTarget);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (nothing, cleared), layouts, None)]);
+                work.barriers(&[], &[ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), layouts, None)]);
                 work.clear_image(image);
                 let layouts = (Layout::TransferTarget, Layout::ShaderRead);
-                work.barriers(&[], &[ImageBarrier::new(image, all, (cleared, Uses::ANY), layouts, None)]);
+                work.barriers(&[], &[ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), layouts, None)]);
             }
             Physical::Buffer(range) => work.clear_buffer(&range.buffer),
             Physical::Unused => {}
