@@ -83,7 +83,6 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);
     let mut recorder = Recorder::new(arguments.warmup as usize);
-    let mut findings = Vec::new();
     let mut last = None;
     let frames = arguments.warmup + arguments.frames;
     let progress = Progress::new(u64::from(frames), loudness);
@@ -91,7 +90,6 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         let read_back = frame == frames && outputs.picture.is_some();
         let result = session.frame(&camera, arguments.view.as_ref(), read_back)?;
         recorder.push(result.sample);
-        findings.extend(result.findings.iter().map(|finding| format!("frame {frame}: {finding}")));
         if frame == frames {
             last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
         }
@@ -106,6 +104,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     if let Some(last) = &last {
         console::print(&format!("{}\n", Gains::of(&last.plan)))?;
     }
+    let mut findings = session.origins();
     findings.extend(session.close()?);
     tell_findings(&findings)
 }

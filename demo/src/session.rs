@@ -115,6 +115,19 @@ impl Session {
         "software"
     }
 
+    /// Where NaN and infinity came from, one text each, and what could not be told.
+    pub(crate) fn origins(&self) -> Vec<String> {
+        let trail = self.renderer.trail();
+        for (name, why) in trail.unscanned() {
+            log::warn!("--check: {name}: {why}");
+        }
+        let mut told: Vec<String> = trail.reports().iter().map(ToString::to_string).collect();
+        if trail.left_out() > 0 {
+            told.push(format!("{} more origins of NaN or infinity", trail.left_out()));
+        }
+        told
+    }
+
     /// Takes the renderer down and gives what the validation layers have said since the last frame.
     pub(crate) fn close(self) -> Result<Vec<String>, Failure> {
         let Self { renderer, gpu } = self;

@@ -5,11 +5,11 @@ use crate::stages::SceneHandles;
 use magpie::config::{Config, ConfigError};
 use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
-use magpie::graph::check::{Finding, Scan};
+use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
 use magpie::graph::{
-    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Observer,
-    Plan, Queue, Record, Switches,
+    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Plan,
+    Queue, Record, Switches,
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
@@ -100,6 +100,8 @@ pub struct Renderer {
     stages: Stages,
     view: ViewBlock,
     scan: Option<Scan>,
+    trail: Trail,
+    poisons: Vec<Poison>,
     options: RenderOptions,
     frame: u32,
     previous_clip_from_world: Option<glam::Mat4>,
@@ -167,6 +169,8 @@ impl Renderer {
             view: ViewBlock::new(gpu)?,
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
             scene: ResidentScene::new(gpu, scene)?,
+            trail: Trail::default(),
+            poisons: Vec::new(),
             options,
             frame: 0,
             previous_clip_from_world: None,
@@ -181,6 +185,7 @@ impl Renderer {
     /// Begins anew: the next frame is the first again, and nothing is left of those before it.
     pub fn restart(&mut self) {
         self.executor.restart();
+        self.trail.clear();
         (self.frame, self.previous_clip_from_world) = (0, None);
     }
 
@@ -231,6 +236,16 @@ impl Renderer {
         &self.config
     }
 
+    /// Where everything that the scan has found came from. Frames count from 0, as in [`magpie::frame::View::frame`].
+    pub fn trail(&self) -> &Trail {
+        &self.trail
+    }
+
+    /// Spoils an output of the next frame, to test what finds NaN.
+    pub fn poison(&mut self, poison: Poison) {
+        self.poisons.push(poison);
+    }
+
     /// Renders one frame and waits for it. `None`: the size is zero, nothing was done, and all is as it was.
     ///
     /// # Errors
@@ -255,22 +270,32 @@ impl Renderer {
         let imported = self.scene.import(&mut g, &mut imports.borrow_mut());
         let scene = SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
 
-        // Observers see every image while it is new: the scan, and the copy for `--view`.
+        self.poisons.drain(..).for_each(|poison| g.poison(poison));
+
+        // Observers see every pass while what it wrote is new: the scan, and the copy for `--view`.
         let mut scan = None;
-        let mut scanner: Observer = Box::new(|_, _| {});
-        if let Some(pipeline) = self.scan {
-            let (scanned, observer) = pipeline.watch(&self.gpu, &mut g, &mut imports.borrow_mut())?;
+        let mut scanner: Option<Box<dyn FnMut(&mut FrameGraph, u32)>> = None;
+        if let Some(pipelines) = self.scan {
+            let (scanned, observer) = pipelines.watch(&self.gpu, &imports);
             scan = Some(scanned);
-            scanner = Box::new(observer);
+            scanner = Some(Box::new(observer));
         }
         let copies = Copies { gpu: self.gpu.clone(), imports: imports.clone(), made: Rc::default() };
         let mut wanted = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
         let viewer = copies.clone();
-        g.observe(move |g, produced| {
-            scanner(g, produced);
-            if wanted.as_ref().is_some_and(|(pass, output)| (pass, output) == (&produced.pass, &produced.output)) {
-                wanted = None;
-                viewer.copy(g, "view.read_back", produced.image);
+        g.observe_passes(move |g, pass| {
+            if let Some(scanner) = &mut scanner {
+                scanner(g, pass);
+            }
+            if wanted.is_some() {
+                let found = g
+                    .images_of(pass)
+                    .into_iter()
+                    .find(|p| wanted.as_ref() == Some(&(p.pass.clone(), p.output.clone())));
+                if let Some(found) = found {
+                    wanted = None;
+                    viewer.copy(g, "view.read_back", found.image);
+                }
             }
         });
 
@@ -298,11 +323,15 @@ impl Renderer {
         sample.cpu_ns += declare_ns;
         sample.memory.scene_bytes = self.scene.scene_bytes();
         sample.memory.acceleration_bytes = self.scene.acceleration_bytes();
+        let mut findings = Vec::new();
+        if let Some(scanned) = scan {
+            findings = scanned.findings();
+            self.trail.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
+        }
         self.previous_clip_from_world = Some(desc.clip_from_world());
         self.frame += 1;
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
-        let findings = scan.map(|s| s.findings()).unwrap_or_default();
         Ok(Some(FrameResult { sample, images, findings, declaration, plan }))
     }
 }

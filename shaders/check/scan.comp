@@ -2,29 +2,25 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "shared/check.glsl"
-// Looks for NaN and infinity in one image of a float format.
+// Looks for NaN and infinity in one mip of one layer of an image of a float format.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ScanParams params; };
-
-// By their bits: a compiler may assume that floats are finite and fold isnan() away.
-const uint EXPONENT = 0x7f800000u;
-const uint MANTISSA = 0x007fffffu;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, params.size)) return;
-    uvec4 bits = floatBitsToUint(load(params.image, pixel));
+    uvec4 bits = floatBitsToUint(texelFetch(images[params.image], pixel, int(params.mip)));
     bool nan = false;
     bool infinite = false;
     for (int i = 0; i < 4; i++) {
-        if ((bits[i] & EXPONENT) != EXPONENT) continue;
-        if ((bits[i] & MANTISSA) != 0u) nan = true;
-        else infinite = true;
+        nan = nan || is_nan_bits(bits[i]);
+        infinite = infinite || is_infinite_bits(bits[i]);
     }
     if (!nan && !infinite) return;
-    FindingBufferWrite finding = FindingBufferWrite(params.finding);
-    if (nan) atomicAdd(finding.at[0].nan, 1u);
-    else atomicAdd(finding.at[0].infinite, 1u);
-    atomicMin(finding.at[0].first, uint(pixel.y) * params.size.x + uint(pixel.x));
+    CountedBufferWrite counted = CountedBufferWrite(params.counted);
+    if (nan) atomicAdd(counted.at[0].nan, 1u);
+    else atomicAdd(counted.at[0].infinite, 1u);
+    atomicMax(counted.at[0].last, ~(uint(pixel.y) * params.size.x + uint(pixel.x)));
 }

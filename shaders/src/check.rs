@@ -1,27 +1,95 @@
-//! Parameters of `shaders/check`: the NaN and infinity scan.
+//! Parameters of `shaders/check`: the scan for NaN and infinity, and the look at what lies where one was found.
 use super::types::{Address, SampledImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Push constants of `scan.comp`.
+/// Push constants of `scan.comp`: one mip of one layer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ScanParams {
     /// The image to scan, a float format.
     pub image: SampledImage,
-    /// Width and height, pixels.
+    /// Which of its mips.
+    pub mip: u32,
+    /// Width and height of that mip, pixels.
     pub size: [u32; 2],
-    /// The [`Finding`] to add to.
-    pub finding: Address,
+    /// The [`Counted`] to add to.
+    pub counted: Address,
 }
 
-/// What a scan found. Cleared to zero before the frame, except `first` to all ones.
+/// Push constants of `scan_words.comp`: a buffer of floats.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct Finding {
-    /// Pixels with a NaN.
+pub struct ScanWordsParams {
+    /// The words.
+    pub words: Address,
+    /// The [`Counted`] to add to.
+    pub counted: Address,
+    /// How many words.
+    pub count: u32,
+}
+
+/// What a scan found. All zeros before it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Counted {
+    /// Pixels or words with a NaN.
     pub nan: u32,
-    /// Pixels with an infinity and no NaN.
+    /// Pixels or words with an infinity and no NaN.
     pub infinite: u32,
-    /// Least `y * width + x` among them.
-    pub first: u32,
+    /// All ones minus the least index among them; the index of a pixel is `y * width + x`.
+    pub last: u32,
+}
+
+/// What lies at a place of one image or buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct Seen {
+    /// Bits of up to four channels, each as a 32-bit float or unsigned integer.
+    pub bits: [u32; 4],
+}
+
+/// [`ProbeParams::kind`]: an image of floats or of normalised integers.
+pub const FLOAT_IMAGE: u32 = 0;
+/// [`ProbeParams::kind`]: an image of unsigned integers.
+pub const UINT_IMAGE: u32 = 1;
+/// [`ProbeParams::kind`]: a buffer.
+pub const WORDS: u32 = 2;
+
+/// Push constants of `probe.comp`: looks at one image or buffer, the source, at the place that corresponds to the first one
+/// found in another, the subject.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ProbeParams {
+    /// The [`Counted`]s of the subject: of an image by layer, then mip; of a buffer one.
+    pub counted: Address,
+    /// The [`Seen`] to write.
+    pub seen: Address,
+    /// The source, if it is a buffer.
+    pub words: Address,
+    /// The source, if it is an image: one layer.
+    pub image: SampledImage,
+    /// What the source is.
+    pub kind: u32,
+    /// How many [`Counted`]s.
+    pub pieces: u32,
+    /// Size of mip 0 of the subject; zero if it is a buffer.
+    pub size: [u32; 2],
+    /// First mip that was scanned.
+    pub mip: u32,
+    /// How many mips of each layer were scanned.
+    pub mips: u32,
+    /// First layer that was scanned.
+    pub layer: u32,
+    /// Words of the subject, if it is a buffer.
+    pub count: u32,
+    /// 1 if the source is the subject itself: the same mip, not the first.
+    pub own: u32,
+    /// Size of the first mip of the source, if it is an image.
+    pub source_size: [u32; 2],
+    /// Words of the source, if it is a buffer.
+    pub source_count: u32,
+    /// The layer that `image` shows.
+    pub source_layer: u32,
+    /// First and last of the layers of the source.
+    pub source_layers: [u32; 2],
 }

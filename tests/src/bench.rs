@@ -3,7 +3,7 @@ use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::frame::{View, ViewBlock, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
-use magpie::graph::check::{Finding, Scan};
+use magpie::graph::check::{Finding, Poison, Scan, Trail, Unscanned};
 use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
 use magpie::pixels::Pixels;
@@ -22,6 +22,9 @@ pub struct Bench {
     pub gpu: Gpu,
     executor: Executor,
     scan: Scan,
+    /// Where everything found so far came from; frames count from 0.
+    pub trail: Trail,
+    frame: u32,
 }
 
 /// What is seen, and from where.
@@ -41,6 +44,8 @@ pub struct Ran {
     images: HashMap<String, Pixels>,
     /// What the scan found.
     pub findings: Vec<Finding>,
+    /// What it could not look at.
+    pub unscanned: Vec<Unscanned>,
     /// Declaration, plan and times.
     pub executed: Executed,
 }
@@ -75,7 +80,18 @@ pub type Shared = Rc<RefCell<Imports>>;
 impl Bench {
     /// A bench on this device.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { gpu: gpu.clone(), executor: Executor::new(gpu)?, scan: Scan::new(gpu)? })
+        Ok(Self {
+            gpu: gpu.clone(),
+            executor: Executor::new(gpu)?,
+            scan: Scan::new(gpu)?,
+            trail: Trail::default(),
+            frame: 0,
+        })
+    }
+
+    /// How many frames ran: the number of the next one.
+    pub fn frames(&self) -> u32 {
+        self.frame
     }
 
     /// A compute pipeline from GLSL, which may include Magpie's `lib/` and `shared/`.
@@ -93,20 +109,22 @@ impl Bench {
         declare: impl FnOnce(&mut FrameGraph, &Shared) -> Result<()>,
     ) -> Result<Ran> {
         let imports = Shared::default();
-        let mut g = FrameGraph::new(extent);
-        let (scanned, mut scan) = self.scan.watch(&self.gpu, &mut g, &mut imports.borrow_mut())?;
+        let mut g = self.executor.begin(extent);
+        let (scanned, mut scan) = self.scan.watch(&self.gpu, &imports);
         let mut wanted: Vec<String> = wanted.iter().map(|w| (*w).to_owned()).collect();
         let copies = Rc::<RefCell<Vec<(Produced, Arc<Buffer>)>>>::default();
         let failed = Rc::<RefCell<Option<GpuError>>>::default();
         let (gpu, seen, problem, keys) = (self.gpu.clone(), copies.clone(), failed.clone(), imports.clone());
-        g.observe(move |g, produced| {
-            scan(g, produced);
-            let name = format!("{}:{}", produced.pass, produced.output);
-            if let Some(at) = wanted.iter().position(|w| *w == name) {
-                wanted.swap_remove(at);
-                match copy(&gpu, g, &keys, produced) {
-                    Ok(buffer) => seen.borrow_mut().push((produced.clone(), buffer)),
-                    Err(error) => *problem.borrow_mut() = Some(error),
+        g.observe_passes(move |g, pass| {
+            scan(g, pass);
+            for produced in g.images_of(pass) {
+                let name = format!("{}:{}", produced.pass, produced.output);
+                if let Some(at) = wanted.iter().position(|w| *w == name) {
+                    wanted.swap_remove(at);
+                    match copy(&gpu, g, &keys, &produced) {
+                        Ok(buffer) => seen.borrow_mut().push((produced, buffer)),
+                        Err(error) => *problem.borrow_mut() = Some(error),
+                    }
                 }
             }
         });
@@ -121,14 +139,40 @@ impl Bench {
             let pixels = Pixels { extent: p.extent, format: p.format, bytes: buffer.contents()[..bytes].to_vec() };
             (format!("{}:{}", p.pass, p.output), pixels)
         });
-        Ok(Ran { images: images.collect(), findings: scanned.findings(), executed })
+        let images = images.collect();
+        let (findings, unscanned) = (scanned.findings(), scanned.unscanned());
+        let Executed { declaration, plan, .. } = &executed;
+        self.trail.follow(self.frame, declaration, &plan.order, &findings, &unscanned);
+        self.frame += 1;
+        Ok(Ran { images, findings, unscanned, executed })
+    }
+
+    /// The camera jumps: histories are of no use to the next frame.
+    pub fn cut(&mut self) {
+        self.executor.cut();
     }
 
     /// Runs the whole frame of Magpie, as [`frame`] declares it.
     pub fn frame(&mut self, shot: Shot<'_>, config: &Config, wanted: &[&str]) -> Result<Ran> {
+        self.frame_with(shot, config, wanted, |_| ())
+    }
+
+    /// The same with one output spoilt.
+    pub fn poisoned_frame(&mut self, shot: Shot<'_>, config: &Config, poison: Poison) -> Result<Ran> {
+        self.frame_with(shot, config, &[], |g| g.poison(poison))
+    }
+
+    fn frame_with(
+        &mut self,
+        shot: Shot<'_>,
+        config: &Config,
+        wanted: &[&str],
+        first: impl FnOnce(&mut FrameGraph),
+    ) -> Result<Ran> {
         let mut stages = Stages::new(&self.gpu, &Slots::default(), config)?;
         let gpu = self.gpu.clone();
         self.run(shot.extent, wanted, |g, imports| {
+            first(g);
             let (view, scene) = shot.declare(&gpu, g, imports)?;
             let out = frame(&mut stages, g, &view, scene);
             g.output(out.display);

@@ -2,6 +2,7 @@
 use anyhow::{Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, GpuOptions, ImageUse};
+use magpie::graph::check::Place;
 use magpie::graph::{
     Access, BufferDesc, Domain, Extent, Format, FrameGraph, ImageDesc, ImageState, MipCopy, Queue, Record,
 };
@@ -263,17 +264,17 @@ fn the_scan_finds_nan_and_infinity_and_nothing_later_hides_them() -> Result<()> 
         })?;
         let [found] = ran.findings.as_slice() else { bail!("{format:?}: {:?}", ran.findings) };
         assert_eq!((found.pass.as_str(), found.output.as_str()), ("user.spoil", "image"));
-        assert_eq!((found.nan, found.infinite, found.pixel), (1, 1, [17, 2]), "the first in reading order");
+        assert_eq!((found.nan, found.infinite, found.place), (1, 1, Place::pixel(17, 2)), "the first in reading order");
         let text = found.to_string();
-        for part in ["user.spoil:image", "1 pixels with NaN", "1 with infinity", "(17, 2)"] {
+        for part in ["user.spoil:image", "1 pixel with NaN", "1 pixel with infinity", "(17, 2)"] {
             assert!(text.contains(part), "{text}");
         }
         let values = ran.values("user.mend:image")?;
         assert!(values.iter().all(|v| v[0] == 0.25 && v[1] == -1.0 && v[3] == 1.0), "it was mended");
         let names: Vec<&str> = ran.executed.sample.passes.iter().map(|p| p.name.as_str()).collect();
         assert!(!names.iter().any(|n| n.contains("user.idle")), "{names:?}");
-        assert_eq!(ran.executed.sample.culled, 2, "the idle pass and its scan: {names:?}");
-        assert_eq!(names.len(), 5, "two passes, two scans, one copy: {names:?}");
+        assert_eq!(ran.executed.sample.culled, 3, "the idle pass and its scans: {names:?}");
+        assert_eq!(names.len(), 7, "two passes, two scans of two passes each, one copy: {names:?}");
     }
     Ok(())
 }

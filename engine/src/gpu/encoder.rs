@@ -413,6 +413,23 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_copy_buffer_to_image(self.buffer, from.raw, to.raw, layout, &regions) };
     }
 
+    /// Copies one pixel of one mip of one layer from the start of a buffer.
+    pub fn copy_pixel(&mut self, from: &Buffer, to: &Image, part: Part, [x, y]: [u32; 2]) {
+        let layers = vk::ImageSubresourceLayers {
+            aspect_mask: format::aspect(to.format()),
+            mip_level: part.mip.into(),
+            base_array_layer: part.layer.into(),
+            layer_count: 1,
+        };
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(layers)
+            .image_offset(vk::Offset3D { x: x as i32, y: y as i32, z: 0 })
+            .image_extent(vk::Extent3D { width: 1, height: 1, depth: 1 })];
+        let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        // SAFETY: the caller brought the image to this layout, and the pixel lies inside of it.
+        unsafe { self.gpu.raw().cmd_copy_buffer_to_image(self.buffer, from.raw, to.raw, layout, &region) };
+    }
+
     pub fn copy_image_to_buffer(&mut self, from: &Image, to: &Buffer, region: ImageRegion) {
         let regions = [region.vulkan(from)];
         let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;

@@ -55,6 +55,7 @@ impl PassBuilder<'_> {
     pub fn create_buffer(&mut self, name: &str, desc: BufferDesc) -> (WriteHandle<Buffer>, BufferToken) {
         let shape = self.graph.buffer_shape(name, desc);
         let handle = self.make(name, shape, Access::BufferWrite, Part::ALL, None);
+        self.graph.note_content(handle.at.id, desc);
         let token = BufferToken { resource: handle.at.id, pass: self.pass };
         (handle, token)
     }

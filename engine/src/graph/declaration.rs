@@ -20,6 +20,8 @@ pub struct Declaration {
     pub uses: Vec<Use>,
     /// What attachments are cleared to, by the index of the use, ascending.
     pub clears: Vec<(u32, Clear)>,
+    /// Buffers whose words are all floats, by index, ascending.
+    pub floats: Vec<u32>,
     /// What the frame is made for.
     pub outputs: Vec<OutputDecl>,
     /// Pairs of images or buffers that carry contents from frame to frame.
@@ -69,6 +71,7 @@ impl Declaration {
             passes: Vec::new(),
             uses: Vec::new(),
             clears: Vec::new(),
+            floats: Vec::new(),
             outputs: Vec::new(),
             histories: Vec::new(),
             names: String::new(),
@@ -82,6 +85,7 @@ impl Declaration {
         self.passes.clear();
         self.uses.clear();
         self.clears.clear();
+        self.floats.clear();
         self.outputs.clear();
         self.histories.clear();
         self.names.clear();
@@ -118,6 +122,11 @@ impl Declaration {
     pub fn clear_of(&self, use_index: u32) -> Option<Clear> {
         let at = self.clears.binary_search_by_key(&use_index, |(at, _)| *at).ok()?;
         Some(self.clears[at].1)
+    }
+
+    /// Whether a resource is a buffer whose words are all floats.
+    pub fn is_floats(&self, resource: u32) -> bool {
+        self.floats.binary_search(&resource).is_ok()
     }
 
     /// `pass:output` of the pass that makes a resource, or the name that it was imported by.

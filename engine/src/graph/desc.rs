@@ -194,6 +194,14 @@ impl Part {
         inside(self.mip, self.mips, mips) && inside(self.layer, self.layers, layers)
     }
 
+    /// Whether all of it lies in another, counts of both resolved.
+    pub fn is_within(self, other: Self) -> bool {
+        let inside = |a: u16, a_count: u16, b: u16, b_count: u16| {
+            a >= b && u32::from(a) + u32::from(a_count) <= u32::from(b) + u32::from(b_count)
+        };
+        inside(self.mip, self.mips, other.mip, other.mips) && inside(self.layer, self.layers, other.layer, other.layers)
+    }
+
     /// Whether two parts of one image have anything in common.
     pub fn overlaps(self, other: Self) -> bool {
         let meet = |a: u16, a_count: u16, b: u16, b_count: u16| {
@@ -246,6 +254,18 @@ impl ImageDesc {
 pub struct BufferDesc {
     /// Its size in bytes.
     pub bytes: u64,
+    /// What its words are.
+    pub content: Content,
+}
+
+/// What the 32-bit words of a buffer are, as far as the graph is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Content {
+    /// Anything.
+    #[default]
+    Raw,
+    /// All are floats, so that the scan of [`check`](super::check) can look for NaN and infinity.
+    Floats,
 }
 
 impl BufferDesc {
@@ -254,7 +274,17 @@ impl BufferDesc {
 
     /// A buffer of so many bytes.
     pub fn new(bytes: u64) -> Self {
-        Self { bytes }
+        Self { bytes, content: Content::Raw }
+    }
+
+    /// A buffer of so many 32-bit floats.
+    pub fn floats(count: u64) -> Self {
+        Self { bytes: count.saturating_mul(4), content: Content::Floats }
+    }
+
+    /// The same, all 32-bit words being floats.
+    pub fn of_floats(self) -> Self {
+        Self { content: Content::Floats, ..self }
     }
 }
 

@@ -63,7 +63,7 @@ pub use declaration::{
     Clear, Declaration, HistoryDecl, ImageState, ImportKey, Name, NamedOutput, Origin, OutputDecl, PassDecl,
     ResourceDecl, Shape, Span, Use, Writers,
 };
-pub use desc::{BufferDesc, Extent, Format, ImageDesc, Part, Size};
+pub use desc::{BufferDesc, Content, Extent, Format, ImageDesc, Part, Size};
 pub use error::{GraphError, GraphErrors};
 pub use handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
 pub use history::{BufferHistory, History, HistoryScope, KeptBuffer};

@@ -12,11 +12,12 @@ use std::{
 use super::{
     access::{Access, Domain, Layout, Queue, Uses},
     builder::PassBuilder,
+    check::Poison,
     declaration::{
         Declaration, HistoryDecl, ImageState, ImportKey, Name, Origin, OutputDecl, PassDecl, ResourceDecl, Shape, Span,
         Use,
     },
-    desc::{BufferDesc, Extent, Format, ImageDesc, Size},
+    desc::{BufferDesc, Content, Extent, Format, ImageDesc, Size},
     error::{GraphError, GraphErrors},
     handle::{Buffer, Handle, Image, Kind, Tlas, WriteHandle},
     history::{Book, BufferHistory, History, HistoryScope, KeptBuffer},
@@ -43,8 +44,8 @@ pub struct Produced {
     pub extent: Extent,
 }
 
-/// Called for every image output right after its pass was declared.
-pub type Observer = Box<dyn FnMut(&mut FrameGraph, &Produced)>;
+/// Called with the index of every pass right after it was declared.
+pub type Observer = Box<dyn FnMut(&mut FrameGraph, u32)>;
 
 /// One frame, declared anew every time.
 ///
@@ -55,6 +56,8 @@ pub struct FrameGraph {
     /// One per pass.
     pub(super) records: Vec<Option<RecordFn>>,
     observer: Option<Observer>,
+    /// What is spoilt on purpose.
+    pub(super) poisons: Vec<Poison>,
     /// What outlives the frame.
     pub(super) book: Arc<Book>,
     /// Distinguishes handles of this frame from those of others.
@@ -82,7 +85,7 @@ impl FrameGraph {
     pub(super) fn on(declaration: Declaration, records: Vec<Option<RecordFn>>, book: Arc<Book>) -> Self {
         book.open().begin();
         let number = GRAPHS.fetch_add(1, Ordering::Relaxed);
-        Self { declaration, errors: Vec::new(), records, observer: None, book, number }
+        Self { declaration, errors: Vec::new(), records, observer: None, poisons: Vec::new(), book, number }
     }
 
     /// Adds a pass: one dispatch, one trace, one draw list or one copy.
@@ -130,8 +133,9 @@ impl FrameGraph {
         let (value, record) = declare(&mut PassBuilder { graph: self, pass: index, first_use });
         self.close(index);
         self.records.push(Some(Box::new(record)));
-        if self.observer.is_some() {
-            self.show_outputs(index);
+        if let Some(mut observer) = self.observer.take() {
+            observer(self, index);
+            self.observer = Some(observer);
         }
         value
     }
@@ -190,18 +194,26 @@ impl FrameGraph {
     }
 
     /// Lets `observer` see every image output of the passes declared from now on, each while it is still the newest version.
-    /// Passes that the observer itself declares are not shown to it. The NaN scan and `--view` stand on this.
-    pub fn observe(&mut self, observer: impl FnMut(&mut FrameGraph, &Produced) + 'static) {
+    /// Passes that the observer itself declares are not shown to it. `--view` stands on this.
+    pub fn observe(&mut self, mut observer: impl FnMut(&mut Self, &Produced) + 'static) {
+        self.observe_passes(move |g, pass| {
+            for one in g.images_of(pass) {
+                observer(g, &one);
+            }
+        });
+    }
+
+    /// Lets `observer` see every pass declared from now on, by its index, while its outputs are the newest versions and what it
+    /// only read still is. It takes the place of any observer before it. The scan of [`check`](super::check) stands on this.
+    pub fn observe_passes(&mut self, observer: impl FnMut(&mut Self, u32) + 'static) {
         self.observer = Some(Box::new(observer));
     }
 
-    fn show_outputs(&mut self, index: u32) {
-        let Some(mut observer) = self.observer.take() else { return };
-        let produced: Vec<Produced> = self.produced_by(index).collect();
-        for one in &produced {
-            observer(self, one);
-        }
-        self.observer = Some(observer);
+    /// Spoils one pixel or element of one output of a pass, as if the pass had written it so: for tests of what finds NaN.
+    ///
+    /// Running the frame fails with [`ExecuteError::Poison`](super::execute::ExecuteError::Poison) where that cannot be done.
+    pub fn poison(&mut self, poison: Poison) {
+        self.poisons.push(poison);
     }
 
     /// Brings in an image that lives longer than the frame. `state` is how it was used last; `key` is the caller's.
@@ -227,7 +239,9 @@ impl FrameGraph {
     pub fn import_buffer(&mut self, name: &str, desc: BufferDesc, last: Access, key: ImportKey) -> WriteHandle<Buffer> {
         self.check_state::<Buffer>(name, last, last.is_buffer());
         let shape = self.buffer_shape(name, desc);
-        WriteHandle::new(self.import(name, shape, in_any_pass(last), Layout::Undefined, key))
+        let buffer = self.import(name, shape, in_any_pass(last), Layout::Undefined, key);
+        self.note_content(buffer.id, desc);
+        WriteHandle::new(buffer)
     }
 
     /// Brings in an acceleration structure. `last` is how it was used last: traced, or written as plain bytes.
@@ -266,6 +280,8 @@ impl FrameGraph {
         let shape = self.buffer_shape(&name, desc);
         let (slot, valid) = self.declare_pair(scope, &name, shape);
         let (previous, next) = self.import_pair(&name, shape, slot, Layout::Undefined);
+        self.note_content(previous.id, desc);
+        self.note_content(next.id, desc);
         BufferHistory { previous, next: WriteHandle::new(next), valid }
     }
 
@@ -287,6 +303,7 @@ impl FrameGraph {
         let last = in_any_pass(Access::BufferReadWrite);
         let key = ImportKey::Kept(slot);
         let buffer = self.import(&name, Shape::Buffer { bytes }, last, Layout::Undefined, key);
+        self.note_content(buffer.id, desc);
         KeptBuffer { buffer: WriteHandle::new(buffer), valid_bytes }
     }
 
@@ -368,6 +385,11 @@ impl FrameGraph {
     /// Every image that a pass has written so far, in the order of declaration.
     pub fn outputs(&self) -> impl Iterator<Item = Produced> {
         (0..self.declaration.passes.len() as u32).flat_map(|pass| self.produced_by(pass))
+    }
+
+    /// The images that a pass wrote.
+    pub fn images_of(&self, pass: u32) -> Vec<Produced> {
+        self.produced_by(pass).collect()
     }
 
     fn produced_by(&self, pass: u32) -> impl Iterator<Item = Produced> {
@@ -490,6 +512,13 @@ impl FrameGraph {
             self.errors.push(GraphError::BufferSize { resource: name.to_owned(), bytes: desc.bytes });
         }
         Shape::Buffer { bytes: desc.bytes }
+    }
+
+    /// Notes what the words of a buffer are; buffers come in the order of their indices.
+    pub(super) fn note_content(&mut self, resource: u32, desc: BufferDesc) {
+        if desc.content == Content::Floats {
+            self.declaration.floats.push(resource);
+        }
     }
 
     pub(super) fn add_resource(&mut self, name: Name, shape: Shape, origin: Origin, maker: Option<u32>) -> u32 {

@@ -17,6 +17,7 @@ use super::{
     },
     bind::{Bound, is_storage},
     nanoseconds,
+    spoil::Spoil,
     time::Clock,
 };
 use crate::{
@@ -42,6 +43,8 @@ pub(super) struct Frame<'a> {
     pub bound: &'a Bound,
     /// Has room for the rays of every pass.
     pub counters: &'a Clock,
+    /// What is spoilt on purpose; hardly ever anything.
+    pub spoils: &'a [Spoil],
     pub begun: Instant,
 }
 
@@ -292,6 +295,9 @@ impl Unit<'_> {
         let recorded = scope.recorded;
         if raster {
             self.encoder.end_rendering();
+        }
+        for spoil in frame.spoils.iter().filter(|s| s.pass() == pass) {
+            spoil.record(&mut self.encoder, &bound.physical);
         }
         if let Some(clock) = clock {
             clock.close_pass(&mut self.encoder, position as u32);

@@ -7,17 +7,20 @@
 //! | `bind` | objects behind the resources of a plan, and its barriers in the device's words |
 //! | `keep` | what outlives the frame: histories and kept buffers |
 //! | `commands` | command buffers, on several threads where that pays, and their submission |
+//! | `spoil` | spoils outputs on purpose, for tests |
 //! | `time` | GPU times, ray counts |
 
 mod bind;
 mod cache;
 mod commands;
 mod keep;
+mod spoil;
 mod time;
 
 use std::{sync::Arc, time::Instant};
 
 use super::{
+    check::PoisonError,
     declaration::{Declaration, ImportKey},
     error::GraphErrors,
     history::Book,
@@ -46,6 +49,9 @@ pub enum ExecuteError {
         /// What it said.
         source: GpuError,
     },
+    /// What a test wants to spoil cannot be spoilt.
+    #[error(transparent)]
+    Poison(#[from] PoisonError),
     /// The device refused outside of any pass.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -64,6 +70,12 @@ impl Imports {
     /// Adds a buffer; the key is for [`FrameGraph::import_buffer`] or [`FrameGraph::import_tlas`].
     pub fn buffer(&mut self, buffer: &Arc<gpu::Buffer>) -> ImportKey {
         self.add(Physical::Buffer(BufferRange::whole(buffer.clone())))
+    }
+
+    /// Whether it is an image that was made to be sampled.
+    pub fn is_sampled(&self, key: ImportKey) -> bool {
+        let ImportKey::Caller(at) = key else { return false };
+        matches!(self.0.get(at as usize), Some(Physical::Image(image)) if image.sampled().is_some())
     }
 
     /// Forgets all, but keeps the memory of the list.
@@ -190,11 +202,12 @@ impl Executor {
         ran
     }
 
-    fn try_run(&mut self, graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
+    fn try_run(&mut self, mut graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
         let start = Instant::now();
         // Uploads and tests bring frames of their own, without any history; those of this executor stay as they are.
         let own = Arc::ptr_eq(&graph.book, &self.book);
         assert!(own || !graph.has_history(), "a frame with histories must come from `begin` of the executor that runs it");
+        let poisons = std::mem::take(&mut graph.poisons);
         let device = bind::Device::new(&self.gpu, &mut self.pool);
         let (mut entry, mut records, spare) = self.cache.plan(graph, self.options.switches, device)?;
         let plan_ns = nanoseconds(start);
@@ -206,6 +219,8 @@ impl Executor {
         }
         self.pool.bind(&self.gpu, &mut entry, imports, &self.kept)?;
 
+        let spoils = spoil::Spoil::all(&self.gpu, &poisons, &declaration, &plan)?;
+
         // Record batch by batch, hand over, wait.
         let record_start = Instant::now();
         self.clock.prepare(plan.order.len() as u32)?;
@@ -216,6 +231,7 @@ impl Executor {
                 plan: &plan,
                 bound: entry.bound()?,
                 counters: &self.clock,
+                spoils: &spoils,
                 begun: start,
             },
             &mut records,

@@ -1,0 +1,278 @@
+//! What one frame held that it should not.
+
+use std::fmt;
+
+use super::super::desc::{Extent, Format, Part};
+
+/// Values that no image or buffer should hold, in one output of one pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// The pass that wrote them; `import` for what came into the frame from outside.
+    pub pass: String,
+    /// Its index in the declaration; `None` for what came from outside.
+    pub pass_index: Option<u32>,
+    /// The output, or the name that the resource was imported by.
+    pub output: String,
+    /// Index of the resource in the declaration.
+    pub resource: u32,
+    /// The version that was written.
+    pub version: u32,
+    /// Pixels or elements with a NaN.
+    pub nan: u64,
+    /// Pixels or elements with an infinity and no NaN.
+    pub infinite: u64,
+    /// The first of them: by layer, then mip, then in reading order.
+    pub place: Place,
+    /// What is there.
+    pub value: Value,
+    /// Mips and layers that hold any, each one mip of one layer; of a buffer the whole.
+    pub parts: Vec<Part>,
+    /// What the pass read, at the place that corresponds.
+    pub inputs: Vec<Input>,
+}
+
+/// A place in an image or a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Place {
+    /// A pixel.
+    Pixel {
+        /// From the left.
+        x: u32,
+        /// From the top.
+        y: u32,
+        /// Which mip.
+        mip: u32,
+        /// Which layer.
+        layer: u32,
+    },
+    /// The 32-bit word with this index.
+    Element(u64),
+}
+
+impl Place {
+    /// A pixel of the first mip of the first layer.
+    pub fn pixel(x: u32, y: u32) -> Self {
+        Self::Pixel { x, y, mip: 0, layer: 0 }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::Pixel { x, y, mip, layer } = self else {
+            let Self::Element(index) = self else { return Ok(()) };
+            return write!(f, "element {index}");
+        };
+        write!(f, "({x}, {y})")?;
+        if *mip > 0 {
+            write!(f, " of mip {mip}")?;
+        }
+        if *layer > 0 {
+            write!(f, " of layer {layer}")?;
+        }
+        Ok(())
+    }
+}
+
+/// What a place holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Value {
+    /// Numbers, as the format has them.
+    pub values: Values,
+    /// How many of them there are.
+    pub channels: u32,
+}
+
+/// Numbers of a pixel or element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Values {
+    /// Floats, and what is read as such: normalised integers, depth.
+    Float([f32; 4]),
+    /// Unsigned integers.
+    Uint([u32; 4]),
+}
+
+impl Value {
+    pub(super) fn of(bits: [u32; 4], format: Option<Format>) -> Self {
+        let values = match format {
+            Some(format) if format.is_uint() => Values::Uint(bits),
+            Some(_) | None => Values::Float(bits.map(f32::from_bits)),
+        };
+        Self { values, channels: format.map_or(1, Format::channels) }
+    }
+
+    /// Whether any of the numbers is NaN or infinite.
+    pub fn is_bad(&self) -> bool {
+        match self.values {
+            Values::Float(values) => values[..self.channels as usize].iter().any(|v| !v.is_finite()),
+            Values::Uint(_) => false,
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = self.channels as usize;
+        let texts: Vec<String> = match self.values {
+            Values::Float(values) => values[..count].iter().map(|v| format!("{v:?}")).collect(),
+            Values::Uint(values) => values[..count].iter().map(u32::to_string).collect(),
+        };
+        match texts.as_slice() {
+            [one] => f.write_str(one),
+            all => write!(f, "({})", all.join(", ")),
+        }
+    }
+}
+
+/// Something that a pass read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Input {
+    /// Its full name, `pass:output` or the name that it was imported by.
+    pub name: String,
+    /// What is there.
+    pub seen: Seen,
+}
+
+/// What could be seen of an input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Seen {
+    /// A value, and where it lies: the same share of the way from left to right and from top to bottom, or from first to last.
+    At(Place, Value),
+    /// Nothing.
+    Not(Unseen),
+}
+
+/// Why the value of an input is not shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unseen {
+    /// The pass wrote over it. A finding of the pass before tells what it held.
+    Overwritten,
+    /// A buffer that was not declared to be of floats: nothing looks into it.
+    Raw,
+    /// A buffer of floats that is too large to be scanned.
+    TooLarge,
+    /// An acceleration structure: nothing looks into it.
+    Acceleration,
+    /// An image from outside that was not made to be sampled.
+    NotSampled,
+}
+
+impl Unseen {
+    /// In words, for the report.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Overwritten => "overwritten by the pass",
+            Self::Raw => "not scanned: a buffer not declared to be of floats",
+            Self::TooLarge => "not scanned: a buffer of 8 GiB or more",
+            Self::Acceleration => "not scanned: an acceleration structure",
+            Self::NotSampled => "not scanned: an image from outside that cannot be sampled",
+        }
+    }
+}
+
+impl fmt::Display for Input {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.seen {
+            Seen::At(place, value) => write!(f, "{} at {place}: {value}", self.name),
+            Seen::Not(why) => write!(f, "{}: {}", self.name, why.name()),
+        }
+    }
+}
+
+impl Finding {
+    /// `pass:output`.
+    pub fn name(&self) -> String {
+        format!("{}:{}", self.pass, self.output)
+    }
+
+    /// How many, and where the first one is.
+    pub(super) fn counts(&self) -> String {
+        let what = match self.place {
+            Place::Pixel { .. } => "pixel",
+            Place::Element(_) => "element",
+        };
+        let some = |count: u64| format!("{count} {what}{}", if count == 1 { "" } else { "s" });
+        let kinds = match (self.nan, self.infinite) {
+            (nan, 0) => format!("{} with NaN", some(nan)),
+            (0, infinite) => format!("{} with infinity", some(infinite)),
+            (nan, infinite) => format!("{} with NaN, {} with infinity", some(nan), some(infinite)),
+        };
+        format!("{kinds}, the first at {}: {}", self.place, self.value)
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.name(), self.counts())
+    }
+}
+
+/// What a place is measured in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ground {
+    /// One mip.
+    Image(Extent),
+    /// So many words.
+    Buffer(u64),
+}
+
+/// The place in `to` that corresponds to one in `from`; `shaders/check/probe.comp` finds the same.
+pub(super) fn corresponding(place: Place, from: Ground, to: Ground, mip: u32, layers: (u32, u32)) -> Place {
+    let scaled = |at: u64, from: u64, to: u64| at * to / from.max(1);
+    let (index, total) = match (place, from) {
+        (Place::Pixel { x, y, .. }, Ground::Image(e)) => {
+            (u64::from(y) * u64::from(e.width) + u64::from(x), u64::from(e.width) * u64::from(e.height))
+        }
+        (Place::Element(index), Ground::Buffer(count)) => (index, count),
+        (Place::Pixel { .. }, Ground::Buffer(_)) | (Place::Element(_), Ground::Image(_)) => (0, 1),
+    };
+    let size = match to {
+        Ground::Buffer(count) => return Place::Element(scaled(index, total, count)),
+        Ground::Image(size) => size,
+    };
+    let (width, height) = (u64::from(size.width), u64::from(size.height));
+    let (x, y, layer) = match (place, from) {
+        (Place::Pixel { x, y, layer, .. }, Ground::Image(e)) => {
+            let centre = |at: u32, from: u32, to: u64| scaled(2 * u64::from(at) + 1, 2 * u64::from(from), to);
+            (centre(x, e.width, width), centre(y, e.height, height), layer)
+        }
+        (Place::Pixel { .. } | Place::Element(_), _) => {
+            let pixel = scaled(index, total, width * height);
+            (pixel % width, pixel / width, 0)
+        }
+    };
+    Place::Pixel { x: x as u32, y: y as u32, mip, layer: layer.clamp(layers.0, layers.1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_correspond_by_their_share_of_the_way() {
+        let (full, half) = (Ground::Image(Extent::new(37, 11)), Ground::Image(Extent::new(19, 6)));
+        let at = |place, from, to| corresponding(place, from, to, 0, (0, 0));
+        for (x, y) in [(0, 0), (36, 10), (17, 2)] {
+            assert_eq!(at(Place::pixel(x, y), full, full), Place::pixel(x, y));
+        }
+        assert_eq!(at(Place::pixel(36, 10), full, half), Place::pixel(18, 5));
+        assert_eq!(at(Place::pixel(18, 5), half, full), Place::pixel(36, 10));
+        assert_eq!(at(Place::pixel(17, 2), full, Ground::Buffer(37 * 11)), Place::Element(2 * 37 + 17));
+        assert_eq!(at(Place::Element(91), Ground::Buffer(37 * 11), full), Place::pixel(17, 2));
+        assert_eq!(at(Place::Element(3), Ground::Buffer(4), Ground::Buffer(8)), Place::Element(6));
+        let layered = corresponding(Place::Pixel { x: 1, y: 1, mip: 0, layer: 5 }, full, full, 2, (0, 3));
+        assert_eq!(layered, Place::Pixel { x: 1, y: 1, mip: 2, layer: 3 });
+    }
+
+    #[test]
+    fn values_show_the_channels_they_have() {
+        let bits = [f32::NAN, 0.5, f32::NEG_INFINITY, 1e10].map(f32::to_bits);
+        let shown = |format| Value::of(bits, format).to_string();
+        assert_eq!(shown(Some(Format::Rgba16Float)), "(NaN, 0.5, -inf, 1e10)");
+        assert_eq!(shown(Some(Format::D32Float)), "NaN");
+        assert_eq!(shown(None), "NaN");
+        assert_eq!(Value::of([3, 9, 0, 1], Some(Format::Rg32Uint)).to_string(), "(3, 9)");
+        assert!(Value::of(bits, Some(Format::R32Float)).is_bad() && !Value::of(bits, Some(Format::Rg32Uint)).is_bad());
+        let late = [0.0, 0.0, 0.0, f32::NAN].map(f32::to_bits);
+        assert!(!Value::of(late, Some(Format::Rg16Float)).is_bad(), "a channel that is not there");
+    }
+}

@@ -1,0 +1,516 @@
+//! The weak passes of the scan.
+
+use std::{cell::RefCell, collections::HashSet, rc::Rc, sync::Arc};
+
+use magpie_shaders::{
+    Address, CHECK_PROBE_COMP, CHECK_SCAN_COMP, CHECK_SCAN_WORDS_COMP, SampledImage,
+    check::{Counted, FLOAT_IMAGE, ProbeParams, ScanParams, ScanWordsParams, Seen as SeenBits, UINT_IMAGE, WORDS},
+};
+
+use super::{
+    super::{
+        access::{Access, Queue},
+        declaration::{ImportKey, Origin, Shape, Use},
+        desc::{BufferDesc, Extent, Format, Part},
+        execute::Imports,
+        handle::{self, WriteHandle},
+        pass::FrameGraph,
+        record::Record,
+        token::{BufferToken, SampleToken},
+    },
+    Finding, Input, Place, Seen, Unseen, Value,
+    finding::{Ground, corresponding},
+};
+use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
+
+/// Bytes of the first buffer of findings of a frame; when it is full, another is made, twice as large.
+const ROOM: u64 = 1 << 12;
+
+/// Most words of a buffer that is scanned: byte offsets of shaders stay within 33 bits, indices are positive 32-bit numbers.
+const MOST_WORDS: u64 = (1 << 31) - 1;
+
+/// Most workgroups that every Vulkan device runs side by side in one direction.
+const MOST_GROUPS: u64 = 65_535;
+
+/// Imports of a frame, which grow while it is declared.
+pub type SharedImports = Rc<RefCell<Imports>>;
+
+/// The scan's pipelines.
+#[derive(Clone, Copy, Debug)]
+pub struct Scan {
+    image: Kernel,
+    words: Kernel,
+    probe: Kernel,
+}
+
+/// The scan of one frame, to be read once it ran.
+pub struct Scanned {
+    notes: Rc<RefCell<Notes>>,
+}
+
+/// An output that could not be scanned.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unscanned {
+    /// `pass:output`.
+    pub name: String,
+    /// Why.
+    pub why: String,
+}
+
+#[derive(Default)]
+struct Notes {
+    buffers: Vec<Arc<Buffer>>,
+    subjects: Vec<Noted>,
+    unscanned: Vec<Unscanned>,
+}
+
+/// What was scanned, and where its findings are.
+struct Noted {
+    pass: Option<(u32, String)>,
+    output: String,
+    subject: Subject,
+    inputs: Rc<[Source]>,
+    buffer: usize,
+    offset: u64,
+}
+
+/// One version of a resource that is scanned.
+#[derive(Clone, Copy)]
+struct Subject {
+    resource: u32,
+    version: u32,
+    kind: Scannable,
+}
+
+/// What can be looked into.
+#[derive(Clone, Copy)]
+enum Scannable {
+    /// Mips and layers of an image; its size is that of mip 0.
+    Image { format: Format, extent: Extent, part: Part },
+    /// Words of a buffer.
+    Words(u64),
+}
+
+/// Something that a pass read.
+struct Source {
+    name: String,
+    resource: u32,
+    kind: Result<Scannable, Unseen>,
+}
+
+/// A place for findings in a buffer.
+struct Room {
+    target: WriteHandle<handle::Buffer>,
+    buffer: usize,
+    used: u64,
+    bytes: u64,
+}
+
+struct Watcher {
+    gpu: Gpu,
+    scan: Scan,
+    imports: SharedImports,
+    notes: Rc<RefCell<Notes>>,
+    room: Option<Room>,
+    /// Imported resources that were looked at as they came.
+    came: HashSet<u32>,
+}
+
+impl Scan {
+    /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// Failing calls.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        Ok(Self {
+            image: gpu.kernel(&CHECK_SCAN_COMP)?,
+            words: gpu.kernel(&CHECK_SCAN_WORDS_COMP)?,
+            probe: gpu.kernel(&CHECK_PROBE_COMP)?,
+        })
+    }
+
+    /// An observer that scans what every pass declared from now on writes; see [`FrameGraph::observe_passes`].
+    ///
+    /// Its passes are weak: they keep nothing alive. Two follow each pass: `check.PASS` scans the outputs, `check.PASS.inputs`
+    /// looks at the inputs where something was found.
+    pub fn watch(self, gpu: &Gpu, imports: &SharedImports) -> (Scanned, impl FnMut(&mut FrameGraph, u32) + 'static) {
+        let notes = Rc::<RefCell<Notes>>::default();
+        let mut watcher = Watcher {
+            gpu: gpu.clone(),
+            scan: self,
+            imports: imports.clone(),
+            notes: notes.clone(),
+            room: None,
+            came: HashSet::new(),
+        };
+        (Scanned { notes }, move |g: &mut FrameGraph, pass: u32| watcher.look(g, pass))
+    }
+}
+
+impl Watcher {
+    /// Scans what a pass wrote, and before that what it was the first to read of what came from outside.
+    fn look(&mut self, g: &mut FrameGraph, pass: u32) {
+        let name = g.declaration().pass_name(pass).to_owned();
+        let uses = g.declaration().uses_of(pass).to_vec();
+        for u in &uses {
+            let d = &g.declaration().resources[u.resource as usize];
+            let came = u.reads == Some(0) && d.versions == 1 && !d.is_transient() && !d.is_undefined();
+            if came && self.came.insert(u.resource) {
+                let (_, layers) = d.shape.parts();
+                let all = Part::ALL.of(d.shape.parts().0, layers);
+                let Ok(kind) = self.scannable(g, u.resource, all) else { continue };
+                if !kind.can_be_bad() {
+                    continue;
+                }
+                let output = g.declaration().resource_name(u.resource);
+                let subject = Subject { resource: u.resource, version: 0, kind };
+                self.add(g, &format!("import.{output}"), None, vec![(output, subject)], Vec::new());
+            }
+        }
+        let mut subjects = Vec::new();
+        let written = uses.iter().filter_map(|u| Some((u, u.writes?)));
+        for ((u, version), output) in written.zip(g.declaration().outputs_of(pass)) {
+            match self.scannable(g, u.resource, u.part) {
+                Ok(kind) if kind.can_be_bad() => {
+                    subjects.push((output.name, Subject { resource: u.resource, version, kind }));
+                }
+                Ok(_) | Err(Unseen::Raw | Unseen::Acceleration | Unseen::Overwritten) => {}
+                Err(why @ (Unseen::TooLarge | Unseen::NotSampled)) => {
+                    self.leave_out(format!("{name}:{}", output.name), why.name());
+                }
+            }
+        }
+        if !subjects.is_empty() {
+            let sources = uses.iter().filter_map(|u| self.source(g, u, &uses)).collect();
+            self.add(g, &name, Some(pass), subjects, sources);
+        }
+    }
+
+    fn leave_out(&self, name: String, why: &str) {
+        self.notes.borrow_mut().unscanned.push(Unscanned { name, why: why.to_owned() });
+    }
+
+    /// Whether and how a part of a resource can be looked at.
+    fn scannable(&self, g: &FrameGraph, resource: u32, part: Part) -> Result<Scannable, Unseen> {
+        let decl = &g.declaration().resources[resource as usize];
+        match decl.shape {
+            Shape::Accel { .. } => Err(Unseen::Acceleration),
+            Shape::Buffer { .. } if !g.declaration().is_floats(resource) => Err(Unseen::Raw),
+            Shape::Buffer { bytes } if bytes / 4 > MOST_WORDS => Err(Unseen::TooLarge),
+            Shape::Buffer { bytes } => Ok(Scannable::Words(bytes / 4)),
+            Shape::Image { format, extent, .. } => {
+                if let Origin::Imported { key: key @ ImportKey::Caller(_), .. } = decl.origin {
+                    // Where the imports are being changed right now nothing is known of them.
+                    let known = self.imports.try_borrow().is_ok_and(|imports| imports.is_sampled(key));
+                    if !known {
+                        return Err(Unseen::NotSampled);
+                    }
+                }
+                Ok(Scannable::Image { format, extent, part })
+            }
+        }
+    }
+
+    /// What a pass read by one of its uses, as it still is.
+    fn source(&self, g: &FrameGraph, read: &Use, all: &[Use]) -> Option<Source> {
+        let version = read.reads?;
+        let decl = &g.declaration().resources[read.resource as usize];
+        if version == 0 && decl.is_undefined() {
+            return None; // It held nothing before.
+        }
+        let written = |u: &Use| u.writes.is_some() && u.resource == read.resource && u.part.overlaps(read.part);
+        let kind = if all.iter().any(written) {
+            Err(Unseen::Overwritten)
+        } else {
+            self.scannable(g, read.resource, Part { mips: 1, ..read.part })
+        };
+        Some(Source { name: g.declaration().resource_name(read.resource), resource: read.resource, kind })
+    }
+
+    /// Room for so many bytes, which are zeros.
+    fn room(&mut self, g: &mut FrameGraph, bytes: u64) -> Result<Room, String> {
+        if let Some(room) = self.room.take_if(|room| room.used + bytes <= room.bytes) {
+            return Ok(room);
+        }
+        let mut imports = self.imports.try_borrow_mut().map_err(|_| "the imports were in use".to_owned())?;
+        let mut notes = self.notes.borrow_mut();
+        let size = bytes.max(ROOM << notes.buffers.len().min(12));
+        let name = format!("check.findings.{}", notes.buffers.len());
+        let made = Buffer::new(&self.gpu, &name, size, BufferMemory::ReadBack, BufferUse::Storage);
+        let mut buffer = made.map_err(|e| e.to_string())?;
+        buffer.write(0, &vec![0; size as usize]).map_err(|e| e.to_string())?;
+        let buffer = Arc::new(buffer);
+        let target = g.import_buffer(&name, BufferDesc::new(size), Access::HostRead, imports.buffer(&buffer));
+        notes.buffers.push(buffer);
+        Ok(Room { target, buffer: notes.buffers.len() - 1, used: 0, bytes: size })
+    }
+
+    /// Adds the scan of some outputs of one pass, and the look at what it read.
+    fn add(
+        &mut self,
+        g: &mut FrameGraph,
+        name: &str,
+        pass: Option<u32>,
+        subjects: Vec<(String, Subject)>,
+        sources: Vec<Source>,
+    ) {
+        let sources: Rc<[Source]> = sources.into();
+        let bytes = subjects.iter().map(|(_, s)| s.bytes(sources.len())).sum();
+        let Room { mut target, buffer, used, bytes: size } = match self.room(g, bytes) {
+            Ok(room) => room,
+            Err(why) => return subjects.into_iter().for_each(|(o, _)| self.leave_out(format!("{name}:{o}"), &why)),
+        };
+        let mut offset = used;
+        let mut scans: Vec<(Subject, u64)> = Vec::with_capacity(subjects.len());
+        for (output, subject) in subjects {
+            let pass = pass.map(|p| (p, name.to_owned()));
+            let inputs = sources.clone();
+            self.notes.borrow_mut().subjects.push(Noted { pass, output, subject, inputs, buffer, offset });
+            scans.push((subject, offset));
+            offset += subject.bytes(sources.len());
+        }
+
+        let kernels = self.scan;
+        target = g.weak_pass(&format!("check.{name}"), Queue::Graphics, |p| {
+            let subjects: Vec<_> = scans.iter().map(|(s, at)| (*s, *at, Tokens::new(p, s.resource, s.kind))).collect();
+            let (target, table) = p.write_buffer(target);
+            (target, move |c: &mut Record<'_>| {
+                for (subject, offset, tokens) in &subjects {
+                    subject.scan(c, kernels, tokens, c.id(table).offset(*offset));
+                }
+            })
+        });
+        target = g.weak_pass(&format!("check.{name}.inputs"), Queue::Graphics, |p| {
+            let own = |s: &Subject, p: &mut _| (s.kind, Tokens::new(p, s.resource, s.kind));
+            let subjects: Vec<_> = scans.iter().map(|(s, at)| (*s, *at, own(s, p))).collect();
+            let read = |s: &Source| s.kind.ok().map(|kind| (kind, Tokens::new(p, s.resource, kind)));
+            let read: Vec<_> = sources.iter().map(read).collect();
+            let (target, table) = p.write_buffer(target);
+            (target, move |c: &mut Record<'_>| {
+                for (subject, offset, own) in &subjects {
+                    let (counted, mut seen) =
+                        (c.id(table).offset(*offset), c.id(table).offset(offset + subject.counts()));
+                    subject.probe(c, kernels.probe, own, (counted, seen), true);
+                    for source in &read {
+                        seen = seen.offset(size_of::<SeenBits>() as u64);
+                        if let Some(source) = source {
+                            subject.probe(c, kernels.probe, source, (counted, seen), false);
+                        }
+                    }
+                }
+            })
+        });
+        self.room = Some(Room { target, buffer, used: offset, bytes: size });
+    }
+}
+
+/// What a pass of the scan declared of one resource: images layer by layer.
+enum Tokens {
+    Layers(Vec<SampleToken>),
+    Words(BufferToken),
+}
+
+impl Tokens {
+    fn new(p: &mut super::super::PassBuilder<'_>, resource: u32, kind: Scannable) -> Self {
+        let newest = p.graph.declaration().resources[resource as usize].versions - 1;
+        match kind {
+            Scannable::Image { part, .. } => {
+                let image = p.graph.handle(resource, newest);
+                let layers = part.layer..part.layer + part.layers;
+                Self::Layers(layers.map(|layer| p.sample_part(image, Part { layer, layers: 1, ..part })).collect())
+            }
+            Scannable::Words(_) => {
+                let buffer = p.graph.handle(resource, newest);
+                Self::Words(p.read(buffer))
+            }
+        }
+    }
+}
+
+impl Scannable {
+    /// Whether it has room for a NaN.
+    fn can_be_bad(self) -> bool {
+        match self {
+            Self::Image { format, .. } => format.is_float(),
+            Self::Words(count) => count > 0,
+        }
+    }
+
+    fn format(self) -> Option<Format> {
+        match self {
+            Self::Image { format, .. } => Some(format),
+            Self::Words(_) => None,
+        }
+    }
+}
+
+impl Subject {
+    /// How many [`Counted`]s it has.
+    fn pieces(&self) -> u32 {
+        match self.kind {
+            Scannable::Image { part, .. } => u32::from(part.mips) * u32::from(part.layers),
+            Scannable::Words(_) => 1,
+        }
+    }
+
+    /// Bytes of its [`Counted`]s.
+    fn counts(&self) -> u64 {
+        u64::from(self.pieces()) * size_of::<Counted>() as u64
+    }
+
+    /// Bytes of all that is found of it: counts, its own value, those of its inputs.
+    fn bytes(&self, inputs: usize) -> u64 {
+        self.counts() + (1 + inputs as u64) * size_of::<SeenBits>() as u64
+    }
+
+    fn scan(&self, c: &mut Record<'_>, kernels: Scan, tokens: &Tokens, counted: Address) {
+        match (self.kind, tokens) {
+            (Scannable::Image { extent, part, .. }, Tokens::Layers(layers)) => {
+                let mut counted = counted;
+                for layer in layers {
+                    for mip in 0..u32::from(part.mips) {
+                        let size = extent.mip(u32::from(part.mip) + mip);
+                        let image = c.id(*layer);
+                        let params = ScanParams { image, mip, size: [size.width, size.height], counted };
+                        c.dispatch(kernels.image, &params, size);
+                        counted = counted.offset(size_of::<Counted>() as u64);
+                    }
+                }
+            }
+            (Scannable::Words(count), Tokens::Words(words)) => {
+                let groups = count.div_ceil(u64::from(kernels.words.local_size[0]));
+                let rows = groups.div_ceil(MOST_GROUPS);
+                let params = ScanWordsParams { words: c.id(*words), counted, count: count as u32 };
+                c.dispatch_groups(kernels.words, &params, [groups.div_ceil(rows) as u32, rows as u32, 1]);
+            }
+            (Scannable::Image { .. }, Tokens::Words(_)) | (Scannable::Words(_), Tokens::Layers(_)) => {}
+        }
+    }
+
+    /// Looks at a source where the subject was found bad. What is not an image is left at zero in the parameters.
+    fn probe(
+        &self,
+        c: &mut Record<'_>,
+        kernel: Kernel,
+        (kind, tokens): &(Scannable, Tokens),
+        (counted, seen): (Address, Address),
+        own: bool,
+    ) {
+        let mut params =
+            ProbeParams { counted, seen, pieces: self.pieces(), own: u32::from(own), ..ProbeParams::default() };
+        match self.kind {
+            Scannable::Image { extent, part, .. } => {
+                params.size = [extent.width, extent.height];
+                (params.mip, params.mips, params.layer) = (part.mip.into(), part.mips.into(), part.layer.into());
+            }
+            Scannable::Words(count) => params.count = count as u32,
+        }
+        match (kind, tokens) {
+            (Scannable::Image { format, extent, part }, Tokens::Layers(layers)) => {
+                let size = extent.mip(part.mip.into());
+                params.kind = if format.is_uint() { UINT_IMAGE } else { FLOAT_IMAGE };
+                params.source_size = [size.width, size.height];
+                let (first, last) = part.layer_range();
+                params.source_layers = [first, last];
+                for (layer, token) in (first..).zip(layers) {
+                    let image: SampledImage = c.id(*token);
+                    c.dispatch_groups(kernel, &ProbeParams { image, source_layer: layer, ..params }, [1; 3]);
+                }
+            }
+            (Scannable::Words(count), Tokens::Words(words)) => {
+                params.kind = WORDS;
+                (params.words, params.source_count) = (c.id(*words), *count as u32);
+                c.dispatch_groups(kernel, &params, [1; 3]);
+            }
+            (Scannable::Image { .. }, Tokens::Words(_)) | (Scannable::Words(_), Tokens::Layers(_)) => {}
+        }
+    }
+}
+
+impl Part {
+    /// First and last layer, counts resolved.
+    fn layer_range(self) -> (u32, u32) {
+        (self.layer.into(), u32::from(self.layer) + u32::from(self.layers) - 1)
+    }
+}
+
+impl Scanned {
+    /// What the frame held that it should not, in the order of declaration.
+    pub fn findings(&self) -> Vec<Finding> {
+        let notes = self.notes.borrow();
+        notes.subjects.iter().filter_map(|noted| noted.read(&notes.buffers)).collect()
+    }
+
+    /// Outputs that could not be scanned. Raw buffers are none of these: nothing says that they hold floats.
+    pub fn unscanned(&self) -> Vec<Unscanned> {
+        self.notes.borrow().unscanned.clone()
+    }
+}
+
+impl Noted {
+    /// The finding, if there is one.
+    fn read(&self, buffers: &[Arc<Buffer>]) -> Option<Finding> {
+        let Self { subject, .. } = self;
+        let bytes = buffers.get(self.buffer)?.contents();
+        let end = self.offset + subject.bytes(self.inputs.len());
+        let (counts, seen) = bytes.get(self.offset as usize..end as usize)?.split_at(subject.counts() as usize);
+        let counts: Vec<Counted> = bytemuck::pod_collect_to_vec(counts);
+        let seen: Vec<SeenBits> = bytemuck::pod_collect_to_vec(seen);
+        let is_bad = |c: &Counted| c.nan > 0 || c.infinite > 0;
+        let first = counts.iter().position(is_bad)?;
+        let index = !counts[first].last;
+
+        let (ground, place) = match subject.kind {
+            Scannable::Words(count) => (Ground::Buffer(count), Place::Element(index.into())),
+            Scannable::Image { extent, .. } => {
+                let one = subject.part(first);
+                let size = extent.mip(one.mip.into());
+                let (x, y) = (index % size.width, index / size.width);
+                (Ground::Image(size), Place::Pixel { x, y, mip: one.mip.into(), layer: one.layer.into() })
+            }
+        };
+        let input = |(source, seen): (&Source, &SeenBits)| {
+            let seen = match source.kind {
+                Ok(kind) => {
+                    let (to, mip, layers) = match kind {
+                        Scannable::Words(count) => (Ground::Buffer(count), 0, (0, 0)),
+                        Scannable::Image { extent, part, .. } => {
+                            (Ground::Image(extent.mip(part.mip.into())), part.mip.into(), part.layer_range())
+                        }
+                    };
+                    let at = corresponding(place, ground, to, mip, layers);
+                    Seen::At(at, Value::of(seen.bits, kind.format()))
+                }
+                Err(why) => Seen::Not(why),
+            };
+            Input { name: source.name.clone(), seen }
+        };
+        let (own, read) = seen.split_first()?;
+        Some(Finding {
+            pass: self.pass.as_ref().map_or_else(|| "import".to_owned(), |(_, name)| name.clone()),
+            pass_index: self.pass.as_ref().map(|(index, _)| *index),
+            output: self.output.clone(),
+            resource: subject.resource,
+            version: subject.version,
+            nan: counts.iter().map(|c| u64::from(c.nan)).sum(),
+            infinite: counts.iter().map(|c| u64::from(c.infinite)).sum(),
+            place,
+            value: Value::of(own.bits, subject.kind.format()),
+            parts: (0..counts.len()).filter(|&i| is_bad(&counts[i])).map(|i| subject.part(i)).collect(),
+            inputs: self.inputs.iter().zip(read).map(input).collect(),
+        })
+    }
+}
+
+impl Subject {
+    /// The mip and layer that a [`Counted`] is of.
+    fn part(&self, piece: usize) -> Part {
+        match self.kind {
+            Scannable::Words(_) => Part { mip: 0, mips: 1, layer: 0, layers: 1 },
+            Scannable::Image { part, .. } => {
+                let (layer, mip) = (piece as u16 / part.mips, piece as u16 % part.mips);
+                Part { mip: part.mip + mip, mips: 1, layer: part.layer + layer, layers: 1 }
+            }
+        }
+    }
+}

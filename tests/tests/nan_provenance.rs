@@ -1,0 +1,383 @@
+//! A NaN or an infinity is traced to the frame, pass, output and place where it arose, also when it shows frames later.
+use anyhow::{Context, Result, bail, ensure};
+use bytemuck::{Pod, Zeroable};
+use magpie::gpu::{Gpu, GpuOptions, Kernel};
+use magpie::graph::check::{Bad, Link, Place, Poison, Report, Trail};
+use magpie::graph::{HistoryScope, ImportKey, Origin, Shape};
+use magpie::pixels::Pixels;
+use magpie::prelude::*;
+use magpie::scene::ResidentScene;
+use magpie::stage::StageError;
+use magpie_passes::stages::{IndirectIn, IndirectOut};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_shaders::{SampledImage, Stage, StorageImage};
+use magpie_tests::bench::{Bench, Shot};
+use magpie_tests::harness::{builtin, config, gpu};
+use std::collections::BTreeSet;
+
+#[path = "nan_provenance/resources.rs"]
+mod resources;
+
+const SIZE: [u32; 2] = [96, 54];
+/// On the floor in front of the camera: a surface, so that neither depth nor sky takes it away.
+const ON_SURFACE: [u32; 2] = [48, 50];
+
+/// Adds a constant to what it reads, or to nothing.
+const ADD: &str = r#"#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { uint source; uint result; uvec2 size; float more; };
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, ivec2(size)))) return;
+    vec4 before = source == 0xffffffffu ? vec4(0.0) : load(source, pixel);
+    store(result, pixel, before + more);
+}
+"#;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Add {
+    source: SampledImage,
+    result: StorageImage,
+    size: [u32; 2],
+    more: f32,
+}
+
+const NOTHING: SampledImage = SampledImage(u32::MAX);
+
+fn poison(pass: &str, output: &str, place: Place, value: Bad) -> Poison {
+    Poison { pass: pass.to_owned(), output: output.to_owned(), place, value }
+}
+
+/// The only report.
+fn only(trail: &Trail) -> Result<&Report> {
+    match trail.reports() {
+        [report] => Ok(report),
+        all => {
+            bail!("{} reports instead of one: {}", all.len(), all.iter().map(|r| format!("\n{r}")).collect::<String>())
+        }
+    }
+}
+
+fn path(report: &Report) -> String {
+    report.path.iter().map(Link::to_string).collect::<Vec<_>>().join(" → ")
+}
+
+#[test]
+fn every_pass_of_the_default_frame() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut bench = Bench::new(&gpu)?;
+    let scene = builtin("courtyard")?;
+    let resident = ResidentScene::new(&gpu, &scene)?;
+    let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: Extent::new(SIZE[0], SIZE[1]) };
+    let config = config(&[])?;
+    let clean = bench.frame(shot, &config, &[])?.clean()?;
+    ensure!(bench.trail.reports().is_empty(), "a clean frame has no reports");
+    let declaration = &clean.executed.declaration;
+    let passes = clean.executed.plan.order.iter().copied().filter(|&p| !declaration.passes[p as usize].weak);
+    let (mut traced, mut bounded) = (BTreeSet::new(), BTreeSet::new());
+    let mut runs = 0;
+    for (number, pass) in (0..).zip(passes) {
+        let name = declaration.pass_name(pass);
+        for output in declaration.outputs_of(pass) {
+            let Shape::Image { format, .. } = declaration.resources[output.resource as usize].shape else { continue };
+            for (value, [x, y]) in [(Bad::Nan, ON_SURFACE), (Bad::Infinity, [3 + 7 * number, 40 - 4 * number])] {
+                bench.trail.clear();
+                let frame = bench.frames();
+                let seeded = poison(name, &output.name, Place::pixel(x, y), value);
+                let ran = bench.poisoned_frame(shot, &config, seeded);
+                if !format.is_float() {
+                    let error = ran.err().context("a bounded format was poisoned")?.to_string();
+                    ensure!(error.contains("cannot hold it") && error.contains(name), "{error}");
+                    bounded.insert(name.to_owned());
+                    continue;
+                }
+                ensure!(!ran?.findings.is_empty(), "{name}:{} was not found", output.name);
+                let report = only(&bench.trail).with_context(|| format!("{name}:{} {value:?}", output.name))?;
+                let origin = &report.origin;
+                ensure!(
+                    (report.frame, origin.pass.as_str(), origin.output.as_str()) == (frame, name, &output.name),
+                    "{report}"
+                );
+                ensure!(origin.place == Place::pixel(x, y), "{report}");
+                ensure!(
+                    [origin.nan, origin.infinite] == [u64::from(value == Bad::Nan), u64::from(value != Bad::Nan)],
+                    "{report}"
+                );
+                let reads = declaration.uses_of(pass).iter().filter(|u| u.reads.is_some()).count();
+                ensure!(origin.inputs.len() == reads, "{} of {reads} inputs: {report}", origin.inputs.len());
+                let said = report.to_string();
+                ensure!(origin.inputs.iter().all(|i| said.contains(&i.to_string())), "{said}");
+                traced.insert(name.to_owned());
+                runs += 1;
+            }
+        }
+    }
+    let lost: Vec<&String> = bounded.difference(&traced).collect();
+    println!("{runs} seeds in {traced:?}, each traced; only bounded outputs: {lost:?}");
+    ensure!(
+        traced.len() >= 6 && lost.iter().all(|p| ["shadows.trace", "post.tone_map"].contains(&p.as_str())),
+        "{lost:?}"
+    );
+    Ok(())
+}
+
+/// What this frame makes is seen two frames later: a constant goes through one history, then another.
+struct Delayed {
+    add: Kernel,
+    scope: HistoryScope,
+}
+
+impl Effect for Delayed {
+    type In = IndirectIn;
+    type Out = IndirectOut;
+
+    fn add(&mut self, g: &mut FrameGraph, _: &View, i: IndirectIn) -> IndirectOut {
+        let add = self.add;
+        let desc = ImageDesc::like(Format::Rgba32Float, i.gbuffer.depth);
+        let extent = g.extent(i.gbuffer.depth);
+        let size = [extent.width, extent.height];
+        let (one, two) = (g.history(&self.scope, "one", desc), g.history(&self.scope, "two", desc));
+        g.pass("reflections.make", Queue::Graphics, |p| {
+            p.sample(i.gbuffer.ids);
+            let result = p.write(one.next).1;
+            ((), move |c: &mut Record<'_>| {
+                c.dispatch(add, &Add { source: NOTHING, result: c.id(result), size, more: 0.25 }, extent);
+            })
+        });
+        g.pass("reflections.delay", Queue::Graphics, |p| {
+            let (source, result) = (p.sample(one.previous), p.write(two.next).1);
+            ((), move |c: &mut Record<'_>| {
+                c.dispatch(add, &Add { source: c.id(source), result: c.id(result), size, more: 0.0 }, extent);
+            })
+        });
+        let radiance = g.pass("reflections.show", Queue::Graphics, |p| {
+            let source = p.sample(two.previous);
+            let (radiance, result) = p.create("radiance", desc);
+            (radiance.read(), move |c: &mut Record<'_>| {
+                c.dispatch(add, &Add { source: c.id(source), result: c.id(result), size, more: 0.0 }, extent);
+            })
+        });
+        IndirectOut { radiance: Some(radiance) }
+    }
+}
+
+fn kernel(gpu: &Gpu, name: &str, glsl: &str) -> Result<Kernel> {
+    Ok(gpu.kernel_from_words(name, &magpie_shaders::compile(name, glsl, Stage::Compute)?)?)
+}
+
+fn delayed_slots() -> Slots {
+    let mut slots = Slots::default();
+    slots.reflections.register("delayed", "Two frames late.", &[], |build, _| {
+        let add = kernel(build.gpu, "add.comp", ADD).map_err(|e| StageError::other(std::io::Error::other(e)))?;
+        Ok(Box::new(Delayed { add, scope: HistoryScope::new() }))
+    });
+    slots
+}
+
+fn not_finite(image: &Pixels) -> Vec<usize> {
+    let values = image.values();
+    (0..values.len()).filter(|&i| values[i].iter().any(|v| !v.is_finite())).collect()
+}
+
+#[test]
+fn one_that_shows_two_frames_later() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    let mut config = config(&[])?;
+    config.set("stages.reflections=delayed")?;
+    let [x, y] = ON_SURFACE;
+    for check in [true, false] {
+        let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check };
+        let mut renderer = Renderer::new(&gpu, &scene, &delayed_slots(), &config, options)?;
+        for frame in 0..6 {
+            if frame == 1 {
+                renderer.poison(poison("reflections.make", "one.next", Place::pixel(x, y), Bad::Nan));
+            }
+            let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+            let seen = not_finite(&result.images.context("no image")?.linear);
+            let expected = if frame == 3 { vec![(y * SIZE[0] + x) as usize] } else { Vec::new() };
+            ensure!(seen == expected, "frame {frame}: {seen:?} instead of {expected:?}");
+            let expected = check && (1..=3).contains(&frame);
+            ensure!(result.findings.is_empty() != expected, "frame {frame}: {:?}", result.findings);
+        }
+        if !check {
+            ensure!(renderer.trail().reports().is_empty(), "nobody looked");
+            continue;
+        }
+        let report = only(renderer.trail())?;
+        println!("{report}");
+        let origin = &report.origin;
+        ensure!(
+            (report.frame, origin.pass.as_str(), origin.output.as_str()) == (1, "reflections.make", "one.next"),
+            "{report}"
+        );
+        ensure!((origin.place, report.last_frame) == (Place::pixel(x, y), 3), "{report}");
+        let expected = "reflections.make (frame 1) → history one → reflections.delay (frame 2) → history two → \
+            reflections.show (frame 3) → compose.sum (frame 3) → sky.fill (frame 3)";
+        ensure!(path(report) == expected, "{report}");
+        renderer.restart();
+        ensure!(renderer.trail().reports().is_empty(), "a restart forgets");
+    }
+    Ok(())
+}
+
+#[test]
+fn a_camera_cut_ends_what_a_history_carried() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut bench = Bench::new(&gpu)?;
+    let (add, scope, extent) = (bench.kernel("add.comp", ADD)?, HistoryScope::new(), Extent::new(16, 8));
+    for frame in 0..8 {
+        if frame == 5 {
+            bench.cut();
+        }
+        bench.run(extent, &[], |g, _| {
+            let history = g.history(&scope, "colour", ImageDesc::full(Format::Rgba16Float));
+            let sum = g.pass("gi.accumulate", Queue::Graphics, |p| {
+                let (source, (sum, result)) = (p.sample(history.previous), p.write(history.next));
+                (sum, move |c: &mut Record<'_>| {
+                    let params = Add { source: c.id(source), result: c.id(result), size: [16, 8], more: 1.0 };
+                    c.dispatch(add, &params, extent);
+                })
+            });
+            g.output(sum.read());
+            if frame == 2 {
+                g.poison(poison("gi.accumulate", "colour.next", Place::pixel(9, 6), Bad::Infinity));
+            }
+            Ok(())
+        })?;
+    }
+    let report = only(&bench.trail)?;
+    println!("{report}");
+    ensure!((report.frame, report.arose, report.last_frame) == (2, 1, 4), "{report}");
+    ensure!(path(report) == "gi.accumulate (frame 2) → history colour → gi.accumulate (frame 3)", "{report}");
+    Ok(())
+}
+
+#[test]
+fn the_scan_changes_no_picture() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    for name in ["courtyard", "cornell"] {
+        let scene = builtin(name)?;
+        let run = |check| -> Result<Vec<u8>> {
+            let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 5, check };
+            let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
+            let mut bytes = Vec::new();
+            for _ in 0..3 {
+                let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+                ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+                let scans = result.sample.passes.iter().filter(|p| p.name.starts_with("check.")).count();
+                ensure!((scans > 0) == check, "{scans} scans");
+                let images = result.images.context("no image")?;
+                bytes.extend(images.linear.bytes);
+                bytes.extend(images.display.context("no image")?.bytes);
+            }
+            ensure!(renderer.trail().reports().is_empty() && renderer.trail().unscanned().count() == 0, "{name}");
+            Ok(bytes)
+        };
+        let (with, without) = (run(true)?, run(false)?);
+        ensure!(with == without && with.iter().any(|b| *b != 0), "{name}: the picture changed");
+    }
+    Ok(())
+}
+
+#[test]
+fn what_the_scan_costs() -> Result<()> {
+    if gpu()?.is_none() {
+        return Ok(());
+    }
+    // Without validation layers, which cost far more.
+    let gpu = Gpu::new(&GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), validation: false })?;
+    let scene = builtin("courtyard")?;
+    let mut medians = [0.0; 2];
+    for (check, median) in [false, true].into_iter().zip(&mut medians) {
+        let options = RenderOptions { width: 320, height: 180, seed: 0, check };
+        let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
+        let mut times = Vec::new();
+        for frame in 0..9 {
+            let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: false })?;
+            if frame > 0 {
+                times.push(result.sample.cpu_ns as f64 / 1e6);
+            }
+        }
+        times.sort_by(f64::total_cmp);
+        *median = times[times.len() / 2];
+    }
+    let [without, with] = medians;
+    println!("courtyard, 320x180: {without:.2} ms without the scan, {with:.2} ms with it, {:+.2} ms", with - without);
+    ensure!(with < 10.0 * without + 100.0, "the scan takes {:.2} ms", with - without);
+    Ok(())
+}
+
+#[test]
+fn what_cannot_be_poisoned_is_an_error() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut bench = Bench::new(&gpu)?;
+    let (add, extent) = (bench.kernel("add.comp", ADD)?, Extent::new(8, 8));
+    let at = Place::pixel(1, 1);
+    for (pass, output, place, why) in [
+        ("user.other", "x", at, "no such pass runs"),
+        ("user.idle", "x", at, "no such pass runs"),
+        ("user.make", "y", at, "no such output"),
+        ("user.make", "x", Place::pixel(8, 0), "does not write (8, 0)"),
+        ("user.make", "x", Place::Pixel { x: 0, y: 0, mip: 1, layer: 0 }, "of mip 1"),
+        ("user.make", "x", Place::Element(0), "no element 0"),
+    ] {
+        let ran = bench.run(extent, &[], |g, _| {
+            let mut make = |name: &str| {
+                g.pass(name, Queue::Graphics, |p| {
+                    let (x, result) = p.create("x", ImageDesc::full(Format::R32Float));
+                    (x, move |c: &mut Record<'_>| {
+                        c.dispatch(
+                            add,
+                            &Add { source: NOTHING, result: c.id(result), size: [8, 8], more: 1.0 },
+                            extent,
+                        );
+                    })
+                })
+            };
+            let (x, _idle) = (make("user.make"), make("user.idle"));
+            g.output(x.read());
+            g.poison(poison(pass, output, place, Bad::Nan));
+            Ok(())
+        });
+        let error = ran.err().with_context(|| format!("{pass}:{output} {place} was poisoned"))?.to_string();
+        ensure!(error.contains(why), "{error}: {why} is missing");
+    }
+    Ok(())
+}
+
+/// Whether an imported resource is a history's previous half.
+fn is_previous(origin: Origin) -> bool {
+    matches!(origin, Origin::Imported { key: ImportKey::Previous(_), .. })
+}
+
+#[test]
+fn histories_are_looked_at_as_they_come() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut bench = Bench::new(&gpu)?;
+    let (add, scope, extent) = (bench.kernel("add.comp", ADD)?, HistoryScope::new(), Extent::new(8, 8));
+    let ran = bench.run(extent, &[], |g, _| {
+        let history = g.history(&scope, "colour", ImageDesc::full(Format::R32Float));
+        let sum = g.pass("user.sum", Queue::Graphics, |p| {
+            let (source, (sum, result)) = (p.sample(history.previous), p.write(history.next));
+            (sum, move |c: &mut Record<'_>| {
+                c.dispatch(add, &Add { source: c.id(source), result: c.id(result), size: [8, 8], more: 1.0 }, extent);
+            })
+        });
+        g.output(sum.read());
+        Ok(())
+    })?;
+    let ran = ran.clean()?;
+    let declaration = &ran.executed.declaration;
+    let previous = (0..).zip(&declaration.resources).find(|(_, r)| is_previous(r.origin)).map(|(index, _)| index);
+    let previous: u32 = previous.context("no history")?;
+    let scan =
+        (0..).zip(&declaration.passes).find(|(p, _)| declaration.pass_name(*p) == "check.import.colour.previous");
+    let (scan, _) = scan.context("no scan of it")?;
+    ensure!(declaration.uses_of(scan).iter().any(|u| u.resource == previous), "it scans something else");
+    Ok(())
+}
