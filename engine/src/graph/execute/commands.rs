@@ -16,6 +16,7 @@ use super::{
         record::{Physical, Record, Recorded},
     },
     bind::{Bound, is_storage},
+    crumbs::Crumbs,
     nanoseconds,
     time::Clock,
 };
@@ -42,6 +43,9 @@ pub(super) struct Frame<'a> {
     pub bound: &'a Bound,
     /// Has room for the rays of every pass.
     pub counters: &'a Clock,
+    pub crumbs: Option<&'a Crumbs>,
+    /// For tests: this position only begins, and nothing after it is recorded.
+    pub stop: Option<usize>,
     pub begun: Instant,
 }
 
@@ -206,7 +210,8 @@ impl Commands {
         let opening = opened.filter(|_| batch.queue != Queue::Graphics);
         let mut waits: Vec<Submission> = planned.collect();
         // A wait for a later submission of the graphics queue stands for its opening one.
-        let covered = plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
+        let covered =
+            plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
         waits.extend(opening.filter(|_| !covered));
         waits
     }
@@ -222,7 +227,14 @@ impl Unit<'_> {
         if clock.is_some() {
             self.passes.reserve(self.positions.len());
         }
+        let thread = rayon::current_thread_index().map_or(0, |index| index as u32 + 1);
         for position in self.positions.clone() {
+            if frame.stop.is_some_and(|stop| position >= stop) {
+                if let Some(crumbs) = frame.crumbs.filter(|_| frame.stop == Some(position)) {
+                    crumbs.open_pass(&mut self.encoder, position);
+                }
+                break;
+            }
             let cpu_start = clock.map(|_| Instant::now());
             let (memory, images) = bound.barriers.before(position);
             if plan.serial {
@@ -242,6 +254,7 @@ impl Unit<'_> {
                     name: frame.declaration.pass_name(pass).to_owned(),
                     stage: frame.declaration.stage(pass).to_owned(),
                     queue: self.queue.name(),
+                    thread,
                     cpu_ns: nanoseconds(cpu_start),
                     cpu_start_ns: Some((cpu_start - frame.begun).as_nanos() as u64),
                     draws: recorded.draws,
@@ -251,7 +264,7 @@ impl Unit<'_> {
             }
         }
         if self.closes_frame {
-            let (memory, images) = bound.barriers.end();
+            let (memory, images) = if frame.stop.is_none() { bound.barriers.end() } else { (&[][..], &[][..]) };
             if !memory.is_empty() || !images.is_empty() {
                 self.encoder.barriers(memory, images);
             }
@@ -269,10 +282,13 @@ impl Unit<'_> {
         let Frame { gpu, declaration, plan, bound, .. } = frame;
         let pass = plan.order[position];
         let name = declaration.pass_name(pass);
-        let encoder = &mut self.encoder;
+        let (encoder, queue) = (&mut self.encoder, self.queue);
         encoder.begin_label(name);
+        if let Some(crumbs) = frame.crumbs {
+            crumbs.open_pass(encoder, position);
+        }
         if let Some(clock) = clock {
-            clock.open_pass(encoder, position as u32);
+            clock.open_pass(encoder, queue, position as u32);
         }
         if gpu.validates() {
             let set = pass_set(frame, pass)?;
@@ -294,7 +310,10 @@ impl Unit<'_> {
             self.encoder.end_rendering();
         }
         if let Some(clock) = clock {
-            clock.close_pass(&mut self.encoder, position as u32);
+            clock.close_pass(&mut self.encoder, queue, position as u32);
+        }
+        if let Some(crumbs) = frame.crumbs {
+            crumbs.close_pass(&mut self.encoder, position);
         }
         self.encoder.end_label();
         Ok(recorded)
