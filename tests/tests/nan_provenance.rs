@@ -197,7 +197,8 @@ fn one_that_shows_two_frames_later() -> Result<()> {
             if frame == 1 {
                 renderer.poison(poison("reflections.make", "one.next", Place::pixel(x, y), Bad::Nan));
             }
-            let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+            let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
+            let result = renderer.frame(request)?.context("no frame")?;
             let seen = not_finite(&result.images.context("no image")?.linear);
             let expected = if frame == 3 { vec![(y * SIZE[0] + x) as usize] } else { Vec::new() };
             ensure!(seen == expected, "frame {frame}: {seen:?} instead of {expected:?}");
@@ -267,7 +268,8 @@ fn the_scan_changes_no_picture() -> Result<()> {
             let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
             let mut bytes = Vec::new();
             for _ in 0..3 {
-                let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+                let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
+                let result = renderer.frame(request)?.context("no frame")?;
                 ensure!(result.findings.is_empty(), "{}", result.findings[0]);
                 let scans = result.sample.passes.iter().filter(|p| p.name.starts_with("check.")).count();
                 ensure!((scans > 0) == check, "{scans} scans");
@@ -298,7 +300,8 @@ fn what_the_scan_costs() -> Result<()> {
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
         let mut times = Vec::new();
         for frame in 0..9 {
-            let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: false })?;
+            let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
+            let result = renderer.frame(request)?.context("no frame")?;
             if frame > 0 {
                 times.push(result.sample.cpu_ns as f64 / 1e6);
             }

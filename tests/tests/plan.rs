@@ -151,7 +151,10 @@ impl Tally {
         self.add("passes kept", plan.order.len());
         self.add("passes culled", plan.culled.len());
         self.add("weak passes kept", plan.order.iter().filter(|&&p| d.passes[p as usize].weak).count());
-        self.add("uses of images in part", uses().filter(|u| parts(u.resource) != (u.part.mips.into(), u.part.layers.into())).count());
+        self.add(
+            "uses of images in part",
+            uses().filter(|u| parts(u.resource) != (u.part.mips.into(), u.part.layers.into())).count(),
+        );
         self.add("builds", used(Access::Build));
         self.add("refits", used(Access::Refit));
         self.add("build inputs", used(Access::BuildInput));
@@ -161,7 +164,10 @@ impl Tally {
         self.add("uses of kept buffers", uses().filter(|u| imported(u, |k| matches!(k, ImportKey::Kept(_)))).count());
         self.add("barriers", plan.barriers.len());
         self.add("barriers from several uses", barriers(|b| b.from.iter().count() > 1));
-        self.add("barriers on one mip or layer", plan.barriers.iter().filter(|b| parts(b.resource) != (b.part.mips.into(), b.part.layers.into())).count());
+        self.add(
+            "barriers on one mip or layer",
+            plan.barriers.iter().filter(|b| parts(b.resource) != (b.part.mips.into(), b.part.layers.into())).count(),
+        );
         self.add("barriers for other queues", barriers(|b| b.to.is_any()));
         self.add("barriers at the end", plan.end.len());
         self.add("changes of owner", barriers(|b| b.handover.is_some()) / 2);
@@ -173,7 +179,10 @@ impl Tally {
         self.add("shared at once", shared(Sharing::Concurrent));
         self.add("memory taken over", plan.successions.len());
         self.add("attachments not stored", plan.unstored.len());
-        self.add("orders that are not the declared one", usize::from(plan.batches.len() == 1 && !plan.order.is_sorted()));
+        self.add(
+            "orders that are not the declared one",
+            usize::from(plan.batches.len() == 1 && !plan.order.is_sorted()),
+        );
     }
 }
 
@@ -203,7 +212,11 @@ fn plans_of_random_frames_are_sound() {
         println!("{times:9} {what}");
     }
     if cases >= 1000 {
-        assert_eq!(combinations.borrow().len(), 256, "64 combinations of switches, for 1, 2, 3 queues and the device's");
+        assert_eq!(
+            combinations.borrow().len(),
+            256,
+            "64 combinations of switches, for 1, 2, 3 queues and the device's"
+        );
         let rare = |(_, times): &(&&str, &usize)| **times < cases as usize / 50;
         let tally = tally.borrow();
         assert_eq!(tally.0.iter().find(rare), None, "hardly ever seen");
@@ -252,7 +265,6 @@ fn planning_and_dumping_are_functions() {
         let (a, b) = (case.script.declare().finish().unwrap(), case.script.declare().finish().unwrap());
         let (a, b) = (a.declaration, b.declaration);
         prop_assert_eq!(&a, &b);
-        prop_assert_eq!(a.fingerprint(), b.fingerprint());
         let (plan_a, plan_b) = (case.setup.plan(&a), case.setup.plan(&b));
         prop_assert_eq!(&plan_a, &plan_b);
         prop_assert_eq!(dump::text(&a, &plan_a), dump::text(&b, &plan_b));
@@ -322,7 +334,12 @@ fn every_mistake_in_a_frame_made_by_hand_is_found() {
                 let Some(is_found) = try_out(mistake, setup, &d, &good, place) else { continue };
                 *tally = (tally.0 + 1, tally.1 + usize::from(is_found));
                 let may_be = mistake.harmless.is_some();
-                assert!(is_found || may_be, "{} at {place:?} on {queues} queues\n{}", mistake.name, describe(&d, &good));
+                assert!(
+                    is_found || may_be,
+                    "{} at {place:?} on {queues} queues\n{}",
+                    mistake.name,
+                    describe(&d, &good)
+                );
             }
         }
     }

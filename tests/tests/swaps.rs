@@ -294,7 +294,11 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
                     read_back: kind == 7,
                 })?;
                 run.gpu.check_validation().with_context(|| format!("step {step}"))?;
-                if result.is_some() { rendered += 1 } else { skipped += 1 }
+                if result.is_some() {
+                    rendered += 1
+                } else {
+                    skipped += 1
+                }
                 let now = run.gpu.in_use();
                 most = (most.0.max(now.0), most.1.max(now.1));
             }

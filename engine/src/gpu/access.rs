@@ -43,9 +43,10 @@ impl Scope {
             Access::StorageReadWrite | Access::BufferReadWrite => (shaders, storage_read | storage_write),
             Access::Index => (vk::PipelineStageFlags2::INDEX_INPUT, vk::AccessFlags2::INDEX_READ),
             Access::Indirect => (vk::PipelineStageFlags2::DRAW_INDIRECT, vk::AccessFlags2::INDIRECT_COMMAND_READ),
-            Access::Build => {
-                (vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR, vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR)
-            }
+            Access::Build => (
+                vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR,
+                vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR,
+            ),
             Access::Refit | Access::BuildScratch => (
                 vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR,
                 vk::AccessFlags2::ACCELERATION_STRUCTURE_WRITE_KHR | vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR,

@@ -7,8 +7,9 @@ use super::pipeline::Pipelines;
 use super::pipeline_cache;
 use super::submit::{Lane, Timeline};
 use crate::graph::Queue;
-use ash::{ext, vk};
+use ash::{amd, ext, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
+use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -45,8 +46,12 @@ pub(super) struct Inner {
     /// One call can draw several times what a buffer says.
     pub multi_draw_indirect: bool,
     pub timestamp_period: f64,
+    /// Bits that every queue's timestamps have: only those can be compared.
     pub timestamp_bits: u32,
+    pub pipeline_statistics: bool,
     pub calibrated: Option<ext::calibrated_timestamps::Device>,
+    /// Words that the device writes into a buffer on its way through the commands.
+    pub markers: Option<amd::buffer_marker::Device>,
     pub labels: Option<ext::debug_utils::Device>,
     pub raw: ash::Device,
     physical: vk::PhysicalDevice,
@@ -109,10 +114,12 @@ impl Gpu {
 
         // The logical device.
         let available = choice::extensions(&instance, physical);
-        let has_calibration = available.iter().any(|e| e.as_bytes() == ext::calibrated_timestamps::NAME.to_bytes());
-        let extensions: Vec<_> =
-            has_calibration.then(|| ext::calibrated_timestamps::NAME.as_ptr()).into_iter().collect();
+        let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
+        let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
+        let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).map(CStr::as_ptr).collect();
         let lane_families = Queue::ALL.map(|queue| choice::family_for(queue, &families).unwrap_or(family));
+        let bits_of = |f: u32| families[f as usize].timestamp_valid_bits;
+        let timestamp_bits = lane_families.into_iter().map(bits_of).min().unwrap_or(0);
         let mut distinct = lane_families.to_vec();
         distinct.sort_unstable();
         distinct.dedup();
@@ -137,7 +144,8 @@ impl Gpu {
         let logical = Logical { raw: raw.clone(), instance };
         let instance = &logical.instance;
         // SAFETY: each family was asked for with one queue.
-        let held: Vec<_> = distinct.iter().map(|f| Arc::new(Mutex::new(unsafe { raw.get_device_queue(*f, 0) }))).collect();
+        let held: Vec<_> =
+            distinct.iter().map(|f| Arc::new(Mutex::new(unsafe { raw.get_device_queue(*f, 0) }))).collect();
         // SAFETY: the handle comes from this instance.
         let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
         let memory_types = memory.memory_types_as_slice().iter().map(|t| t.property_flags).collect();
@@ -162,7 +170,9 @@ impl Gpu {
             Ok::<_, GpuError>(Lane { queue, family: lane_families[at], timeline: Timeline::new(&raw)? })
         };
         let lanes = [lane(0)?, lane(1)?, lane(2)?];
-        let calibrated = has_calibration.then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
+        let calibrated =
+            has(ext::calibrated_timestamps::NAME).then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
+        let markers = has(amd::buffer_marker::NAME).then(|| amd::buffer_marker::Device::new(&instance.raw, &raw));
         let labels = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
         log::info!("device: {} ({})", report.name, report.driver);
         Ok(Self(Arc::new(Inner {
@@ -179,8 +189,10 @@ impl Gpu {
             cache_file,
             multi_draw_indirect: optional.multi_draw_indirect == vk::TRUE,
             timestamp_period: f64::from(properties.limits.timestamp_period),
-            timestamp_bits: families[family as usize].timestamp_valid_bits,
+            timestamp_bits,
+            pipeline_statistics: optional.pipeline_statistics_query == vk::TRUE,
             calibrated,
+            markers,
             labels,
             raw,
             physical,

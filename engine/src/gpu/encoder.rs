@@ -2,7 +2,6 @@
 use super::access::{self, Scope};
 use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
-use super::query::Timestamps;
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
 use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
@@ -147,7 +146,8 @@ impl CommandEncoder {
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(GpuError::call("vkCreateCommandPool"))?;
         let computes = queue != Queue::Transfer || gpu.family(queue) == gpu.family(Queue::Graphics);
         let draws = queue == Queue::Graphics;
-        let mut made = Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws, bound: [None; 2] };
+        let mut made =
+            Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws, bound: [None; 2] };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
         let buffers = unsafe { made.gpu.raw().allocate_command_buffers(&info) }
@@ -158,6 +158,10 @@ impl CommandEncoder {
 
     pub(super) fn raw(&self) -> vk::CommandBuffer {
         self.buffer
+    }
+
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     /// Begins anew. The device must be done with what was recorded before.
@@ -455,19 +459,6 @@ impl CommandEncoder {
         let (source, target) = (vk::ImageLayout::TRANSFER_SRC_OPTIMAL, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         // SAFETY: the plan brought both images to these layouts; the caller compared sizes and formats.
         unsafe { self.gpu.raw().cmd_copy_image(self.buffer, from.raw, source, to.raw, target, &region) };
-    }
-
-    /// Writes timestamp `index` once everything before it is done.
-    ///
-    /// llvmpipe puts a timestamp into the bins of its rasteriser, which it works off at the next flush, while dispatches run at
-    /// once: without a flush, a dispatch that follows is over before the timestamp is taken. A barrier flushes.
-    pub fn timestamp(&mut self, pool: &Timestamps, index: u32) {
-        let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
-        // SAFETY: the pool was reset before this frame and `index` is below its capacity.
-        unsafe { self.gpu.raw().cmd_write_timestamp2(self.buffer, stage, pool.pool, index) };
-        if self.gpu.report().driver.starts_with("llvmpipe") {
-            self.full_barrier();
-        }
     }
 
     /// Opens a named section for debuggers and profilers.

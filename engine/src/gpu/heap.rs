@@ -65,8 +65,7 @@ impl Gpu {
     pub(super) fn memory_kind(&self, types: u32) -> u8 {
         let buffers = self.0.buffer_types.trailing_zeros() as u8;
         let fast = |t: &u8| {
-            types >> *t & 1 == 1
-                && self.0.memory_types[usize::from(*t)].contains(vk::MemoryPropertyFlags::DEVICE_LOCAL)
+            types >> *t & 1 == 1 && self.0.memory_types[usize::from(*t)].contains(vk::MemoryPropertyFlags::DEVICE_LOCAL)
         };
         let all = || 0..self.0.memory_types.len() as u8;
         let shared = all().find(|t| fast(t) && self.0.buffer_types >> *t & 1 == 1);

@@ -1,12 +1,13 @@
-//! GPU time: pairs of timestamps in one query pool.
-use super::{Gpu, GpuError};
+//! What the device counts: timestamps, and the invocations of shaders.
+use super::{CommandEncoder, Gpu, GpuError};
+use crate::graph::Queue;
 use ash::vk;
 use std::time::Instant;
 
 /// A pool of timestamps for one frame in flight.
 pub(crate) struct Timestamps {
     gpu: Gpu,
-    pub(super) pool: vk::QueryPool,
+    pool: vk::QueryPool,
     capacity: u32,
 }
 
@@ -40,10 +41,147 @@ impl Timestamps {
         // SAFETY: the frame that wrote them is done; the slice holds as many as are asked for.
         unsafe { self.gpu.raw().get_query_pool_results(self.pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
             .map_err(GpuError::call("vkGetQueryPoolResults"))?;
-        // Relative to the first: a counter with few bits may have wrapped in between.
-        let first = ticks[0];
+        let (first, bits) = (ticks[0], self.gpu.0.timestamp_bits);
         let begin = self.gpu.nanoseconds(first);
-        Ok(ticks.into_iter().map(|t| begin + self.gpu.nanoseconds(t.wrapping_sub(first))).collect())
+        Ok(ticks.into_iter().map(|t| begin + self.gpu.nanoseconds(ticks_since(first, t, bits))).collect())
+    }
+}
+
+/// Ticks from `first` to `now` on a counter of so many bits, which may have wrapped in between. A moment before `first`, as the
+/// clock of another queue may tell it, counts as the same moment.
+fn ticks_since(first: u64, now: u64, bits: u32) -> u64 {
+    let valid = u64::MAX >> (64 - bits.clamp(1, 64));
+    let since = now.wrapping_sub(first) & valid;
+    if since > valid / 2 { 0 } else { since }
+}
+
+impl CommandEncoder {
+    /// Writes timestamp `index` once everything before it is done.
+    ///
+    /// llvmpipe puts a timestamp into the bins of its rasteriser, which it works off at the next flush, while dispatches run at
+    /// once: without a flush, a dispatch that follows is over before the timestamp is taken. A barrier flushes, also one that waits
+    /// for nothing, which leaves mistakes in barriers for the validation layers to find.
+    pub fn timestamp(&mut self, pool: &Timestamps, index: u32) {
+        let (device, stage) = (pool.gpu.raw(), vk::PipelineStageFlags2::ALL_COMMANDS);
+        // SAFETY: the pool was reset before this frame and `index` is below its capacity.
+        unsafe { device.cmd_write_timestamp2(self.raw(), stage, pool.pool, index) };
+        if pool.gpu.report().driver.starts_with("llvmpipe") {
+            // SAFETY: the command buffer is recording, outside of rendering.
+            unsafe { device.cmd_pipeline_barrier2(self.raw(), &vk::DependencyInfo::default()) };
+        }
+    }
+
+    /// Counts from here to [`Self::end_statistics`], both outside of rendering. Nothing happens on a queue without counters.
+    pub fn begin_statistics(&mut self, statistics: &Statistics, queue: Queue, index: u32) {
+        if let Some(pool) = statistics.pool(queue) {
+            let flags = vk::QueryControlFlags::empty();
+            // SAFETY: the pool was reset before this frame, `index` is below its capacity, and its counters are those of the queue.
+            unsafe { statistics.gpu.raw().cmd_begin_query(self.raw(), pool, index, flags) };
+        }
+    }
+
+    /// Ends what [`Self::begin_statistics`] began.
+    pub fn end_statistics(&mut self, statistics: &Statistics, queue: Queue, index: u32) {
+        if let Some(pool) = statistics.pool(queue) {
+            // SAFETY: as above; the query is active.
+            unsafe { statistics.gpu.raw().cmd_end_query(self.raw(), pool, index) };
+        }
+    }
+}
+
+/// Counters of the pipeline for one frame in flight: a pool for each kind of queue, because one that only computes knows only one
+/// counter.
+pub(crate) struct Statistics {
+    gpu: Gpu,
+    graphics: vk::QueryPool,
+    compute: vk::QueryPool,
+    capacity: u32,
+}
+
+impl Gpu {
+    /// The device counts the invocations of shaders.
+    pub fn has_statistics(&self) -> bool {
+        self.0.pipeline_statistics
+    }
+}
+
+impl Statistics {
+    /// Room for `capacity` passes, all reset; none where the device does not count.
+    pub fn new(gpu: &Gpu, capacity: u32) -> Result<Option<Self>, GpuError> {
+        if !gpu.has_statistics() {
+            return Ok(None);
+        }
+        let (none, compute) = (vk::QueryPool::null(), vk::QueryPipelineStatisticFlags::COMPUTE_SHADER_INVOCATIONS);
+        let mut made = Self { gpu: gpu.clone(), graphics: none, compute: none, capacity };
+        made.graphics = made.make(
+            vk::QueryPipelineStatisticFlags::INPUT_ASSEMBLY_VERTICES
+                | vk::QueryPipelineStatisticFlags::VERTEX_SHADER_INVOCATIONS
+                | vk::QueryPipelineStatisticFlags::CLIPPING_PRIMITIVES
+                | vk::QueryPipelineStatisticFlags::FRAGMENT_SHADER_INVOCATIONS
+                | compute,
+        )?;
+        made.compute = made.make(compute)?;
+        made.reset();
+        Ok(Some(made))
+    }
+
+    fn make(&self, counters: vk::QueryPipelineStatisticFlags) -> Result<vk::QueryPool, GpuError> {
+        let info = vk::QueryPoolCreateInfo::default()
+            .query_type(vk::QueryType::PIPELINE_STATISTICS)
+            .query_count(self.capacity)
+            .pipeline_statistics(counters);
+        // SAFETY: `info` is complete, and the feature is on.
+        unsafe { self.gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))
+    }
+
+    pub fn capacity(&self) -> u32 {
+        self.capacity
+    }
+
+    /// Makes every counter writable again. The device must be done with the frame that wrote them.
+    pub fn reset(&self) {
+        for pool in [self.graphics, self.compute] {
+            // SAFETY: hostQueryReset is on; the caller waited for the frame that used the pools.
+            unsafe { self.gpu.raw().reset_query_pool(pool, 0, self.capacity) };
+        }
+    }
+
+    /// The counters of a queue; one that only copies has none.
+    fn pool(&self, queue: Queue) -> Option<vk::QueryPool> {
+        match queue {
+            Queue::Graphics => Some(self.graphics),
+            Queue::AsyncCompute => Some(self.compute),
+            Queue::Transfer => None,
+        }
+    }
+
+    /// Input vertices, vertex shader invocations, triangles after clipping, fragment and compute shader invocations of a pass that is
+    /// done; none where its queue does not count.
+    pub fn read(&self, queue: Queue, index: u32) -> Result<Option<[u64; 5]>, GpuError> {
+        let Some(pool) = self.pool(queue) else { return Ok(None) };
+        let (device, flags) = (self.gpu.raw(), vk::QueryResultFlags::TYPE_64);
+        let mut counts = [0; 5];
+        let result = if queue == Queue::Graphics {
+            let mut whole = [[0_u64; 5]];
+            // SAFETY: the frame that wrote them is done; there are as many numbers as the pool has counters, in the order of their bits.
+            let result = unsafe { device.get_query_pool_results(pool, index, &mut whole, flags) };
+            counts = whole[0];
+            result
+        } else {
+            // SAFETY: as above, of one counter.
+            unsafe { device.get_query_pool_results(pool, index, &mut counts[4..], flags) }
+        };
+        result.map_err(GpuError::call("vkGetQueryPoolResults"))?;
+        Ok(Some(counts))
+    }
+}
+
+impl Drop for Statistics {
+    fn drop(&mut self) {
+        for pool in [self.graphics, self.compute] {
+            // SAFETY: its owner waits for the device before it drops a frame; a null pool is skipped.
+            unsafe { self.gpu.raw().destroy_query_pool(pool, None) };
+        }
     }
 }
 
@@ -71,5 +209,19 @@ impl Gpu {
         let (moments, _) = unsafe { api.get_calibrated_timestamps(&domain) }.ok()?;
         let middle = before + before.elapsed() / 2;
         Some((self.nanoseconds(moments[0]), middle))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ticks_since;
+
+    #[test]
+    fn ticks_wrap_and_never_go_back() {
+        assert_eq!(ticks_since(10, 25, 64), 15);
+        assert_eq!(ticks_since(u64::MAX - 1, 3, 64), 5);
+        assert_eq!(ticks_since(0xffff_fffe, 0x5_0000_0001, 32), 3); // bits beyond the valid ones are noise
+        assert_eq!(ticks_since(100, 98, 64), 0);
+        assert_eq!(ticks_since(1, 0xffff_ffff, 32), 0);
     }
 }

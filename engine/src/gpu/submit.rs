@@ -88,10 +88,8 @@ impl Gpu {
         waits: &[Submission],
     ) -> Result<Submission, GpuError> {
         let lane = &self.0.lanes[queue.index()];
-        let commands: Vec<_> = encoders
-            .into_iter()
-            .map(|e| vk::CommandBufferSubmitInfo::default().command_buffer(e.raw()))
-            .collect();
+        let commands: Vec<_> =
+            encoders.into_iter().map(|e| vk::CommandBufferSubmitInfo::default().command_buffer(e.raw())).collect();
         let waits: Vec<_> = waits.iter().map(|w| self.0.lanes[w.queue.index()].timeline.at(w.value)).collect();
         let held = lock(&lane.queue);
         let value = lane.timeline.last() + 1;

@@ -75,7 +75,12 @@ impl PassBuilder<'_> {
     }
 
     /// Makes a smaller copy of an acceleration structure, of `bytes` bytes.
-    pub fn compact(&mut self, name: &str, source: Handle<Blas>, bytes: u64) -> (WriteHandle<Blas>, BuildInputToken, BuildToken) {
+    pub fn compact(
+        &mut self,
+        name: &str,
+        source: Handle<Blas>,
+        bytes: u64,
+    ) -> (WriteHandle<Blas>, BuildInputToken, BuildToken) {
         let input = self.build_input(source);
         let (handle, token) = self.build(name, bytes);
         (handle, input, token)

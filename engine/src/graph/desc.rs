@@ -297,7 +297,12 @@ mod tests {
         let (whole, mip, layer) = (Part::ALL, Part::mip(1), Part::layer(2));
         assert_eq!(whole.of(4, 3), Part { mip: 0, mips: 4, layer: 0, layers: 3 });
         assert_eq!(mip.of(4, 3), Part { mip: 1, mips: 1, layer: 0, layers: 3 });
-        assert!(whole.overlaps(mip) && mip.overlaps(layer) && !mip.overlaps(Part::mip(2)) && !layer.overlaps(Part::layer(1)));
+        assert!(
+            whole.overlaps(mip)
+                && mip.overlaps(layer)
+                && !mip.overlaps(Part::mip(2))
+                && !layer.overlaps(Part::layer(1))
+        );
         assert!(mip.fits(2, 1) && !mip.fits(1, 1) && layer.fits(1, 3) && !layer.fits(1, 2));
         assert!(!Part { mips: 0, ..Part::ALL }.fits(1, 1) && !Part { mips: 3, ..mip }.fits(3, 1));
         assert!(whole.fits(1, 1) && whole.is_all() && !mip.is_all());

@@ -72,6 +72,6 @@ pub use plan::{Plan, plan};
 pub use record::{Draw, MipCopy, Record, Token};
 pub use switches::{Queues, Switches};
 pub use token::{
-    BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken,
-    SampleToken, ScratchToken, StorageToken, TraceToken,
+    BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,
+    IndirectToken, SampleToken, ScratchToken, StorageToken, TraceToken,
 };

@@ -324,7 +324,8 @@ impl FrameGraph {
     /// Both halves of a history. What is read comes as it was left: readable by shaders.
     fn import_pair<K: Kind>(&mut self, name: &str, shape: Shape, slot: u32, layout: Layout) -> (Handle<K>, Handle<K>) {
         let read = if shape.is_image() { Access::Sample } else { Access::BufferRead };
-        let previous = self.import(&format!("{name}.previous"), shape, in_any_pass(read), layout, ImportKey::Previous(slot));
+        let previous =
+            self.import(&format!("{name}.previous"), shape, in_any_pass(read), layout, ImportKey::Previous(slot));
         let next = self.import(&format!("{name}.next"), shape, Uses::EMPTY, Layout::Undefined, ImportKey::Next(slot));
         self.leave(next, read, Domain::Compute);
         self.declaration.histories.push(HistoryDecl { previous: previous.id, next: next.id });

@@ -289,7 +289,13 @@ impl Record<'_> {
 
     fn inside(&self, range: &BufferRange, offset: u64, bytes: u64) {
         let end = offset.saturating_add(bytes);
-        assert!(end <= range.bytes, "{}: {end} is past the end of {} bytes of {}", self.name, range.bytes, range.buffer.name());
+        assert!(
+            end <= range.bytes,
+            "{}: {end} is past the end of {} bytes of {}",
+            self.name,
+            range.bytes,
+            range.buffer.name()
+        );
     }
 
     fn own(&self, pass: u32) {

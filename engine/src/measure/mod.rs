@@ -2,6 +2,7 @@
 //!
 //! Execution fills one [`FrameSample`] per frame; a [`Recorder`] keeps those after the warm-up and makes a [`Report`].
 
+mod overlap;
 mod recorder;
 mod report;
 mod statistics;
@@ -23,7 +24,7 @@ pub struct PassTime {
     pub name: String,
     /// Slot that declared it, such as `shadows`.
     pub stage: String,
-    /// Queue on which it ran, such as `graphics`.
+    /// Queue on which it ran: `graphics`, `async compute` or `transfer`.
     pub queue: &'static str,
     /// GPU time, nanoseconds; none where the queue has no timestamps.
     pub gpu_ns: Option<u64>,
@@ -41,6 +42,34 @@ pub struct PassTime {
     pub rays_closest: u64,
     /// Rays that looked for any hit.
     pub rays_any: u64,
+    /// Thread that recorded it: 0 is the one that ran the frame.
+    pub thread: u32,
+    /// What its shaders did; none where nobody asked, or the queue does not count.
+    pub statistics: Option<Statistics>,
+}
+
+/// What the shaders of a pass did, as the device counts it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Statistics {
+    /// Vertices that came in.
+    pub input_vertices: u64,
+    /// Runs of vertex shaders; fewer than vertices where results are shared.
+    pub vertex_invocations: u64,
+    /// Triangles that were left after clipping.
+    pub clipping_primitives: u64,
+    /// Runs of fragment shaders; helpers may count.
+    pub fragment_invocations: u64,
+    /// Runs of compute shaders.
+    pub compute_invocations: u64,
+}
+
+impl Statistics {
+    /// From numbers in the order of the fields.
+    pub(crate) fn new(counts: [u64; 5]) -> Self {
+        let [input_vertices, vertex_invocations, clipping_primitives, fragment_invocations, compute_invocations] =
+            counts;
+        Self { input_vertices, vertex_invocations, clipping_primitives, fragment_invocations, compute_invocations }
+    }
 }
 
 /// One frame.
@@ -58,14 +87,20 @@ pub struct FrameSample {
     pub declare_ns: u64,
     /// Planning it, nanoseconds; a cached plan takes next to nothing.
     pub plan_ns: u64,
+    /// Finding or making the objects behind its resources, between planning and recording, nanoseconds.
+    pub bind_ns: u64,
     /// Recording it, nanoseconds.
     pub record_ns: u64,
     /// Handing it to the device, nanoseconds.
     pub submit_ns: u64,
+    /// Waiting for the device after that, nanoseconds.
+    pub wait_ns: u64,
     /// Queues that it was planned for.
     pub queues: u32,
     /// What ran, in order of submission.
     pub passes: Vec<PassTime>,
+    /// Where a queue waited for another: the pass that had to end and the one that then could begin, by their index in `passes`.
+    pub waits: Vec<(u32, u32)>,
     /// Passes that were declared and culled.
     pub culled: u32,
     /// Barriers, batched ones counted one by one.

@@ -1,7 +1,7 @@
 //! Collects frames and reduces them to a report.
 
 use super::{
-    FrameSample, PassTime,
+    FrameSample, PassTime, Statistics,
     report::{FrameReport, GraphReport, Median, PassReport, Rays, Report, Run},
     statistics::{Spread, median},
 };
@@ -67,11 +67,15 @@ impl Recorder {
             graph: GraphReport {
                 declare_us: of(|f| f.declare_ns) / 1e3,
                 plan_us: of(|f| f.plan_ns) / 1e3,
+                bind_us: of(|f| f.bind_ns) / 1e3,
                 record_us: of(|f| f.record_ns) / 1e3,
+                submit_us: of(|f| f.submit_ns) / 1e3,
+                wait_us: of(|f| f.wait_ns) / 1e3,
                 passes: of(|f| f.passes.len() as u64).round() as u64,
                 culled: of(|f| u64::from(f.culled)).round() as u64,
                 barriers: of(|f| u64::from(f.barriers)).round() as u64,
                 queues: of(queues).round() as u64,
+                overlap_ms: middle_of(self.frames.iter().filter_map(FrameSample::overlap_ns)).map(|ns| ns / 1e6),
             },
             memory: last.memory,
             passes: self.columns().into_iter().map(Column::report).collect(),
@@ -123,6 +127,7 @@ impl Column<'_> {
             rays: Rays { closest: of(|p| p.rays_closest).round() as u64, any: of(|p| p.rays_any).round() as u64 },
             draws: of(|p| u64::from(p.draws)).round() as u64,
             dispatches: of(|p| u64::from(p.dispatches)).round() as u64,
+            statistics: statistics(&self.samples),
         }
     }
 }
@@ -134,8 +139,27 @@ fn queues(frame: &FrameSample) -> u64 {
     (0..passes.len()).filter(|&at| first(at)).count() as u64
 }
 
+/// Medians of what shaders did, over the frames that counted.
+fn statistics(samples: &[&PassTime]) -> Option<Statistics> {
+    let counted: Vec<Statistics> = samples.iter().filter_map(|p| p.statistics).collect();
+    let of = |value: fn(&Statistics) -> u64| middle_of(counted.iter().map(value)).map(|n| n.round() as u64);
+    Some(Statistics {
+        input_vertices: of(|s| s.input_vertices)?,
+        vertex_invocations: of(|s| s.vertex_invocations)?,
+        clipping_primitives: of(|s| s.clipping_primitives)?,
+        fragment_invocations: of(|s| s.fragment_invocations)?,
+        compute_invocations: of(|s| s.compute_invocations)?,
+    })
+}
+
 /// Median of at least one value.
-fn middle(mut values: Vec<u64>) -> f64 {
+fn middle(values: Vec<u64>) -> f64 {
+    middle_of(values.into_iter()).unwrap_or_default()
+}
+
+/// Median; none without values.
+fn middle_of(values: impl Iterator<Item = u64>) -> Option<f64> {
+    let mut values: Vec<u64> = values.collect();
     values.sort_unstable();
-    median(&values).unwrap_or_default()
+    median(&values)
 }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Memory, statistics::Spread};
+use super::{Memory, Statistics, statistics::Spread};
 use crate::config::Config;
 
 /// The device of a run.
@@ -58,8 +58,14 @@ pub struct GraphReport {
     pub declare_us: f64,
     /// Planning, microseconds.
     pub plan_us: f64,
+    /// Finding or making the objects behind the resources, microseconds.
+    pub bind_us: f64,
     /// Recording, microseconds.
     pub record_us: f64,
+    /// Handing over, microseconds.
+    pub submit_us: f64,
+    /// Waiting for the device, microseconds.
+    pub wait_us: f64,
     /// Passes that ran.
     pub passes: u64,
     /// Passes that were culled.
@@ -68,6 +74,8 @@ pub struct GraphReport {
     pub barriers: u64,
     /// Queues in use.
     pub queues: u64,
+    /// What these saved by working at the same time, milliseconds; none where passes have no times.
+    pub overlap_ms: Option<f64>,
 }
 
 /// Rays per frame, by kind.
@@ -100,6 +108,9 @@ pub struct PassReport {
     pub draws: u64,
     /// Dispatches per frame.
     pub dispatches: u64,
+    /// What its shaders did per frame, in a run that asked for it and on a queue that counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub statistics: Option<Statistics>,
 }
 
 /// Everything that was measured; serialises to the JSON of `--timings`.
@@ -122,8 +133,8 @@ pub struct Report {
     pub passes: Vec<PassReport>,
 }
 
-/// Columns of the CSV: the names of the JSON, joined by dots.
-pub const CSV_COLUMNS: [&str; 13] = [
+/// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` are of the whole frame, the same in every row.
+pub const CSV_COLUMNS: [&str; 25] = [
     "name",
     "stage",
     "queue",
@@ -137,6 +148,18 @@ pub const CSV_COLUMNS: [&str; 13] = [
     "rays.any",
     "draws",
     "dispatches",
+    "statistics.input_vertices",
+    "statistics.vertex_invocations",
+    "statistics.clipping_primitives",
+    "statistics.fragment_invocations",
+    "statistics.compute_invocations",
+    "graph.declare_us",
+    "graph.plan_us",
+    "graph.bind_us",
+    "graph.record_us",
+    "graph.submit_us",
+    "graph.wait_us",
+    "graph.overlap_ms",
 ];
 
 impl Report {
@@ -148,13 +171,16 @@ impl Report {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// One row per pass under a row of names (RFC 4180 quoting, lines end in a plain line feed). A time that was not
-    /// measured is empty.
+    /// One row per pass under a row of names (RFC 4180 quoting, lines end in a plain line feed). What was not measured is
+    /// empty.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = CSV_COLUMNS.join(",") + "\n";
         for pass in &self.passes {
             let time = |of: fn(&Spread) -> f64| pass.gpu_ms.as_ref().map_or(String::new(), |s| of(s).to_string());
+            let counted =
+                |of: fn(&Statistics) -> u64| pass.statistics.as_ref().map_or(String::new(), |s| of(s).to_string());
+            let graph = &self.graph;
             let row: [String; CSV_COLUMNS.len()] = [
                 quoted(&pass.name),
                 quoted(&pass.stage),
@@ -169,6 +195,18 @@ impl Report {
                 pass.rays.any.to_string(),
                 pass.draws.to_string(),
                 pass.dispatches.to_string(),
+                counted(|s| s.input_vertices),
+                counted(|s| s.vertex_invocations),
+                counted(|s| s.clipping_primitives),
+                counted(|s| s.fragment_invocations),
+                counted(|s| s.compute_invocations),
+                graph.declare_us.to_string(),
+                graph.plan_us.to_string(),
+                graph.bind_us.to_string(),
+                graph.record_us.to_string(),
+                graph.submit_us.to_string(),
+                graph.wait_us.to_string(),
+                graph.overlap_ms.map_or(String::new(), |ms| ms.to_string()),
             ];
             text += &row.join(",");
             text.push('\n');

@@ -5,11 +5,25 @@ use super::Report;
 const RIGHT_FROM: usize = 2;
 
 /// One row per pass, then the total: GPU time, share of the frame, CPU time, rays, draws and dispatches. Columns that are
-/// zero in every row are left out.
+/// zero in every row are left out. Where several queues ran, a line says what they saved by working at the same time.
 #[must_use]
 pub fn pass_table(report: &Report) -> String {
     let frame_ms = report.frame.gpu_ms.map(|s| s.median);
-    let head = ["pass", "queue", "GPU ms", "min", "p99", "share", "CPU us", "rays", "draws", "dispatches"];
+    let head = [
+        "pass",
+        "queue",
+        "GPU ms",
+        "min",
+        "p99",
+        "share",
+        "CPU us",
+        "rays",
+        "draws",
+        "dispatches",
+        "triangles",
+        "fragments",
+        "threads",
+    ];
     let mut rows = vec![head.map(str::to_owned).to_vec()];
     let time = |ms: Option<f64>| ms.map_or_else(|| "-".to_owned(), |ms| format!("{ms:.3}"));
     let share = |ms: Option<f64>| match (ms, frame_ms) {
@@ -29,6 +43,9 @@ pub fn pass_table(report: &Report) -> String {
             count(pass.rays.closest + pass.rays.any),
             pass.draws.to_string(),
             pass.dispatches.to_string(),
+            count(pass.statistics.map_or(0, |s| s.clipping_primitives)),
+            count(pass.statistics.map_or(0, |s| s.fragment_invocations)),
+            count(pass.statistics.map_or(0, |s| s.compute_invocations)),
         ]);
     }
     let sum = |of: fn(&super::PassReport) -> u64| report.passes.iter().map(of).sum::<u64>();
@@ -45,6 +62,9 @@ pub fn pass_table(report: &Report) -> String {
         count(sum(|p| p.rays.closest + p.rays.any)),
         sum(|p| p.draws).to_string(),
         sum(|p| p.dispatches).to_string(),
+        count(sum(|p| p.statistics.map_or(0, |s| s.clipping_primitives))),
+        count(sum(|p| p.statistics.map_or(0, |s| s.fragment_invocations))),
+        count(sum(|p| p.statistics.map_or(0, |s| s.compute_invocations))),
     ]);
     rows.push(vec![
         "frame".to_owned(),
@@ -56,7 +76,18 @@ pub fn pass_table(report: &Report) -> String {
         format!("{:.1}", report.frame.cpu_ms.median * 1e3),
     ]);
     let ruled = [1, report.passes.len() + 1];
-    lay_out(&rows, &ruled)
+    lay_out(&rows, &ruled) + &overlap(report)
+}
+
+/// `overlap 0.840 ms, 12.0 % of the frame`; empty for one queue.
+fn overlap(report: &Report) -> String {
+    let Some(overlap_ms) = report.graph.overlap_ms.filter(|_| report.graph.queues > 1) else { return String::new() };
+    match report.frame.gpu_ms {
+        Some(frame) if frame.median > 0.0 => {
+            format!("overlap {overlap_ms:.3} ms, {:.1} % of the frame\n", 100.0 * overlap_ms / frame.median)
+        }
+        _ => format!("overlap {overlap_ms:.3} ms\n"),
+    }
 }
 
 /// `12.3 M` for large counts.
@@ -107,19 +138,9 @@ mod tests {
         measure::{Device, FrameSample, PassTime, Recorder, Run},
     };
 
-    #[test]
-    fn the_table_lines_up_and_adds_up() {
-        let pass = |name: &str, gpu_ms: u64, rays_any| PassTime {
-            name: name.to_owned(),
-            queue: "graphics",
-            gpu_ns: Some(gpu_ms * 1_000_000),
-            dispatches: 1,
-            rays_any,
-            ..PassTime::default()
-        };
-        let passes = vec![pass("gbuffer.draw", 2, 0), pass("shadows.trace", 6, 230_400)];
+    fn report(gpu_ms: u64, passes: Vec<PassTime>) -> Report {
         let mut recorder = Recorder::new(0);
-        recorder.push(FrameSample { gpu_ns: Some(10_000_000), passes, ..FrameSample::default() });
+        recorder.push(FrameSample { gpu_ns: Some(gpu_ms * 1_000_000), passes, ..FrameSample::default() });
         let text = String::new;
         let device = Device { name: text(), driver: text(), kind: text() };
         let run = Run {
@@ -131,7 +152,36 @@ mod tests {
             size: [1, 1],
             config: Config::default(),
         };
-        let table = pass_table(&recorder.report(run).unwrap());
+        recorder.report(run).unwrap()
+    }
+
+    #[test]
+    fn what_queues_saved_is_told() {
+        let pass = |queue, start_ms: u64, ms: u64| PassTime {
+            queue,
+            gpu_start_ns: Some(start_ms * 1_000_000),
+            gpu_ns: Some(ms * 1_000_000),
+            ..PassTime::default()
+        };
+        let last = |report: Report| pass_table(&report).lines().last().unwrap().to_owned();
+        let two = report(8, vec![pass("graphics", 0, 7), pass("async compute", 5, 3)]);
+        assert_eq!(last(two), "overlap 2.000 ms, 25.0 % of the frame");
+        let one = report(8, vec![pass("graphics", 0, 7), pass("graphics", 7, 1)]);
+        assert!(last(one).starts_with("frame "));
+    }
+
+    #[test]
+    fn the_table_lines_up_and_adds_up() {
+        let pass = |name: &str, gpu_ms: u64, rays_any| PassTime {
+            name: name.to_owned(),
+            queue: "graphics",
+            gpu_ns: Some(gpu_ms * 1_000_000),
+            dispatches: 1,
+            rays_any,
+            ..PassTime::default()
+        };
+        let passes = vec![pass("gbuffer.draw", 2, 0), pass("shadows.trace", 6, 230_400)];
+        let table = pass_table(&report(10, passes));
         let wanted = "\
 pass           queue     GPU ms     min     p99    share  CPU us     rays  dispatches
 -------------------------------------------------------------------------------------

@@ -6,141 +6,183 @@ use super::{FrameSample, PassTime};
 
 const CPU: u32 = 1;
 const GPU: u32 = 2;
-/// Lane of whole frames in both processes; the lanes of queues follow.
+/// Lane of whole frames in both processes; on the GPU the lanes of queues follow.
 const FRAMES: usize = 0;
+/// Lane of what a frame takes on the CPU, one phase after another; the lanes of threads that record follow.
+const PHASES: usize = 1;
+const THREADS: usize = 2;
+/// Lane of the first queue.
+const QUEUES: usize = 1;
 
-/// Trace events of the frames as JSON: a process for the CPU with a lane for frames and one for recording, a process for the GPU with
-/// a lane for frames and one for each queue. Times are microseconds. Where the clocks cannot be compared, the GPU's first
+/// Trace events of the frames as JSON. A process for the CPU has lanes for frames, for their phases, and for each thread that
+/// records passes; a process for the GPU has lanes for frames and for each queue, with arrows from pass to pass where a queue waits
+/// for another. Times are microseconds; events are in the order of time. Where the clocks cannot be compared, the GPU's first
 /// timestamp is laid at the end of recording, when the frame is submitted; passes without a begin of their own follow each other.
 #[must_use]
 pub fn chrome_trace(frames: &[FrameSample]) -> Value {
-    let mut queues: Vec<&str> = Vec::new();
-    for pass in frames.iter().flat_map(|f| &f.passes) {
-        if !queues.contains(&pass.queue) {
-            queues.push(pass.queue);
-        }
-    }
-    let mut events = vec![
-        label("process_name", CPU, FRAMES, "CPU"),
-        label("process_name", GPU, FRAMES, "GPU"),
-        label("thread_name", CPU, FRAMES, "frame"),
-        label("thread_name", CPU, 1, "record"),
-        label("thread_name", GPU, FRAMES, "frame"),
-    ];
-    events.extend(queues.iter().enumerate().map(|(lane, queue)| label("thread_name", GPU, lane + 1, queue)));
-    let mut free_ns = 0; // where the frame before ends on both clocks
+    let queues = distinct(frames, |p| p.queue);
+    let threads = distinct(frames, |p| p.thread);
+    let mut trace = Trace { queues: &queues, threads: &threads, spans: Vec::new(), arrows: 0 };
+    let (mut cpu_free, mut gpu_free) = (0, 0); // where the frame before ends on either clock
     for (number, frame) in frames.iter().enumerate() {
-        let start = frame.start_ns.unwrap_or(free_ns);
-        let submitted = frame.gpu_begin_ns.unwrap_or(start + frame.plan_ns + frame.record_ns);
-        free_ns = (start + frame.cpu_ns).max(submitted + frame.gpu_ns.unwrap_or(0));
-        let name = format!("frame {number}");
-        events.push(span(&name, CPU, FRAMES, start, frame.cpu_ns, json!({ "barriers": frame.barriers })));
-        if let Some(gpu_ns) = frame.gpu_ns {
-            events.push(span(&name, GPU, FRAMES, submitted, gpu_ns, json!({})));
-        }
-        let (mut cpu_next, mut gpu_next) = (start + frame.plan_ns, vec![submitted; queues.len()]);
-        for pass in &frame.passes {
-            let at = pass.cpu_start_ns.map_or(cpu_next, |ns| start + ns);
-            events.push(span(&pass.name, CPU, 1, at, pass.cpu_ns, arguments(pass)));
-            cpu_next = at + pass.cpu_ns;
-            let lane = queues.iter().position(|q| *q == pass.queue);
-            if let (Some(gpu_ns), Some(lane)) = (pass.gpu_ns, lane) {
-                let at = pass.gpu_start_ns.map_or(gpu_next[lane], |ns| submitted + ns);
-                events.push(span(&pass.name, GPU, lane + 1, at, gpu_ns, arguments(pass)));
-                gpu_next[lane] = at + gpu_ns;
-            }
-        }
+        let start = frame.start_ns.unwrap_or(cpu_free.max(gpu_free) + frame.declare_ns);
+        let recorded = start + frame.plan_ns + frame.bind_ns + frame.record_ns;
+        let submitted = frame.gpu_begin_ns.unwrap_or(recorded).max(gpu_free);
+        trace.cpu(number, frame, start);
+        trace.gpu(number, frame, submitted);
+        cpu_free = start.saturating_sub(frame.declare_ns) + frame.cpu_ns;
+        gpu_free = submitted + frame.gpu_ns.unwrap_or(0);
     }
+    let Trace { mut spans, .. } = trace;
+    // Longer first, so that a span comes before what lies in it; arrows after the spans that they begin and end at.
+    spans.sort_by_key(|e| (e.at_ns, std::cmp::Reverse(e.ns)));
+
+    let mut events = Vec::new();
+    process(&mut events, CPU, "CPU");
+    lane(&mut events, CPU, FRAMES, "frame");
+    lane(&mut events, CPU, PHASES, "phases");
+    for at in 0..threads.len() {
+        let name = if threads.len() == 1 { "record".to_owned() } else { format!("record {}", at + 1) };
+        lane(&mut events, CPU, THREADS + at, &name);
+    }
+    process(&mut events, GPU, "GPU");
+    lane(&mut events, GPU, FRAMES, "frame");
+    for (at, queue) in queues.iter().enumerate() {
+        lane(&mut events, GPU, QUEUES + at, queue);
+    }
+    events.extend(spans.into_iter().map(|e| e.json));
     json!({ "displayTimeUnit": "ms", "traceEvents": events })
 }
 
+/// What passes have, each once, in the order in which it comes up.
+fn distinct<T: PartialEq>(frames: &[FrameSample], of: impl Fn(&PassTime) -> T) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in frames.iter().flat_map(|f| &f.passes).map(of) {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}
+
+/// Events so far.
+struct Trace<'a> {
+    queues: &'a [&'static str],
+    threads: &'a [u32],
+    spans: Vec<Event>,
+    arrows: u32,
+}
+
+struct Event {
+    at_ns: u64,
+    /// None for an arrow.
+    ns: Option<u64>,
+    json: Value,
+}
+
+impl Trace<'_> {
+    fn cpu(&mut self, number: usize, frame: &FrameSample, start: u64) {
+        let (name, barriers) = (format!("frame {number}"), json!({ "barriers": frame.barriers }));
+        let declared = start.saturating_sub(frame.declare_ns);
+        self.span(&name, (CPU, FRAMES), declared, frame.cpu_ns, barriers);
+        let phases = [
+            ("declare", start - declared),
+            ("plan", frame.plan_ns),
+            ("bind", frame.bind_ns),
+            ("record", frame.record_ns),
+            ("submit", frame.submit_ns),
+            ("wait", frame.wait_ns),
+        ];
+        let mut at = declared;
+        for (phase, ns) in phases.into_iter().filter(|(_, ns)| *ns > 0) {
+            self.span(phase, (CPU, PHASES), at, ns, json!({}));
+            at += ns;
+        }
+        let mut next = vec![start + frame.plan_ns + frame.bind_ns; self.threads.len()];
+        for pass in &frame.passes {
+            let Some(lane) = self.threads.iter().position(|t| *t == pass.thread) else { continue };
+            let at = pass.cpu_start_ns.map_or(next[lane], |ns| start + ns);
+            self.span(&pass.name, (CPU, THREADS + lane), at, pass.cpu_ns, arguments(pass));
+            next[lane] = at + pass.cpu_ns;
+        }
+    }
+
+    fn gpu(&mut self, number: usize, frame: &FrameSample, submitted: u64) {
+        if let Some(gpu_ns) = frame.gpu_ns {
+            self.span(&format!("frame {number}"), (GPU, FRAMES), submitted, gpu_ns, json!({}));
+        }
+        let mut next = vec![submitted; self.queues.len()];
+        // Lane and begin of passes that took any time.
+        let mut placed = vec![None; frame.passes.len()];
+        for (index, pass) in frame.passes.iter().enumerate() {
+            let lane = self.queues.iter().position(|q| *q == pass.queue);
+            let (Some(gpu_ns), Some(lane)) = (pass.gpu_ns, lane) else { continue };
+            let at = pass.gpu_start_ns.map_or(next[lane], |ns| submitted + ns);
+            self.span(&pass.name, (GPU, QUEUES + lane), at, gpu_ns, arguments(pass));
+            next[lane] = at + gpu_ns;
+            placed[index] = Some((QUEUES + lane, at)).filter(|_| gpu_ns > 0);
+        }
+        let place = |index: u32| placed.get(index as usize).copied().flatten();
+        for &(before, after) in &frame.waits {
+            if let (Some(from), Some(to)) = (place(before), place(after)) {
+                self.arrow(from, to);
+            }
+        }
+    }
+
+    fn span(&mut self, name: &str, (process, lane): (u32, usize), at_ns: u64, ns: u64, arguments: Value) {
+        let json = json!({
+            "ph": "X", "name": name, "pid": process, "tid": lane,
+            "ts": at_ns as f64 / 1e3, "dur": ns as f64 / 1e3, "args": arguments,
+        });
+        self.spans.push(Event { at_ns, ns: Some(ns), json });
+    }
+
+    /// An arrow between two spans of the GPU, each a lane and a begin. It is bound to the spans that are open at its ends; viewers
+    /// draw it from the end of the first. The format knows no arrow back in time.
+    fn arrow(&mut self, from: (usize, u64), to: (usize, u64)) {
+        if from.1 > to.1 {
+            return;
+        }
+        let end = |phase: &str, (lane, at_ns): (usize, u64)| {
+            let mut json = json!({
+                "ph": phase, "cat": "wait", "name": "wait", "id": self.arrows, "pid": GPU, "tid": lane, "ts": at_ns as f64 / 1e3,
+            });
+            if phase == "f" {
+                json["bp"] = "e".into();
+            }
+            Event { at_ns, ns: None, json }
+        };
+        let ends = [end("s", from), end("f", to)];
+        self.spans.extend(ends);
+        self.arrows += 1;
+    }
+}
+
 fn arguments(pass: &PassTime) -> Value {
-    json!({
+    let mut arguments = json!({
         "stage": pass.stage, "draws": pass.draws, "dispatches": pass.dispatches,
         "rays_closest": pass.rays_closest, "rays_any": pass.rays_any,
-    })
+    });
+    if let Some(statistics) = pass.statistics {
+        arguments["statistics"] = json!(statistics);
+    }
+    arguments
 }
 
-fn label(kind: &str, process: u32, lane: usize, name: &str) -> Value {
-    json!({ "ph": "M", "name": kind, "pid": process, "tid": lane, "args": { "name": name } })
+fn process(events: &mut Vec<Value>, process: u32, name: &str) {
+    events.push(label("process_name", process, FRAMES, json!({ "name": name })));
+    events.push(label("process_sort_index", process, FRAMES, json!({ "sort_index": process })));
 }
 
-fn span(name: &str, process: u32, lane: usize, start_ns: u64, ns: u64, arguments: Value) -> Value {
-    json!({
-        "ph": "X", "name": name, "pid": process, "tid": lane,
-        "ts": start_ns as f64 / 1e3, "dur": ns as f64 / 1e3, "args": arguments,
-    })
+fn lane(events: &mut Vec<Value>, process: u32, lane: usize, name: &str) {
+    events.push(label("thread_name", process, lane, json!({ "name": name })));
+    events.push(label("thread_sort_index", process, lane, json!({ "sort_index": lane })));
+}
+
+fn label(kind: &str, process: u32, lane: usize, arguments: Value) -> Value {
+    json!({ "ph": "M", "name": kind, "pid": process, "tid": lane, "args": arguments })
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn pass(name: &str, queue: &'static str, gpu_ns: Option<u64>) -> PassTime {
-        PassTime { name: name.to_owned(), queue, gpu_ns, cpu_ns: 1_000, ..PassTime::default() }
-    }
-
-    #[test]
-    fn lanes_hold_spans_that_do_not_overlap() {
-        let frame = FrameSample {
-            gpu_ns: Some(9_000),
-            cpu_ns: 4_000,
-            plan_ns: 500,
-            record_ns: 1_500,
-            passes: vec![
-                pass("a", "graphics", Some(5_000)),
-                pass("b", "async-compute", Some(4_000)),
-                pass("c", "graphics", Some(4_000)),
-                pass("d", "graphics", None),
-            ],
-            ..FrameSample::default()
-        };
-        let trace = chrome_trace(&[frame.clone(), frame]);
-        let events = trace["traceEvents"].as_array().unwrap();
-        let lane = |pid: u32, tid: u32| -> Vec<(String, f64, f64)> {
-            let inside = events.iter().filter(|e| e["ph"] == "X" && e["pid"] == pid && e["tid"] == tid);
-            let figure = |e: &Value, key: &str| e[key].as_f64().unwrap();
-            inside.map(|e| (e["name"].as_str().unwrap().to_owned(), figure(e, "ts"), figure(e, "dur"))).collect()
-        };
-        assert_eq!(lane(CPU, 1).len(), 8);
-        assert_eq!(lane(GPU, 1).len(), 4);
-        assert_eq!(lane(GPU, 2), [("b".to_owned(), 2.0, 4.0), ("b".to_owned(), 13.0, 4.0)]);
-        for spans in [lane(CPU, 0), lane(CPU, 1), lane(GPU, 0), lane(GPU, 1)] {
-            assert!(spans.windows(2).all(|s| s[0].1 + s[0].2 <= s[1].1), "{spans:?}");
-        }
-        let names: Vec<_> = events.iter().filter(|e| e["ph"] == "M").map(|e| e["args"]["name"].clone()).collect();
-        assert_eq!(names, ["CPU", "GPU", "frame", "record", "frame", "graphics", "async-compute"]);
-    }
-
-    #[test]
-    fn a_calibrated_gpu_begins_when_it_does() {
-        let passes = vec![pass("a", "graphics", Some(1_000))];
-        let frame = FrameSample { gpu_begin_ns: Some(7_000), gpu_ns: Some(1_000), passes, ..FrameSample::default() };
-        let trace = chrome_trace(&[frame]);
-        let on_gpu = |e: &&Value| e["ph"] == "X" && e["pid"] == GPU;
-        let starts: Vec<_> = trace["traceEvents"].as_array().unwrap().iter().filter(on_gpu).map(|e| &e["ts"]).collect();
-        assert_eq!(starts, [7.0, 7.0]);
-    }
-
-    #[test]
-    fn times_of_the_pass_win() {
-        let timed =
-            PassTime { gpu_start_ns: Some(2_000), cpu_start_ns: Some(3_000), ..pass("a", "graphics", Some(1_000)) };
-        let frame = FrameSample {
-            start_ns: Some(10_000),
-            cpu_ns: 9_000,
-            record_ns: 1_000,
-            passes: vec![timed],
-            ..FrameSample::default()
-        };
-        let trace = chrome_trace(&[frame]);
-        let starts: Vec<f64> = trace["traceEvents"]
-            .as_array()
-            .unwrap()
-            .iter()
-            .filter(|e| e["ph"] == "X" && e["name"] == "a")
-            .map(|e| e["ts"].as_f64().unwrap())
-            .collect();
-        assert_eq!(starts, [13.0, 13.0]);
-    }
-}
+mod tests;

@@ -180,10 +180,13 @@ pub const MISTAKES: &[Mistake] = &[
             let t = &plan.transients;
             let life = |r: u32| plan.lifetimes[r as usize];
             let together = |a: usize, b: usize| match (life(t[a].resource), life(t[b].resource)) {
-                (Some(x), Some(y)) if x.lane == y.lane && x.lane != Lane::Several => x.first <= y.last && y.first <= x.last,
+                (Some(x), Some(y)) if x.lane == y.lane && x.lane != Lane::Several => {
+                    x.first <= y.last && y.first <= x.last
+                }
                 _ => false,
             };
-            let fits = |a: usize, b: usize| t[a].heap == t[b].heap && t[a].offset % 1024 == 0 && t[a].offset != t[b].offset;
+            let fits =
+                |a: usize, b: usize| t[a].heap == t[b].heap && t[a].offset % 1024 == 0 && t[a].offset != t[b].offset;
             pairs(t.len()).filter(|&(a, b)| fits(a, b) && together(a, b)).collect()
         },
         plant: |_, plan, (a, b), _| plan.transients[b].offset = plan.transients[a].offset,
@@ -197,7 +200,8 @@ pub const MISTAKES: &[Mistake] = &[
                 (Sharing::Alone(x), Sharing::Alone(y)) => x != y,
                 _ => false,
             };
-            let fits = |a: usize, b: usize| t[a].heap == t[b].heap && t[a].offset % 1024 == 0 && t[a].offset != t[b].offset;
+            let fits =
+                |a: usize, b: usize| t[a].heap == t[b].heap && t[a].offset % 1024 == 0 && t[a].offset != t[b].offset;
             pairs(t.len()).filter(|&(a, b)| fits(a, b) && other(a, b)).collect()
         },
         plant: |_, plan, (a, b), _| plan.transients[b].offset = plan.transients[a].offset,
@@ -221,9 +225,13 @@ pub const MISTAKES: &[Mistake] = &[
         plant: |_, plan, (batch, at), _| {
             plan.waits.remove(at);
             plan.batches[batch].waits.end -= 1;
-            plan.batches[batch + 1..].iter_mut().for_each(|b| (b.waits.start, b.waits.end) = (b.waits.start - 1, b.waits.end - 1));
+            plan.batches[batch + 1..]
+                .iter_mut()
+                .for_each(|b| (b.waits.start, b.waits.end) = (b.waits.start - 1, b.waits.end - 1));
         },
-        harmless: Some("another wait brings the same with it, or only the owners of histories and imports are waited for"),
+        harmless: Some(
+            "another wait brings the same with it, or only the owners of histories and imports are waited for",
+        ),
     },
     Mistake {
         name: "a batch waits for one that comes after it",
@@ -457,7 +465,8 @@ fn read_attachments(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let attached = |i: &usize| d.uses[*i].access.is_attachment();
     let wanted = |i: usize| {
         let u = &d.uses[i];
-        let reads = |r: &Use| r.resource == u.resource && r.reads.is_some() && r.reads == u.writes && r.part.overlaps(u.part);
+        let reads =
+            |r: &Use| r.resource == u.resource && r.reads.is_some() && r.reads == u.writes && r.part.overlaps(u.part);
         let output = d.outputs.iter().any(|o| o.resource == u.resource && Some(o.version) == u.writes);
         output || plan.order.iter().any(|&p| uses_of(d, p).iter().any(reads))
     };

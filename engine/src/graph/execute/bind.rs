@@ -191,13 +191,7 @@ impl Pool {
     }
 
     /// Gives every resource of a plan its object. What was bound in an earlier frame stays; imports are looked up anew.
-    pub fn bind(
-        &mut self,
-        gpu: &Gpu,
-        entry: &mut Entry,
-        imports: &Imports,
-        kept: &Kept,
-    ) -> Result<(), ExecuteError> {
+    pub fn bind(&mut self, gpu: &Gpu, entry: &mut Entry, imports: &Imports, kept: &Kept) -> Result<(), ExecuteError> {
         self.fit_heaps(gpu, &entry.plan)?;
         if entry.bound.as_ref().is_none_or(|b| b.generation != self.generation) {
             entry.bound = Some(self.bind_transients(gpu, &entry.declaration, &entry.plan)?);

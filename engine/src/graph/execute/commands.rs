@@ -16,6 +16,7 @@ use super::{
         record::{Physical, Record, Recorded},
     },
     bind::{Bound, is_storage},
+    crumbs::Crumbs,
     nanoseconds,
     spoil::Spoil,
     time::Clock,
@@ -45,6 +46,9 @@ pub(super) struct Frame<'a> {
     pub counters: &'a Clock,
     /// What is spoilt on purpose; hardly ever anything.
     pub spoils: &'a [Spoil],
+    pub crumbs: Option<&'a Crumbs>,
+    /// For tests: this position only begins, and nothing after it is recorded.
+    pub stop: Option<usize>,
     pub begun: Instant,
 }
 
@@ -205,7 +209,8 @@ impl Commands {
         let opening = opened.filter(|_| batch.queue != Queue::Graphics);
         let mut waits: Vec<Submission> = planned.collect();
         // A wait for a later submission of the graphics queue stands for its opening one.
-        let covered = plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
+        let covered =
+            plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
         waits.extend(opening.filter(|_| !covered));
         waits
     }
@@ -221,7 +226,14 @@ impl Unit<'_> {
         if clock.is_some() {
             self.passes.reserve(self.positions.len());
         }
+        let thread = rayon::current_thread_index().map_or(0, |index| index as u32 + 1);
         for position in self.positions.clone() {
+            if frame.stop.is_some_and(|stop| position >= stop) {
+                if let Some(crumbs) = frame.crumbs.filter(|_| frame.stop == Some(position)) {
+                    crumbs.open_pass(&mut self.encoder, position);
+                }
+                break;
+            }
             let cpu_start = clock.map(|_| Instant::now());
             let (memory, images) = bound.barriers.before(position);
             if plan.serial {
@@ -241,6 +253,7 @@ impl Unit<'_> {
                     name: frame.declaration.pass_name(pass).to_owned(),
                     stage: frame.declaration.stage(pass).to_owned(),
                     queue: self.queue.name(),
+                    thread,
                     cpu_ns: nanoseconds(cpu_start),
                     cpu_start_ns: Some((cpu_start - frame.begun).as_nanos() as u64),
                     draws: recorded.draws,
@@ -250,7 +263,7 @@ impl Unit<'_> {
             }
         }
         if self.closes_frame {
-            let (memory, images) = bound.barriers.end();
+            let (memory, images) = if frame.stop.is_none() { bound.barriers.end() } else { (&[][..], &[][..]) };
             if !memory.is_empty() || !images.is_empty() {
                 self.encoder.barriers(memory, images);
             }
@@ -268,14 +281,17 @@ impl Unit<'_> {
         let Frame { gpu, declaration, plan, bound, .. } = frame;
         let pass = plan.order[position];
         let name = declaration.pass_name(pass);
-        let encoder = &mut self.encoder;
+        let (encoder, queue) = (&mut self.encoder, self.queue);
         // Names for debuggers and profilers, which are of no use to a frame that nobody looks at.
         let labelled = clock.is_some() || gpu.validates();
         if labelled {
             encoder.begin_label(name);
         }
+        if let Some(crumbs) = frame.crumbs {
+            crumbs.open_pass(encoder, position);
+        }
         if let Some(clock) = clock {
-            clock.open_pass(encoder, position as u32);
+            clock.open_pass(encoder, queue, position as u32);
         }
         if gpu.validates() {
             let set = pass_set(frame, pass)?;
@@ -300,7 +316,10 @@ impl Unit<'_> {
             spoil.record(&mut self.encoder, &bound.physical);
         }
         if let Some(clock) = clock {
-            clock.close_pass(&mut self.encoder, position as u32);
+            clock.close_pass(&mut self.encoder, queue, position as u32);
+        }
+        if let Some(crumbs) = frame.crumbs {
+            crumbs.close_pass(&mut self.encoder, position);
         }
         if labelled {
             self.encoder.end_label();

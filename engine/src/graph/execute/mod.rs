@@ -7,12 +7,14 @@
 //! | `bind` | objects behind the resources of a plan, and its barriers in the device's words |
 //! | `keep` | what outlives the frame: histories and kept buffers |
 //! | `commands` | command buffers, on several threads where that pays, and their submission |
+//! | `time` | GPU times, counts of rays and invocations |
 //! | `spoil` | spoils outputs on purpose, for tests |
-//! | `time` | GPU times, ray counts |
+//! | `crumbs` | how far a lost device came |
 
 mod bind;
 mod cache;
 mod commands;
+mod crumbs;
 mod keep;
 mod spoil;
 mod time;
@@ -20,6 +22,7 @@ mod time;
 use std::{sync::Arc, time::Instant};
 
 use super::{
+    Extent,
     check::PoisonError,
     declaration::{Declaration, ImportKey},
     error::GraphErrors,
@@ -28,12 +31,13 @@ use super::{
     plan::Plan,
     record::{BufferRange, Physical},
     switches::Switches,
-    Extent,
 };
 use crate::{
     gpu::{self, Gpu, GpuError},
     measure::{FrameSample, Memory},
 };
+
+pub use crumbs::Trail;
 
 /// Why a frame did not run.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +56,14 @@ pub enum ExecuteError {
     /// What a test wants to spoil cannot be spoilt.
     #[error(transparent)]
     Poison(#[from] PoisonError),
+    /// The device stopped answering while it ran the frame.
+    #[error("the device was lost during {during}; {}", crumbs::describe(.trails))]
+    Lost {
+        /// The call that reported it.
+        during: &'static str,
+        /// How far each queue of the frame came; empty where no breadcrumbs were laid.
+        trails: Vec<Trail>,
+    },
     /// The device refused outside of any pass.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -96,13 +108,25 @@ pub struct ExecuteOptions {
     pub switches: Switches,
     /// Take GPU times and ray counts of every pass, and CPU times of its recording.
     pub measure: bool,
+    /// Count what the shaders of every pass did, where the device can; only while measuring. It costs time.
+    pub statistics: bool,
+    /// Lay breadcrumbs on every device, so that [`ExecuteError::Lost`] names passes. Where the device has VK_AMD_buffer_marker that
+    /// costs nothing and is always done while measuring; elsewhere passes run one after another, and a missing barrier between
+    /// them may go unseen.
+    pub breadcrumbs: bool,
     /// Passes per thread from which on recording goes to several threads; `None` for never.
     pub passes_per_thread: Option<usize>,
 }
 
 impl Default for ExecuteOptions {
     fn default() -> Self {
-        Self { switches: Switches::default(), measure: true, passes_per_thread: Some(512) }
+        Self {
+            switches: Switches::default(),
+            measure: true,
+            statistics: false,
+            breadcrumbs: false,
+            passes_per_thread: Some(512),
+        }
     }
 }
 
@@ -130,6 +154,9 @@ pub struct Executor {
     pool: bind::Pool,
     commands: commands::Commands,
     clock: time::Clock,
+    crumbs: crumbs::Crumbs,
+    /// The pass in which the next frame stops, for tests.
+    stop: Option<String>,
     /// Lists of the last frame, for the next.
     spare: Option<(Declaration, Vec<Option<RecordFn>>)>,
 }
@@ -157,6 +184,8 @@ impl Executor {
             pool: bind::Pool::new(gpu),
             commands: commands::Commands::new(gpu),
             clock: time::Clock::new(gpu)?,
+            crumbs: crumbs::Crumbs::new(gpu),
+            stop: None,
             spare: None,
         })
     }
@@ -173,8 +202,7 @@ impl Executor {
 
     /// A frame of so many pixels, to be declared. Histories go on from the frame that ran last.
     pub fn begin(&mut self, full: Extent) -> FrameGraph {
-        let (mut declaration, records) =
-            self.spare.take().unwrap_or_else(|| (Declaration::new(full), Vec::new()));
+        let (mut declaration, records) = self.spare.take().unwrap_or_else(|| (Declaration::new(full), Vec::new()));
         declaration.clear(full);
         FrameGraph::on(declaration, records, self.book.clone())
     }
@@ -187,6 +215,26 @@ impl Executor {
     /// Forgets everything that outlives frames.
     pub fn restart(&mut self) {
         self.book.open().clear();
+    }
+
+    /// For tests: the next frame goes as if the device were lost in this pass.
+    #[doc(hidden)]
+    pub fn lose_device_in(&mut self, pass: &str) {
+        self.stop = Some(pass.to_owned());
+    }
+
+    /// How far each queue came in the frame that ran last; empty where no breadcrumbs were laid.
+    pub fn trails(&self, ran: &Executed) -> Vec<Trail> {
+        self.trails_of(&ran.declaration, &ran.plan)
+    }
+
+    fn trails_of(&self, declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
+        if self.lays_crumbs() { self.crumbs.trails(declaration, plan) } else { Vec::new() }
+    }
+
+    fn lays_crumbs(&self) -> bool {
+        let Self { options, gpu, .. } = self;
+        options.breadcrumbs || (options.measure && gpu.has_markers())
     }
 
     /// Plans and runs a frame, and waits for it.
@@ -206,7 +254,10 @@ impl Executor {
         let start = Instant::now();
         // Uploads and tests bring frames of their own, without any history; those of this executor stay as they are.
         let own = Arc::ptr_eq(&graph.book, &self.book);
-        assert!(own || !graph.has_history(), "a frame with histories must come from `begin` of the executor that runs it");
+        assert!(
+            own || !graph.has_history(),
+            "a frame with histories must come from `begin` of the executor that runs it"
+        );
         let poisons = std::mem::take(&mut graph.poisons);
         let device = bind::Device::new(&self.gpu, &mut self.pool);
         let (mut entry, mut records, spare) = self.cache.plan(graph, self.options.switches, device)?;
@@ -218,13 +269,20 @@ impl Executor {
             self.kept.prepare(&self.gpu, &self.book)?;
         }
         self.pool.bind(&self.gpu, &mut entry, imports, &self.kept)?;
+        let passes = plan.order.len() as u32;
+        self.clock.prepare(passes, self.options.measure && self.options.statistics)?;
+        let lays_crumbs = self.lays_crumbs();
+        if lays_crumbs {
+            self.crumbs.prepare(passes)?;
+        }
+        let stop = self.stop.take().and_then(|name| plan.order.iter().position(|&p| declaration.pass_name(p) == name));
+        let bind_ns = nanoseconds(start) - plan_ns;
 
         let spoils = spoil::Spoil::all(&self.gpu, &poisons, &declaration, &plan)?;
 
         // Record batch by batch, hand over, wait.
         let record_start = Instant::now();
-        self.clock.prepare(plan.order.len() as u32)?;
-        let mut ran = self.commands.run(
+        let ran = self.commands.run(
             commands::Frame {
                 gpu: &self.gpu,
                 declaration: &declaration,
@@ -232,27 +290,42 @@ impl Executor {
                 bound: entry.bound()?,
                 counters: &self.clock,
                 spoils: &spoils,
+                crumbs: lays_crumbs.then_some(&self.crumbs),
+                stop,
                 begun: start,
             },
             &mut records,
             self.options.measure.then_some(&self.clock),
             self.options.passes_per_thread,
-        )?;
-        let record_ns = nanoseconds(record_start) - ran.submit_ns;
-        self.gpu.wait(ran.last)?;
+        );
+        let recorded_ns = nanoseconds(record_start);
+        let waited = ran.and_then(|ran| self.gpu.wait(ran.last).map(|()| ran)).and_then(|ran| match stop {
+            Some(_) => Err(GpuError::DeviceLost { during: "a stop for tests" }),
+            None => Ok(ran),
+        });
+        let mut ran = waited.map_err(|error| match error {
+            GpuError::DeviceLost { during } => {
+                ExecuteError::Lost { during, trails: self.trails_of(&declaration, &plan) }
+            }
+            other => other.into(),
+        })?;
+        let record_ns = recorded_ns.saturating_sub(ran.submit_ns);
+        let wait_ns = nanoseconds(record_start) - recorded_ns;
 
         // Times, and what the next frame begins with.
         let mut sample = FrameSample {
             plan_ns,
+            bind_ns,
             record_ns,
             submit_ns: ran.submit_ns,
+            wait_ns,
             culled: plan.culled.len() as u32,
             barriers: ran.barriers,
             queues: plan.queues.count() as u32,
             ..Default::default()
         };
         if self.options.measure {
-            self.clock.read(start, &mut ran.passes, &mut sample)?;
+            self.clock.read(start, &plan, &mut ran.passes, &mut sample)?;
             sample.passes = ran.passes;
         }
         if own {

@@ -1,9 +1,15 @@
-//! GPU times of passes, and the rays that they count.
+//! GPU times of passes, the rays that they count, and the invocations of their shaders.
 
 use std::time::Instant;
 
-use super::super::super::measure::{FrameSample, PassTime};
-use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Timestamps};
+use super::super::{
+    access::Queue,
+    plan::{Batch, Plan},
+};
+use crate::{
+    gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Statistics, Timestamps},
+    measure::{self, FrameSample, PassTime},
+};
 use magpie_shaders::Address;
 
 const FIRST_PASSES: u32 = 64;
@@ -15,6 +21,8 @@ pub(super) struct Clock {
     timestamps: Timestamps,
     /// Two words per pass, closest-hit and any-hit rays: where shaders count, and where the host reads.
     rays: [gpu::Buffer; 2],
+    /// Counters of invocations, in frames that want them.
+    statistics: Option<Statistics>,
     begun: Instant,
 }
 
@@ -24,18 +32,24 @@ impl Clock {
             gpu: gpu.clone(),
             timestamps: Timestamps::new(gpu, stamps(FIRST_PASSES))?,
             rays: ray_counters(gpu, FIRST_PASSES)?,
+            statistics: None,
             begun: Instant::now(),
         })
     }
 
-    /// Makes room for so many passes, all timestamps unwritten.
-    pub fn prepare(&mut self, passes: u32) -> Result<(), GpuError> {
+    /// Makes room for so many passes, all timestamps unwritten; with counters of invocations where they are wanted and there are any.
+    pub fn prepare(&mut self, passes: u32, statistics: bool) -> Result<(), GpuError> {
         if self.timestamps.capacity() < stamps(passes) {
             let room = passes.next_power_of_two();
             self.timestamps = Timestamps::new(&self.gpu, stamps(room))?;
             self.rays = ray_counters(&self.gpu, room)?;
         }
         self.timestamps.reset();
+        match &self.statistics {
+            _ if !statistics => self.statistics = None,
+            Some(held) if held.capacity() >= passes => held.reset(),
+            _ => self.statistics = Statistics::new(&self.gpu, passes.next_power_of_two().max(FIRST_PASSES))?,
+        }
         Ok(())
     }
 
@@ -50,11 +64,17 @@ impl Clock {
         encoder.timestamp(&self.timestamps, 0);
     }
 
-    pub fn open_pass(&self, encoder: &mut CommandEncoder, position: u32) {
+    pub fn open_pass(&self, encoder: &mut CommandEncoder, queue: Queue, position: u32) {
         encoder.timestamp(&self.timestamps, 1 + 2 * position);
+        if let Some(statistics) = &self.statistics {
+            encoder.begin_statistics(statistics, queue, position);
+        }
     }
 
-    pub fn close_pass(&self, encoder: &mut CommandEncoder, position: u32) {
+    pub fn close_pass(&self, encoder: &mut CommandEncoder, queue: Queue, position: u32) {
+        if let Some(statistics) = &self.statistics {
+            encoder.end_statistics(statistics, queue, position);
+        }
         encoder.timestamp(&self.timestamps, 2 + 2 * position);
     }
 
@@ -65,8 +85,14 @@ impl Clock {
         encoder.full_barrier();
     }
 
-    /// Fills in the times and ray counts of a frame that is done. `passes` are by position.
-    pub fn read(&self, start: Instant, passes: &mut [PassTime], sample: &mut FrameSample) -> Result<(), GpuError> {
+    /// Fills in the times and counts of a frame that is done. `passes` are by position.
+    pub fn read(
+        &self,
+        start: Instant,
+        plan: &Plan,
+        passes: &mut [PassTime],
+        sample: &mut FrameSample,
+    ) -> Result<(), GpuError> {
         let stamps = self.timestamps.read(stamps(passes.len() as u32))?;
         let counters = self.rays[1].contents();
         for (position, time) in passes.iter_mut().enumerate() {
@@ -80,6 +106,19 @@ impl Clock {
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
         }
+        if let Some(statistics) = &self.statistics {
+            for batch in &plan.batches {
+                for position in batch.passes.range() {
+                    let counts = statistics.read(batch.queue, position as u32)?;
+                    passes[position].statistics = counts.map(measure::Statistics::new);
+                }
+            }
+        }
+        let waits = |b: &Batch| {
+            let first = b.passes.start;
+            plan.waits[b.waits.range()].iter().map(move |&w| (plan.batches[w as usize].passes.end - 1, first))
+        };
+        sample.waits = plan.batches.iter().flat_map(waits).collect();
         // On several queues the last to end need not be the last in order.
         let last = stamps.iter().copied().max().unwrap_or(stamps[0]);
         sample.gpu_ns = Some(last.saturating_sub(stamps[0]));

@@ -61,8 +61,12 @@ impl Sharing {
     pub fn reason(self) -> &'static str {
         match self {
             Self::Alone(_) => "one queue alone uses it",
-            Self::HandedOver => "queues use it in turn, and as an attachment it may be compressed: ownership is handed over",
-            Self::Concurrent => "queues read it at the same time, or it is no attachment: concurrent sharing costs nothing",
+            Self::HandedOver => {
+                "queues use it in turn, and as an attachment it may be compressed: ownership is handed over"
+            }
+            Self::Concurrent => {
+                "queues read it at the same time, or it is no attachment: concurrent sharing costs nothing"
+            }
         }
     }
 }
@@ -120,13 +124,15 @@ pub(super) fn place(
     footprints: &mut dyn Footprints,
 ) -> Placed {
     let (mut transients, mut items) = gather(declaration, groups, lifetimes, footprints);
-    let mut placed = Placed { transients: Vec::new(), heaps: Vec::new(), successions: Vec::new(), memory: Memory::default() };
+    let mut placed =
+        Placed { transients: Vec::new(), heaps: Vec::new(), successions: Vec::new(), memory: Memory::default() };
     let mut kinds: Vec<u8> = transients.iter().map(|t| t.heap as u8).collect();
     kinds.sort_unstable();
     kinds.dedup();
     for kind in kinds {
         let heap = placed.heaps.len() as u32;
-        let here: Vec<u32> = (0..transients.len() as u32).filter(|&t| transients[t as usize].heap == u32::from(kind)).collect();
+        let here: Vec<u32> =
+            (0..transients.len() as u32).filter(|&t| transients[t as usize].heap == u32::from(kind)).collect();
         keep_apart(declaration, &transients, &here, &mut items, footprints.granularity());
         let mut own: Vec<Item> = here.iter().map(|&t| items[t as usize]).collect();
         let bound = pack::lower_bound(&own);

@@ -281,14 +281,22 @@ impl<'a> Writer<'a> {
                 let visible = if group.write { Uses::EMPTY } else { own };
                 // On other queues alone: the wait at the end shows everything to everyone.
                 let seen = own.is_empty() && group.layout == layout_to;
-                (group.layout, own.union(waited).union(self.beside(group)), if seen { Uses::of(at) } else { visible }, false)
+                (
+                    group.layout,
+                    own.union(waited).union(self.beside(group)),
+                    if seen { Uses::of(at) } else { visible },
+                    false,
+                )
             }
         };
         let is_new = discard && last.is_none();
         if layout_from != layout_to || !visible.includes(Uses::of(at)) {
             let part = self.input.slots.part(self.input.declaration, resource, slot);
             let to = Uses::of(at);
-            self.place(END, Barrier { resource, part, from, to, layout_from, layout_to, discard: is_new, handover: None });
+            self.place(
+                END,
+                Barrier { resource, part, from, to, layout_from, layout_to, discard: is_new, handover: None },
+            );
         }
     }
 
@@ -451,8 +459,12 @@ mod tests {
         let x = g.pass("again", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
         g.output(x.read());
         let general = (Layout::General, Layout::General);
-        let expected =
-            [vec![first()], vec![step(&[WRITE], &[CHANGE], general)], vec![step(&[CHANGE], &[CHANGE], general)], vec![]];
+        let expected = [
+            vec![first()],
+            vec![step(&[WRITE], &[CHANGE], general)],
+            vec![step(&[CHANGE], &[CHANGE], general)],
+            vec![],
+        ];
         assert_eq!(before(g, 0), expected);
     }
 

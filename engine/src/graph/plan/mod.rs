@@ -90,12 +90,7 @@ impl Plan {
 }
 
 /// Plans a frame. `queues` are those of the device.
-pub fn plan(
-    declaration: &Declaration,
-    switches: &Switches,
-    queues: Queues,
-    footprints: &mut dyn Footprints,
-) -> Plan {
+pub fn plan(declaration: &Declaration, switches: &Switches, queues: Queues, footprints: &mut dyn Footprints) -> Plan {
     let queues = switches.queues(queues);
     let slots = slots::Slots::new(declaration);
     let (kept, culled) = cull::cull(declaration, switches.cull);

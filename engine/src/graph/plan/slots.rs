@@ -42,7 +42,8 @@ impl Slots {
     /// The slots that a use touches.
     pub fn of(&self, u: &Use) -> impl Iterator<Item = u32> + use<> {
         let (first, mips, layers) = self.resources[u.resource as usize];
-        let (mip_range, layer_range) = (range(u.part.mip, u.part.mips, mips), range(u.part.layer, u.part.layers, layers));
+        let (mip_range, layer_range) =
+            (range(u.part.mip, u.part.mips, mips), range(u.part.layer, u.part.layers, layers));
         let slot = move |layer: u32, mip: u32| first + layer * u32::from(mips) + mip;
         layer_range.flat_map(move |layer| mip_range.clone().map(move |mip| slot(layer, mip)))
     }

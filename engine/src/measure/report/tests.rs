@@ -38,7 +38,10 @@ fn frame(gpu_ms: u64, passes: Vec<PassTime>) -> FrameSample {
         cpu_ns: 4_000_000,
         declare_ns: 1_500,
         plan_ns: 500,
+        bind_ns: 250,
         record_ns: 2_000,
+        submit_ns: 750,
+        wait_ns: 3_000,
         passes,
         culled: 1,
         barriers: 7,
@@ -64,7 +67,8 @@ fn json_has_the_documented_names() {
         "scene": "builtin:cornell", "size": [640, 360], "frames": 2, "warmup": 1,
         "config": {"stages": {"shadows": "off"}, "shadows": {"cone_degrees": 0.5}},
         "frame": {"gpu_ms": {"median": 5.0, "min": 4.0, "p99": 6.0, "max": 6.0}, "cpu_ms": {"median": 4.0}},
-        "graph": {"declare_us": 1.5, "plan_us": 0.5, "record_us": 2.0, "passes": 1, "culled": 1, "barriers": 7, "queues": 1},
+        "graph": {"declare_us": 1.5, "plan_us": 0.5, "bind_us": 0.25, "record_us": 2.0,
+                  "submit_us": 0.75, "wait_us": 3.0, "passes": 1, "culled": 1, "barriers": 7, "queues": 1, "overlap_ms": null},
         "memory": {"transient_bytes": 1024, "transient_lower_bound": 0, "transient_unaliased": 0, "history_bytes": 0,
                    "scene_bytes": 0, "acceleration_bytes": 0},
         "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
@@ -101,6 +105,32 @@ fn a_device_without_timestamps_has_null_and_empty_times() {
     assert!(report.to_csv().contains("a.x,a,graphics,1,,,,,2.5,"));
 }
 
+/// A pass from `start` to `end`, milliseconds, with some statistics.
+fn counted(start: u64, end: u64) -> PassTime {
+    let statistics = Some(Statistics::new([3, 2, 1, 40 + start, 64]));
+    PassTime { gpu_start_ns: Some(start * 1_000_000), statistics, ..pass("a.x", end - start) }
+}
+
+#[test]
+fn statistics_are_there_when_they_were_counted() {
+    let frames = vec![frame(9, vec![counted(1, 2), pass("b.x", 1)]), frame(9, vec![counted(3, 4), pass("b.x", 1)])];
+    let report = recorder(frames, 0).report(run()).unwrap();
+    let json: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+    let wanted = json!({"input_vertices": 3, "vertex_invocations": 2, "clipping_primitives": 1,
+                        "fragment_invocations": 42, "compute_invocations": 64});
+    assert_eq!(json["passes"][0]["statistics"], wanted);
+    assert!(json["passes"][1].get("statistics").is_none());
+}
+
+#[test]
+fn overlap_is_the_median_of_the_frames() {
+    let on = |queue, start, end| PassTime { queue, ..counted(start, end) };
+    let two = |end| frame(9, vec![on("graphics", 0, 5), on("async compute", 2, end)]);
+    let report = recorder(vec![two(3), two(4), two(9)], 0).report(run()).unwrap();
+    assert_eq!(report.graph.overlap_ms, Some(2.0));
+    assert_eq!(report.graph.queues, 2);
+}
+
 /// Splits a line of CSV, quotes and all.
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut inside) = (vec![String::new()], false);
@@ -120,18 +150,21 @@ fn fields(line: &str) -> Vec<String> {
 #[test]
 fn csv_reads_back() {
     let odd = PassTime { name: "odd.\"one\", here".to_owned(), ..pass("x", 3) };
-    let report = recorder(vec![frame(9, vec![pass("a.x", 1), odd])], 0).report(run()).unwrap();
+    let report = recorder(vec![frame(9, vec![counted(1, 5), odd])], 0).report(run()).unwrap();
+    let graph = serde_json::to_value(report.graph).unwrap();
     let csv = report.to_csv();
     let rows: Vec<_> = csv.lines().map(fields).collect();
     assert_eq!(rows.len(), 3);
     assert_eq!(rows[0], CSV_COLUMNS);
     for (row, pass) in rows[1..].iter().zip(&report.passes) {
-        let json = serde_json::to_value(pass).unwrap();
+        let mut json = serde_json::to_value(pass).unwrap();
+        json["graph"] = graph.clone();
         assert_eq!(row.len(), CSV_COLUMNS.len());
         for (column, field) in CSV_COLUMNS.iter().zip(row) {
             let value = column.split('.').fold(&json, |v, name| &v[name]);
             match value {
                 Value::String(text) => assert_eq!(text, field, "{column}"),
+                Value::Null => assert_eq!(field, "", "{column}"),
                 number => assert_eq!(number.as_f64().unwrap(), field.parse::<f64>().unwrap(), "{column}"),
             }
         }

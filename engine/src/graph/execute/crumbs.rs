@@ -1,0 +1,223 @@
+//! Breadcrumbs: how far the device came in a frame that it did not end.
+//!
+//! Two words for each pass lie in memory that the host can read even when the device is lost. Before a pass the frame's number is
+//! written into the first, after it into the second; whatever else stands there is from earlier frames. A device with
+//! VK_AMD_buffer_marker writes them on its way. Any other fills them in, with a barrier on either side: passes then run one after
+//! another, so that is done only when it is asked for.
+
+use super::super::{access::Queue, declaration::Declaration, plan::Plan};
+use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Moment};
+
+const FIRST_PASSES: u32 = 64;
+const WORDS: usize = 2;
+const WORD_BYTES: usize = size_of::<u32>();
+
+/// How far a queue came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trail {
+    /// The queue.
+    pub queue: Queue,
+    /// The last pass that began; none where none did.
+    pub last_begun: Option<String>,
+    /// The first pass that did not end; none where all did.
+    pub first_unfinished: Option<String>,
+}
+
+impl std::fmt::Display for Trail {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.queue.name())?;
+        match (&self.last_begun, &self.first_unfinished) {
+            (_, None) => f.write_str(": every pass ended"),
+            (None, Some(first)) => write!(f, ": no pass began, the first is {first}"),
+            (Some(begun), Some(first)) if begun == first => write!(f, ": {begun} began last and did not end"),
+            (Some(begun), Some(first)) => write!(f, ": {begun} began last, {first} is the first that did not end"),
+        }
+    }
+}
+
+/// The trails in words, one after another.
+pub(super) fn describe(trails: &[Trail]) -> String {
+    if trails.is_empty() {
+        return "no breadcrumbs were laid that would name the pass (--breadcrumbs lays them on any device)".to_owned();
+    }
+    trails.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
+/// Begun and ended, of one pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Crumb {
+    begun: bool,
+    ended: bool,
+}
+
+/// The markers of one frame.
+pub(super) struct Crumbs {
+    gpu: Gpu,
+    buffer: Option<gpu::Buffer>,
+    /// Number of the frame: what its markers say. Never 0, which a new buffer holds.
+    frame: u32,
+}
+
+impl Crumbs {
+    pub fn new(gpu: &Gpu) -> Self {
+        Self { gpu: gpu.clone(), buffer: None, frame: 0 }
+    }
+
+    /// Makes room for so many passes of a new frame. The device must be done with the one before.
+    pub fn prepare(&mut self, passes: u32) -> Result<(), GpuError> {
+        self.frame = self.frame.checked_add(1).unwrap_or(1);
+        let bytes = |passes: u32| u64::from(passes) * (WORDS * WORD_BYTES) as u64;
+        if self.buffer.as_ref().is_none_or(|b| b.bytes() < bytes(passes)) {
+            let bytes = bytes(passes.next_power_of_two().max(FIRST_PASSES));
+            let mut new =
+                gpu::Buffer::new(&self.gpu, "breadcrumbs", bytes, BufferMemory::ReadBack, BufferUse::Storage)?;
+            new.write(0, &vec![0; bytes as usize])?;
+            self.buffer = Some(new);
+        }
+        Ok(())
+    }
+
+    pub fn open_pass(&self, encoder: &mut CommandEncoder, position: usize) {
+        self.mark(encoder, WORDS * position, Moment::Reached);
+        if !self.gpu.has_markers() {
+            encoder.full_barrier();
+        }
+    }
+
+    pub fn close_pass(&self, encoder: &mut CommandEncoder, position: usize) {
+        if !self.gpu.has_markers() {
+            encoder.full_barrier();
+        }
+        self.mark(encoder, WORDS * position + 1, Moment::Done);
+    }
+
+    fn mark(&self, encoder: &mut CommandEncoder, word: usize, moment: Moment) {
+        if let Some(buffer) = &self.buffer {
+            encoder.mark(buffer, (word * WORD_BYTES) as u64, self.frame, moment);
+        }
+    }
+
+    /// How far each queue came in the frame that was prepared last, which this plan was for.
+    pub fn trails(&self, declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
+        let bytes = self.buffer.as_ref().map_or(&[][..], gpu::Buffer::contents);
+        let words: Vec<u32> =
+            bytes.as_chunks::<WORD_BYTES>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+        trails(&crumbs(&words, self.frame), declaration, plan)
+    }
+}
+
+/// What the words say of a frame, by position.
+fn crumbs(words: &[u32], frame: u32) -> Vec<Crumb> {
+    let (pairs, _) = words.as_chunks::<WORDS>();
+    pairs.iter().map(|[begun, ended]| Crumb { begun: *begun == frame, ended: *ended == frame }).collect()
+}
+
+/// How far each queue came, of those that the plan uses. Passes beyond the crumbs count as not begun.
+fn trails(crumbs: &[Crumb], declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
+    let at = |position: &usize| crumbs.get(*position).copied().unwrap_or(Crumb { begun: false, ended: false });
+    let name = |position: usize| declaration.pass_name(plan.order[position]).to_owned();
+    let trail = |queue: Queue| {
+        let own = || plan.batches.iter().filter(move |b| b.queue == queue).flat_map(|b| b.passes.range());
+        own().next()?;
+        Some(Trail {
+            queue,
+            last_begun: own().filter(|p| at(p).begun).last().map(name),
+            first_unfinished: own().find(|p| !at(p).ended).map(name),
+        })
+    };
+    Queue::ALL.into_iter().filter_map(trail).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{
+        Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queues, Record, Switches,
+        plan::{Packed, plan},
+    };
+    use super::*;
+
+    /// Batches: graphics draw, light; async compute ao, blur; graphics join.
+    fn frame() -> (Declaration, Plan) {
+        let mut g = FrameGraph::new(Extent::new(8, 8));
+        let mut step = |name: &str, queue, inputs: &[Handle<Image>]| {
+            g.pass(name, queue, |p| {
+                for &input in inputs {
+                    let _token = p.sample(input);
+                }
+                (p.create("x", ImageDesc::full(Format::R8Unorm)).0.read(), |_: &mut Record<'_>| {})
+            })
+        };
+        let draw = step("draw", Queue::Graphics, &[]);
+        let light = step("light", Queue::Graphics, &[draw]);
+        let ao = step("ao", Queue::AsyncCompute, &[draw]);
+        let blur = step("blur", Queue::AsyncCompute, &[ao]);
+        let join = step("join", Queue::Graphics, &[light, blur]);
+        g.output(join);
+        let declaration = g.finish().unwrap().declaration;
+        let switches = Switches { reorder: false, queues: Some(2), ..Switches::default() };
+        let plan = plan(&declaration, &switches, Queues::default(), &mut Packed);
+        let names: Vec<_> = plan.order.iter().map(|&p| declaration.pass_name(p)).collect();
+        assert_eq!(names, ["draw", "light", "ao", "blur", "join"]);
+        assert_eq!(plan.batches.len(), 3);
+        (declaration, plan)
+    }
+
+    /// Trails of frame 7 from its words, as (last begun, first unfinished).
+    fn told(words: &[u32]) -> Vec<(Option<String>, Option<String>)> {
+        let (declaration, plan) = frame();
+        let trails = trails(&crumbs(words, 7), &declaration, &plan);
+        assert_eq!(trails.iter().map(|t| t.queue).collect::<Vec<_>>(), [Queue::Graphics, Queue::AsyncCompute]);
+        trails.into_iter().map(|t| (t.last_begun, t.first_unfinished)).collect()
+    }
+
+    fn pair(begun: &str, unfinished: &str) -> (Option<String>, Option<String>) {
+        let some = |name: &str| (!name.is_empty()).then(|| name.to_owned());
+        (some(begun), some(unfinished))
+    }
+
+    #[test]
+    fn nothing_began() {
+        let fresh = [pair("", "draw"), pair("", "ao")];
+        assert_eq!(told(&[0; 10]), fresh);
+        assert_eq!(told(&[6; 10]), fresh, "words of the frame before");
+        assert_eq!(told(&[]), fresh, "no words at all");
+    }
+
+    #[test]
+    fn one_queue_stopped_while_the_other_went_on() {
+        let words = [7, 7, 7, 7, 7, 0, 6, 6, 6, 6];
+        assert_eq!(told(&words), [pair("light", "join"), pair("ao", "ao")]);
+        let words = [7, 7, 7, 6, 7, 7, 7, 7, 6, 6];
+        assert_eq!(told(&words), [pair("light", "light"), pair("blur", "")]);
+    }
+
+    #[test]
+    fn passes_overlap() {
+        // Both compute passes have begun, and the later one was done first.
+        let words = [7, 7, 7, 7, 7, 6, 7, 7, 6, 6];
+        assert_eq!(told(&words)[1], pair("blur", "ao"));
+        // Between two passes: one has ended, the next has not begun.
+        let words = [7, 7, 6, 6, 6, 6, 6, 6, 6, 6];
+        assert_eq!(told(&words)[0], pair("draw", "light"));
+    }
+
+    #[test]
+    fn everything_ended() {
+        assert_eq!(told(&[7; 10]), [pair("join", ""), pair("blur", "")]);
+    }
+
+    #[test]
+    fn the_message_names_queues_and_passes() {
+        let (declaration, plan) = frame();
+        let words = |words: &[u32]| describe(&trails(&crumbs(words, 7), &declaration, &plan));
+        assert_eq!(
+            words(&[7, 7, 7, 6, 7, 7, 7, 7, 6, 6]),
+            "graphics: light began last and did not end; async compute: every pass ended"
+        );
+        assert_eq!(
+            words(&[7, 7, 0, 0, 0, 0, 0, 0, 0, 0]),
+            "graphics: draw began last, light is the first that did not end; async compute: no pass began, the first is ao"
+        );
+        assert!(describe(&[]).contains("--breadcrumbs"));
+    }
+}
