@@ -61,7 +61,8 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
 pub fn peak(d: &Declaration, order: &[u32]) -> u64 {
     let lives = memory::lives(d, order);
     let alive = |at: u32| -> u64 {
-        let here = lives.iter().enumerate().filter(|(_, l)| l.is_some_and(|(first, last)| (first..=last).contains(&at)));
+        let here =
+            lives.iter().enumerate().filter(|(_, l)| l.is_some_and(|(first, last)| (first..=last).contains(&at)));
         here.filter(|(r, _)| d.resources[*r].maker.is_some()).map(|(r, _)| memory::bytes(d.resources[r].shape)).sum()
     };
     (0..order.len() as u32).map(alive).max().unwrap_or(0)
@@ -125,7 +126,9 @@ fn check_lists(d: &Declaration, plan: &Plan) -> Found {
 /// Whether a queue can run a pass at all.
 fn can_run(queue: Queue, domain: Domain) -> bool {
     match (queue, domain) {
-        (Queue::Graphics, _) | (Queue::AsyncCompute, Domain::Compute | Domain::Copy) | (Queue::Transfer, Domain::Copy) => true,
+        (Queue::Graphics, _)
+        | (Queue::AsyncCompute, Domain::Compute | Domain::Copy)
+        | (Queue::Transfer, Domain::Copy) => true,
         (Queue::AsyncCompute, Domain::Raster) | (Queue::Transfer, Domain::Raster | Domain::Compute) => false,
     }
 }

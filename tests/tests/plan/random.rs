@@ -41,7 +41,14 @@ pub fn scripts(most: usize) -> impl Strategy<Value = Script> {
     let imports = || prop::collection::vec(pair(), 0..3);
     let bytes = |most: usize| prop::collection::vec(any::<u8>(), 0..most);
     (imports(), imports(), bytes(3), any::<u8>(), prop::collection::vec(step, 1..most), bytes(6)).prop_map(
-        |(images, buffers, histories, tlas, steps, outputs)| Script { images, buffers, histories, tlas, steps, outputs },
+        |(images, buffers, histories, tlas, steps, outputs)| Script {
+            images,
+            buffers,
+            histories,
+            tlas,
+            steps,
+            outputs,
+        },
     )
 }
 
@@ -275,7 +282,9 @@ impl World {
                 self.target = self.target.or(size.map(|s| s.0));
             }
             // Only a pass with attachments draws.
-            6 if target.is_some() => see(&mut self.buffers, self.step, act.pick, Access::Index, |_| true, |h, _| drop_token(p.index(h))),
+            6 if target.is_some() => {
+                see(&mut self.buffers, self.step, act.pick, Access::Index, |_| true, |h, _| drop_token(p.index(h)))
+            }
             _ => self.shader(p, act),
         }
     }
@@ -314,24 +323,44 @@ impl World {
         let (step, pick) = (self.step, act.pick);
         match act.action / 10 % 10 {
             0..=2 => {
-                see(&mut self.images, step, pick, Access::Sample, |_| true, |h, size| {
-                    drop_token(p.sample_part(h, act.part(size)));
-                });
+                see(
+                    &mut self.images,
+                    step,
+                    pick,
+                    Access::Sample,
+                    |_| true,
+                    |h, size| {
+                        drop_token(p.sample_part(h, act.part(size)));
+                    },
+                );
             }
             3 => {
-                see(&mut self.images, step, pick, Access::StorageRead, |i| i.storable, |h, size| {
-                    drop_token(p.storage_part(h, act.part(size)));
-                });
+                see(
+                    &mut self.images,
+                    step,
+                    pick,
+                    Access::StorageRead,
+                    |i| i.storable,
+                    |h, size| {
+                        drop_token(p.storage_part(h, act.part(size)));
+                    },
+                );
             }
             4 | 5 => {
                 let part = |p: &PassBuilder<'_>, w: &WriteHandle<Image>| {
                     let desc = p.desc(w.read());
                     act.part((p.extent(w.read()), desc.mips, desc.layers))
                 };
-                change(&mut self.images, step, pick, |i| i.storable, |w| {
-                    let part = part(p, &w);
-                    p.write_part(w, part).0
-                });
+                change(
+                    &mut self.images,
+                    step,
+                    pick,
+                    |i| i.storable,
+                    |w| {
+                        let part = part(p, &w);
+                        p.write_part(w, part).0
+                    },
+                );
             }
             6 => see(&mut self.buffers, step, pick, Access::BufferRead, |_| true, |h, _| drop_token(p.read(h))),
             7 => see(&mut self.buffers, step, pick, Access::Indirect, |_| true, |h, _| drop_token(p.indirect(h))),
@@ -359,9 +388,16 @@ impl World {
             }
             4 => {
                 let mut smaller = None;
-                see(&mut self.blas, step, pick, Access::BuildInput, |_| true, |h, _| {
-                    smaller = Some(p.compact(name, h, bytes).0);
-                });
+                see(
+                    &mut self.blas,
+                    step,
+                    pick,
+                    Access::BuildInput,
+                    |_| true,
+                    |h, _| {
+                        smaller = Some(p.compact(name, h, bytes).0);
+                    },
+                );
                 self.blas.extend(smaller.map(|w| Item::new(w, step)));
             }
             5 => drop(change(&mut self.blas, step, pick, |_| true, |w| p.refit(w).0)),
@@ -385,7 +421,12 @@ impl World {
 
     fn add_image(&mut self, write: WriteHandle<Image>, desc: ImageDesc, extent: Extent) {
         let (depth, storable) = (desc.format.is_depth(), desc.format.is_storable());
-        self.images.push(Item { depth, storable, size: (extent, desc.mips, desc.layers), ..Item::new(write, self.step) });
+        self.images.push(Item {
+            depth,
+            storable,
+            size: (extent, desc.mips, desc.layers),
+            ..Item::new(write, self.step)
+        });
     }
 }
 

@@ -213,13 +213,15 @@ impl<'a> Model<'a> {
         };
         let mut inherited: Vec<Event> = Vec::new();
         for (order, &other) in self.begun.iter().enumerate() {
-            let Some((_, from, to)) = self.places[other as usize].filter(|p| p.0 == heap && p.1 < end && start < p.2) else {
+            let Some((_, from, to)) = self.places[other as usize].filter(|p| p.0 == heap && p.1 < end && start < p.2)
+            else {
                 continue;
             };
             self.ended[other as usize] = Some(resource);
             // What of the bytes nobody has taken from it since; who took them came after it.
             let mut left = vec![(from.max(start), to.min(end))];
-            for later in self.begun[order + 1..].iter().filter_map(|&l| self.places[l as usize]).filter(|l| l.0 == heap) {
+            for later in self.begun[order + 1..].iter().filter_map(|&l| self.places[l as usize]).filter(|l| l.0 == heap)
+            {
                 let cut = |(from, to): (u64, u64)| [(from, to.min(later.1)), (from.max(later.2), to)];
                 left = left.into_iter().flat_map(cut).filter(|(from, to)| from < to).collect();
             }
@@ -329,8 +331,14 @@ impl<'a> Model<'a> {
         let b = &self.plan.barriers[index as usize];
         let to = Scope::of(b.to);
         self.clock[q] += 1;
-        let mut event =
-            Event { what: What::Change(index), queue: q, time: self.clock[q], pair: 0, write: true, before: [0; QUEUES] };
+        let mut event = Event {
+            what: What::Change(index),
+            queue: q,
+            time: self.clock[q],
+            pair: 0,
+            write: true,
+            before: [0; QUEUES],
+        };
         let cell = &mut self.cells[c];
         match b.handover {
             Some(h) if h.role == Role::Release => {
@@ -356,7 +364,9 @@ impl<'a> Model<'a> {
     fn pass(&mut self, q: usize, pass: u32) -> Found {
         let (d, decl) = (self.d, &self.d.passes[pass as usize]);
         let uses: Vec<(usize, &Use)> = decl.uses.range().map(|i| (i, &d.uses[i])).collect();
+        uses.iter().try_for_each(|(_, u)| self.begin(u.resource))?;
         for &(_, u) in &uses {
+            // One of the others may have taken its memory.
             self.begin(u.resource)?;
             let pair = words::pair(u.access, decl.domain);
             for c in self.cells_in(u.resource, u.part) {
@@ -472,7 +482,10 @@ impl<'a> Model<'a> {
     fn check_successions(&self) -> Found {
         let at = |resource: u32| self.begun.iter().position(|&b| b == resource);
         for &(after, before) in &self.plan.successions {
-            let meet = match (self.places.get(after as usize).copied().flatten(), self.places.get(before as usize).copied().flatten()) {
+            let meet = match (
+                self.places.get(after as usize).copied().flatten(),
+                self.places.get(before as usize).copied().flatten(),
+            ) {
                 (Some(a), Some(b)) => a.0 == b.0 && a.1 < b.2 && b.1 < a.2,
                 _ => false,
             };
@@ -514,7 +527,8 @@ impl Cell {
             return cell;
         }
         (cell.layout, cell.content) = (layout, Content::Version(0));
-        let readers = pairs.iter().filter(|(a, _)| !words::changes(*a)).fold(0, |set, (a, d)| set | words::pair(*a, *d));
+        let readers =
+            pairs.iter().filter(|(a, _)| !words::changes(*a)).fold(0, |set, (a, d)| set | words::pair(*a, *d));
         if readers != 0 {
             // Someone wrote what these have read.
             cell.events.push(event(0, true, readers));

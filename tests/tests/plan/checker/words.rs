@@ -15,8 +15,8 @@ pub fn pair(access: Access, pass: Domain) -> Set {
         Color | ColorLoad | Depth | DepthLoad | Index => Domain::Raster,
         CopyRead | CopyWrite | HostRead => Domain::Copy,
         Build | Refit | BuildInput | BuildScratch => Domain::Compute,
-        Sample | StorageRead | StorageWrite | StorageReadWrite | BufferRead | BufferWrite | BufferReadWrite | Indirect
-        | Trace => pass,
+        Sample | StorageRead | StorageWrite | StorageReadWrite | BufferRead | BufferWrite | BufferReadWrite
+        | Indirect | Trace => pass,
     };
     1 << (access as u32 * 3 + domain as u32)
 }
