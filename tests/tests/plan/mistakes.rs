@@ -30,13 +30,16 @@ pub const MISTAKES: &[Mistake] = &[
         harmless: None,
     },
     Mistake {
-        name: "a barrier after what was before the frame is missing",
+        name: "a barrier that changes no layout is missing beside other queues, or at the end",
         places: |d, plan| {
             let certain = certain(d, plan);
             barriers(plan, |_| true).into_iter().filter(|at| !certain.contains(at)).collect()
         },
         plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
-        harmless: Some("the queue has waited for another one, which began after the frame before was over"),
+        harmless: Some(
+            "the queue has waited for another one that has waited for it or began after the frame before; what is only read and comes \
+             readable is made ready at the end once more",
+        ),
     },
     Mistake {
         name: "a barrier waits for nothing",
@@ -82,7 +85,9 @@ pub const MISTAKES: &[Mistake] = &[
         places: |d, plan| {
             let (certain, all) = (certain(d, plan), plan.before.iter().enumerate());
             let all = all.flat_map(|(position, stop)| stop.range().map(move |b| (b, position)));
-            all.filter(|&(b, _)| certain.contains(&(b, 0))).collect()
+            // One that serves several uses may serve this pass only in what it could do before the frame already.
+            let one = |b: usize| is_image(&plan.barriers[b]) || plan.barriers[b].to.iter().count() == 1;
+            all.filter(|&(b, _)| certain.contains(&(b, 0)) && one(b)).collect()
         },
         plant: |_, plan, (at, position), _| {
             let late = plan.barriers[at];
@@ -209,14 +214,15 @@ pub const MISTAKES: &[Mistake] = &[
     },
     Mistake {
         name: "who takes over memory does not wait for who had it",
-        places: |_, plan| {
+        places: |d, plan| {
             let inherits = |b: &Barrier| plan.successions.iter().any(|(after, _)| *after == b.resource);
             let first = |b: &Barrier| b.discard || b.layout_to == Layout::Undefined;
             let fresh = |i: usize| !plan.barriers[..i].iter().any(|o| o.resource == plan.barriers[i].resource);
-            let all = barriers(plan, |b| inherits(b) && first(b) && !b.from.is_empty());
-            all.into_iter().filter(|&(i, _)| fresh(i)).collect()
+            let all = certain(d, plan).into_iter().map(|(i, _)| (i, &plan.barriers[i]));
+            let all = all.filter(|(i, b)| inherits(b) && first(b) && !b.from.is_empty() && fresh(*i));
+            all.map(|(i, _)| (i, 0)).collect()
         },
-        plant: |_, plan, at, _| plan.barriers[at.0].from = Uses::of((Access::HostRead, Domain::Copy)),
+        plant: |_, plan, at, _| plan.barriers[at.0].from = Uses::EMPTY,
         harmless: None,
     },
     Mistake {
@@ -339,17 +345,17 @@ fn barriers(plan: &Plan, suits: impl Fn(&Barrier) -> bool) -> Vec<Place> {
     (0..plan.barriers.len()).filter(|&b| suits(&plan.barriers[b])).map(|b| (b, 0)).collect()
 }
 
-/// Barriers that nothing else can stand for. Those that only wait for what was before the frame are not, where there are several
-/// queues: a wait for another queue waits for that as well.
+/// Barriers that nothing else can stand for. On several queues, those that change no layout are not: their queue may have waited
+/// for another one that has waited for it, or that began after the frame before was over, and knows all by this detour.
 fn certain(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let several = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
-    let first = |i: usize| !plan.barriers[..i].iter().any(|b| b.resource == plan.barriers[i].resource);
-    let begins = |i: usize, b: &Barrier| d.resources[b.resource as usize].maker.is_none() && first(i);
+    let written =
+        |r: u32| plan.order.iter().any(|&p| uses_of(d, p).iter().any(|u| u.resource == r && u.writes.is_some()));
+    // At the end the planner makes ready once more what was in no use, or came readable, was only read and is left readable.
+    let needless = |i: usize, b: &Barrier| plan.end.range().contains(&i) && (b.from.is_empty() || !written(b.resource));
+    let is_certain = |i: usize, b: &Barrier| b.layout_from != b.layout_to || (!several && !needless(i, b));
     let all = plan.barriers.iter().enumerate();
-    // What was in no use and is no image needs nothing; the planner says so with a barrier where it is left for the next frame.
-    let all = all.filter(|(_, b)| b.layout_from != b.layout_to || !b.from.is_empty());
-    let all = all.filter(|(i, b)| !several || b.layout_from != b.layout_to || !begins(*i, b));
-    all.map(|(i, _)| (i, 0)).collect()
+    all.filter(|(i, b)| is_certain(*i, b)).map(|(i, _)| (i, 0)).collect()
 }
 
 /// Barriers that name several uses, with the number of each.

@@ -64,7 +64,8 @@ pub(super) fn cull(declaration: &Declaration, enabled: bool) -> (Vec<u32>, Vec<C
     (kept, culled)
 }
 
-/// Of each resource that comes from the frame before, the one that goes to the frame after. Empty where there are none.
+/// Of each resource that comes from the frame before, the one that goes to the frame after; that one goes there as a whole too
+/// where any of it is made. Empty where there are none.
 fn carried(declaration: &Declaration) -> Vec<Option<u32>> {
     let key = |r: &ResourceDecl| match r.origin {
         Origin::Imported { key, .. } => Some(key),
@@ -78,6 +79,7 @@ fn carried(declaration: &Declaration) -> Vec<Option<u32>> {
     let mut carried: Vec<Option<u32>> = resources.map(|(r, index)| is_kept(r).then_some(index)).collect();
     for history in &declaration.histories {
         carried[history.previous as usize] = Some(history.next);
+        carried[history.next as usize] = Some(history.next);
     }
     carried
 }

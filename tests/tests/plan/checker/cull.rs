@@ -5,8 +5,8 @@
 //! 1. A weak pass that writes over contents which were there already makes a mere change: whoever wants the contents wants those
 //!    before it. The *base* of a version is the pass that made it, mere changes set aside.
 //! 2. Needed are: the bases of the frame's outputs; passes that are not weak and write what the caller holds; the bases of all
-//!    that needed passes read; and where a needed pass that is not weak reads what a history or a kept buffer held before the
-//!    frame, the base of what it holds after it.
+//!    that needed passes read; and where a needed pass that is not weak uses either half of a history, or a kept buffer, the base
+//!    of what that holds after the frame: the next frame takes it for whole.
 //! 3. A weak pass is possible where the bases of all that it reads are needed or possible.
 //! 4. Kept are: needed passes; possible weak passes that write what the caller holds; possible weak passes whose mere change lies
 //!    between a version that a kept pass reads, an output names or rule 2 hands to the next frame, and its base; and the bases of
@@ -47,11 +47,11 @@ fn is_callers(d: &Declaration, pass: u32) -> bool {
     d.uses[d.passes[pass as usize].uses.range()].iter().any(|u| u.writes.is_some() && callers(u.resource))
 }
 
-/// What goes to the next frame in place of what came from the one before.
+/// What goes to the next frame where a resource is used.
 fn carried(d: &Declaration, resource: u32) -> Option<u32> {
     match d.resources[resource as usize].origin {
         Origin::Imported { key: ImportKey::Kept(_), .. } => Some(resource),
-        _ => d.histories.iter().find(|h| h.previous == resource).map(|h| h.next),
+        _ => d.histories.iter().find(|h| h.previous == resource || h.next == resource).map(|h| h.next),
     }
 }
 
@@ -60,7 +60,7 @@ fn kept(d: &Declaration, v: &Versions<'_>) -> BTreeSet<u32> {
     let weak = |p: u32| d.passes[p as usize].weak;
     let bases = |p: u32| -> Vec<u32> { reads(d, p).iter().filter_map(|&(r, w)| base(v, r, w)).collect() };
 
-    // What a pass hands to the next frame by reading what came from the one before.
+    // What a pass hands to the next frame.
     let handed = |p: u32| -> Vec<(u32, u32)> {
         let next = reads(d, p).into_iter().filter(|_| !weak(p)).filter_map(|(r, _)| carried(d, r));
         next.map(|r| (r, d.resources[r as usize].versions - 1)).collect()

@@ -364,7 +364,9 @@ impl<'a> Model<'a> {
     fn pass(&mut self, q: usize, pass: u32) -> Found {
         let (d, decl) = (self.d, &self.d.passes[pass as usize]);
         let uses: Vec<(usize, &Use)> = decl.uses.range().map(|i| (i, &d.uses[i])).collect();
+        uses.iter().try_for_each(|(_, u)| self.begin(u.resource))?;
         for &(_, u) in &uses {
+            // One of the others may have taken its memory.
             self.begin(u.resource)?;
             let pair = words::pair(u.access, decl.domain);
             for c in self.cells_in(u.resource, u.part) {
