@@ -86,7 +86,8 @@ pub const MISTAKES: &[Mistake] = &[
             let (certain, all) = (certain(d, plan), plan.before.iter().enumerate());
             let all = all.flat_map(|(position, stop)| stop.range().map(move |b| (b, position)));
             // One that serves several uses may serve this pass only in what it could do before the frame already.
-            let one = |b: usize| is_image(&plan.barriers[b]) || plan.barriers[b].to.iter().count() == 1;
+            let moves = |b: usize| plan.barriers[b].layout_from != plan.barriers[b].layout_to;
+            let one = |b: usize| moves(b) || plan.barriers[b].to.iter().count() == 1;
             all.filter(|&(b, _)| certain.contains(&(b, 0)) && one(b)).collect()
         },
         plant: |_, plan, (at, position), _| {
@@ -349,10 +350,10 @@ fn barriers(plan: &Plan, suits: impl Fn(&Barrier) -> bool) -> Vec<Place> {
 /// for another one that has waited for it, or that began after the frame before was over, and knows all by this detour.
 fn certain(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let several = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
-    let written =
-        |r: u32| plan.order.iter().any(|&p| uses_of(d, p).iter().any(|u| u.resource == r && u.writes.is_some()));
+    let writes = |u: &Use, b: &Barrier| u.resource == b.resource && u.writes.is_some() && u.part.overlaps(b.part);
+    let written = |b: &Barrier| plan.order.iter().any(|&p| uses_of(d, p).iter().any(|u| writes(u, b)));
     // At the end the planner makes ready once more what was in no use, or came readable, was only read and is left readable.
-    let needless = |i: usize, b: &Barrier| plan.end.range().contains(&i) && (b.from.is_empty() || !written(b.resource));
+    let needless = |i: usize, b: &Barrier| plan.end.range().contains(&i) && (b.from.is_empty() || !written(b));
     let is_certain = |i: usize, b: &Barrier| b.layout_from != b.layout_to || (!several && !needless(i, b));
     let all = plan.barriers.iter().enumerate();
     all.filter(|(i, b)| is_certain(*i, b)).map(|(i, _)| (i, 0)).collect()
