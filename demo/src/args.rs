@@ -97,6 +97,9 @@ pub struct RenderArguments {
     /// Write the times of every pass
     #[arg(long, value_name = "F.json|F.csv")]
     pub timings: Option<PathBuf>,
+    /// Count what the shaders of every pass did, where the device can; it costs time
+    #[arg(long)]
+    pub statistics: bool,
     /// Write a Chrome trace, which opens in Perfetto
     #[arg(long, value_name = "F.json")]
     pub trace: Option<PathBuf>,
@@ -113,6 +116,9 @@ pub struct RenderArguments {
     /// Turn on the validation layers and scan every output for NaN and Inf; any finding is an error
     #[arg(long)]
     pub check: bool,
+    /// Name the pass in which a device is lost, on any device; on some, passes then run one after another
+    #[arg(long)]
+    pub breadcrumbs: bool,
     /// Print the whole configuration as TOML, and do nothing else
     #[arg(long)]
     pub print_config: bool,

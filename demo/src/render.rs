@@ -79,6 +79,8 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         size: arguments.size,
         seed: arguments.seed,
         switches: arguments.graph,
+        statistics: arguments.statistics,
+        breadcrumbs: arguments.breadcrumbs,
     };
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);

@@ -5,7 +5,7 @@ use std::path::Path;
 use magpie::{
     config::{Catalogue, Config},
     gpu::{DeviceReport, Gpu, GpuOptions},
-    graph::{GraphError, Switches},
+    graph::{GraphError, Switches, execute::ExecuteOptions},
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
 };
@@ -75,6 +75,8 @@ pub(crate) struct Options<'a> {
     pub(crate) size: Extent,
     pub(crate) seed: u32,
     pub(crate) switches: Switches,
+    pub(crate) statistics: bool,
+    pub(crate) breadcrumbs: bool,
 }
 
 /// A device and a renderer on it.
@@ -89,7 +91,11 @@ impl Session {
         let Extent { width, height } = options.size;
         let render_options = RenderOptions { width, height, seed: options.seed, check: options.check };
         let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
-        renderer.set_switches(options.switches);
+        let Options { switches, statistics, breadcrumbs, .. } = *options;
+        renderer.set_execution(ExecuteOptions { switches, statistics, breadcrumbs, ..renderer.execution() });
+        if statistics && !gpu.has_statistics() {
+            log::warn!("--statistics: {} does not count what shaders do", gpu.report().name);
+        }
         Ok(Self { renderer, gpu })
     }
 

@@ -182,6 +182,16 @@ impl Renderer {
         self.executor.set_options(ExecuteOptions { switches, ..self.executor.options() });
     }
 
+    /// How frames are run.
+    pub fn execution(&self) -> ExecuteOptions {
+        self.executor.options()
+    }
+
+    /// Sets how frames are run, from the next on.
+    pub fn set_execution(&mut self, options: ExecuteOptions) {
+        self.executor.set_options(options);
+    }
+
     /// Begins anew: the next frame is the first again, and nothing is left of those before it.
     pub fn restart(&mut self) {
         self.executor.restart();

@@ -20,7 +20,8 @@ use std::sync::Arc;
 pub struct Bench {
     /// The device.
     pub gpu: Gpu,
-    executor: Executor,
+    /// Runs the frames.
+    pub executor: Executor,
     scan: Scan,
     /// Where everything found so far came from; frames count from 0.
     pub trail: Trail,

@@ -2,6 +2,7 @@
 use super::access::{self, Scope};
 use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
+use super::query::{Counting, Work};
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
 use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
@@ -18,6 +19,7 @@ pub(crate) struct CommandEncoder {
     draws: bool,
     /// Pipelines bound now: for compute and for drawing.
     bound: [Option<u32>; 2],
+    pub(super) counting: Option<Counting>,
 }
 
 /// Waits for some uses, then lets others see what they wrote, wherever it is.
@@ -146,8 +148,15 @@ impl CommandEncoder {
         let pool = unsafe { device.create_command_pool(&info, None) }.map_err(GpuError::call("vkCreateCommandPool"))?;
         let computes = queue != Queue::Transfer || gpu.family(queue) == gpu.family(Queue::Graphics);
         let draws = queue == Queue::Graphics;
-        let mut made =
-            Self { gpu: gpu.clone(), pool, buffer: vk::CommandBuffer::null(), computes, draws, bound: [None; 2] };
+        let mut made = Self {
+            gpu: gpu.clone(),
+            pool,
+            buffer: vk::CommandBuffer::null(),
+            computes,
+            draws,
+            bound: [None; 2],
+            counting: None,
+        };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
         let buffers = unsafe { made.gpu.raw().allocate_command_buffers(&info) }
@@ -176,6 +185,7 @@ impl CommandEncoder {
             device.begin_command_buffer(self.buffer, &info).map_err(GpuError::call("vkBeginCommandBuffer"))?;
         }
         self.bound = [None; 2];
+        self.counting = None;
         self.bind(self.gpu.0.bindless.set);
         Ok(())
     }
@@ -291,17 +301,21 @@ impl CommandEncoder {
         }
     }
 
-    pub fn dispatch(&mut self, kernel: Kernel, params: &[u8], groups: [u32; 3]) {
+    fn begin_dispatch(&mut self, kernel: Kernel, params: &[u8]) {
         self.bind_pipeline(kernel.index, vk::PipelineBindPoint::COMPUTE);
         self.push(params);
+        self.count(Work::Dispatch);
+    }
+
+    pub fn dispatch(&mut self, kernel: Kernel, params: &[u8], groups: [u32; 3]) {
+        self.begin_dispatch(kernel, params);
         // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound.
         unsafe { self.gpu.raw().cmd_dispatch(self.buffer, groups[0], groups[1], groups[2]) };
     }
 
     /// Dispatches as many groups as three words at `offset` say, which may be zero.
     pub fn dispatch_indirect(&mut self, kernel: Kernel, params: &[u8], groups: &Buffer, offset: u64) {
-        self.bind_pipeline(kernel.index, vk::PipelineBindPoint::COMPUTE);
-        self.push(params);
+        self.begin_dispatch(kernel, params);
         // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound; the caller keeps the
         // words inside of the buffer.
         unsafe { self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset) };
@@ -339,6 +353,7 @@ impl CommandEncoder {
         self.push(params);
         // SAFETY: the command buffer is recording inside of rendering, with the bindless set bound.
         unsafe { self.gpu.raw().cmd_bind_index_buffer(self.buffer, indices.raw, first_byte, vk::IndexType::UINT32) };
+        self.count(Work::Draw);
     }
 
     fn set_cull(&mut self, cull: Cull) {

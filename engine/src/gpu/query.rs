@@ -1,6 +1,5 @@
 //! What the device counts: timestamps, and the invocations of shaders.
 use super::{CommandEncoder, Gpu, GpuError};
-use crate::graph::Queue;
 use ash::vk;
 use std::time::Instant;
 
@@ -71,30 +70,58 @@ impl CommandEncoder {
         }
     }
 
-    /// Counts from here to [`Self::end_statistics`], both outside of rendering. Nothing happens on a queue without counters.
-    pub fn begin_statistics(&mut self, statistics: &Statistics, queue: Queue, index: u32) {
-        if let Some(pool) = statistics.pool(queue) {
-            let flags = vk::QueryControlFlags::empty();
-            // SAFETY: the pool was reset before this frame, `index` is below its capacity, and its counters are those of the queue.
-            unsafe { statistics.gpu.raw().cmd_begin_query(self.raw(), pool, index, flags) };
-        }
+    /// Counts from here to [`Self::end_statistics`], both inside of the same rendering or both outside, what is drawn, or what is
+    /// dispatched.
+    pub fn begin_statistics(&mut self, statistics: &Statistics, index: u32) {
+        let Statistics { draws, dispatches, .. } = *statistics;
+        self.counting = Some(Counting { draws, dispatches, index, active: None });
     }
 
     /// Ends what [`Self::begin_statistics`] began.
-    pub fn end_statistics(&mut self, statistics: &Statistics, queue: Queue, index: u32) {
-        if let Some(pool) = statistics.pool(queue) {
-            // SAFETY: as above; the query is active.
-            unsafe { statistics.gpu.raw().cmd_end_query(self.raw(), pool, index) };
+    pub fn end_statistics(&mut self) {
+        if let Some(Counting { index, active: Some(pool), .. }) = self.counting.take() {
+            // SAFETY: the command buffer is recording, and the query is active.
+            unsafe { self.gpu().raw().cmd_end_query(self.raw(), pool, index) };
+        }
+    }
+
+    /// The first draw or dispatch comes next, with its pipeline bound: Mesa's lavapipe 25 looks at the compute pipeline when it
+    /// begins to count dispatches, and crashes where there is none yet.
+    pub(super) fn count(&mut self, work: Work) {
+        let commands = self.raw();
+        if let Some(counting @ Counting { active: None, .. }) = &mut self.counting {
+            let pool = if work == Work::Draw { counting.draws } else { counting.dispatches };
+            counting.active = Some(pool);
+            let (index, flags) = (counting.index, vk::QueryControlFlags::empty());
+            // SAFETY: the pool was reset before this frame, `index` is below its capacity, and a queue that can do such work can
+            // count it.
+            unsafe { self.gpu().raw().cmd_begin_query(commands, pool, index, flags) };
         }
     }
 }
 
-/// Counters of the pipeline for one frame in flight: a pool for each kind of queue, because one that only computes knows only one
-/// counter.
+/// What is counted.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Work {
+    Draw,
+    Dispatch,
+}
+
+/// Counting that was asked for.
+pub(super) struct Counting {
+    draws: vk::QueryPool,
+    dispatches: vk::QueryPool,
+    index: u32,
+    /// The pool whose query is active.
+    active: Option<vk::QueryPool>,
+}
+
+/// Counters of the pipeline for one frame in flight. A pass draws or dispatches; each kind of work has a pool of its own, because a
+/// queue that only computes knows no counters of draws.
 pub(crate) struct Statistics {
     gpu: Gpu,
-    graphics: vk::QueryPool,
-    compute: vk::QueryPool,
+    draws: vk::QueryPool,
+    dispatches: vk::QueryPool,
     capacity: u32,
 }
 
@@ -111,16 +138,15 @@ impl Statistics {
         if !gpu.has_statistics() {
             return Ok(None);
         }
-        let (none, compute) = (vk::QueryPool::null(), vk::QueryPipelineStatisticFlags::COMPUTE_SHADER_INVOCATIONS);
-        let mut made = Self { gpu: gpu.clone(), graphics: none, compute: none, capacity };
-        made.graphics = made.make(
+        let none = vk::QueryPool::null();
+        let mut made = Self { gpu: gpu.clone(), draws: none, dispatches: none, capacity };
+        made.draws = made.make(
             vk::QueryPipelineStatisticFlags::INPUT_ASSEMBLY_VERTICES
                 | vk::QueryPipelineStatisticFlags::VERTEX_SHADER_INVOCATIONS
                 | vk::QueryPipelineStatisticFlags::CLIPPING_PRIMITIVES
-                | vk::QueryPipelineStatisticFlags::FRAGMENT_SHADER_INVOCATIONS
-                | compute,
+                | vk::QueryPipelineStatisticFlags::FRAGMENT_SHADER_INVOCATIONS,
         )?;
-        made.compute = made.make(compute)?;
+        made.dispatches = made.make(vk::QueryPipelineStatisticFlags::COMPUTE_SHADER_INVOCATIONS)?;
         made.reset();
         Ok(Some(made))
     }
@@ -140,45 +166,36 @@ impl Statistics {
 
     /// Makes every counter writable again. The device must be done with the frame that wrote them.
     pub fn reset(&self) {
-        for pool in [self.graphics, self.compute] {
+        for pool in [self.draws, self.dispatches] {
             // SAFETY: hostQueryReset is on; the caller waited for the frame that used the pools.
             unsafe { self.gpu.raw().reset_query_pool(pool, 0, self.capacity) };
         }
     }
 
-    /// The counters of a queue; one that only copies has none.
-    fn pool(&self, queue: Queue) -> Option<vk::QueryPool> {
-        match queue {
-            Queue::Graphics => Some(self.graphics),
-            Queue::AsyncCompute => Some(self.compute),
-            Queue::Transfer => None,
-        }
+    /// Input vertices, vertex shader invocations, triangles after clipping, and fragment shader invocations of a pass that drew and
+    /// is done.
+    pub fn drawn(&self, index: u32) -> Result<[u64; 4], GpuError> {
+        self.read(self.draws, index)
     }
 
-    /// Input vertices, vertex shader invocations, triangles after clipping, fragment and compute shader invocations of a pass that is
-    /// done; none where its queue does not count.
-    pub fn read(&self, queue: Queue, index: u32) -> Result<Option<[u64; 5]>, GpuError> {
-        let Some(pool) = self.pool(queue) else { return Ok(None) };
-        let (device, flags) = (self.gpu.raw(), vk::QueryResultFlags::TYPE_64);
-        let mut counts = [0; 5];
-        let result = if queue == Queue::Graphics {
-            let mut whole = [[0_u64; 5]];
-            // SAFETY: the frame that wrote them is done; there are as many numbers as the pool has counters, in the order of their bits.
-            let result = unsafe { device.get_query_pool_results(pool, index, &mut whole, flags) };
-            counts = whole[0];
-            result
-        } else {
-            // SAFETY: as above, of one counter.
-            unsafe { device.get_query_pool_results(pool, index, &mut counts[4..], flags) }
-        };
-        result.map_err(GpuError::call("vkGetQueryPoolResults"))?;
-        Ok(Some(counts))
+    /// Compute shader invocations of a pass that dispatched and is done.
+    pub fn dispatched(&self, index: u32) -> Result<u64, GpuError> {
+        self.read::<1>(self.dispatches, index).map(|[count]| count)
+    }
+
+    fn read<const COUNTERS: usize>(&self, pool: vk::QueryPool, index: u32) -> Result<[u64; COUNTERS], GpuError> {
+        let mut counts = [[0_u64; COUNTERS]];
+        let flags = vk::QueryResultFlags::TYPE_64;
+        // SAFETY: the frame that wrote them is done; there are as many numbers as the pool has counters, in the order of their bits.
+        unsafe { self.gpu.raw().get_query_pool_results(pool, index, &mut counts, flags) }
+            .map_err(GpuError::call("vkGetQueryPoolResults"))?;
+        Ok(counts[0])
     }
 }
 
 impl Drop for Statistics {
     fn drop(&mut self) {
-        for pool in [self.graphics, self.compute] {
+        for pool in [self.draws, self.dispatches] {
             // SAFETY: its owner waits for the device before it drops a frame; a null pool is skipped.
             unsafe { self.gpu.raw().destroy_query_pool(pool, None) };
         }

@@ -44,7 +44,7 @@ pub struct PassTime {
     pub rays_any: u64,
     /// Thread that recorded it: 0 is the one that ran the frame.
     pub thread: u32,
-    /// What its shaders did; none where nobody asked, or the queue does not count.
+    /// What its shaders did; none where nobody asked, or it only copies.
     pub statistics: Option<Statistics>,
 }
 
@@ -61,15 +61,6 @@ pub struct Statistics {
     pub fragment_invocations: u64,
     /// Runs of compute shaders.
     pub compute_invocations: u64,
-}
-
-impl Statistics {
-    /// From numbers in the order of the fields.
-    pub(crate) fn new(counts: [u64; 5]) -> Self {
-        let [input_vertices, vertex_invocations, clipping_primitives, fragment_invocations, compute_invocations] =
-            counts;
-        Self { input_vertices, vertex_invocations, clipping_primitives, fragment_invocations, compute_invocations }
-    }
 }
 
 /// One frame.

@@ -108,7 +108,7 @@ pub struct PassReport {
     pub draws: u64,
     /// Dispatches per frame.
     pub dispatches: u64,
-    /// What its shaders did per frame, in a run that asked for it and on a queue that counts.
+    /// What its shaders did per frame, in a run that asked for it; none where it only copies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics: Option<Statistics>,
 }

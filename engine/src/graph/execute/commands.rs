@@ -281,7 +281,7 @@ impl Unit<'_> {
         let Frame { gpu, declaration, plan, bound, .. } = frame;
         let pass = plan.order[position];
         let name = declaration.pass_name(pass);
-        let (encoder, queue) = (&mut self.encoder, self.queue);
+        let encoder = &mut self.encoder;
         // Names for debuggers and profilers, which are of no use to a frame that nobody looks at.
         let labelled = clock.is_some() || gpu.validates();
         if labelled {
@@ -291,7 +291,7 @@ impl Unit<'_> {
             crumbs.open_pass(encoder, position);
         }
         if let Some(clock) = clock {
-            clock.open_pass(encoder, queue, position as u32);
+            clock.open_pass(encoder, position as u32);
         }
         if gpu.validates() {
             let set = pass_set(frame, pass)?;
@@ -302,6 +302,9 @@ impl Unit<'_> {
         if raster {
             begin_rendering(encoder, frame, pass);
         }
+        if let Some(clock) = clock {
+            clock.begin_counting(encoder, position as u32);
+        }
         let rays = frame.counters.rays(position as u32);
         let physical = &bound.physical;
         let mut scope = Record { encoder, physical, pass, name, rays, recorded: Recorded::default() };
@@ -309,6 +312,9 @@ impl Unit<'_> {
             record(&mut scope);
         }
         let recorded = scope.recorded;
+        if let Some(clock) = clock {
+            clock.end_counting(&mut self.encoder);
+        }
         if raster {
             self.encoder.end_rendering();
         }
@@ -316,7 +322,7 @@ impl Unit<'_> {
             spoil.record(&mut self.encoder, &bound.physical);
         }
         if let Some(clock) = clock {
-            clock.close_pass(&mut self.encoder, queue, position as u32);
+            clock.close_pass(&mut self.encoder, position as u32);
         }
         if let Some(crumbs) = frame.crumbs {
             crumbs.close_pass(&mut self.encoder, position);

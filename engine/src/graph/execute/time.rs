@@ -2,10 +2,7 @@
 
 use std::time::Instant;
 
-use super::super::{
-    access::Queue,
-    plan::{Batch, Plan},
-};
+use super::super::plan::{Batch, Plan};
 use crate::{
     gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Statistics, Timestamps},
     measure::{self, FrameSample, PassTime},
@@ -64,18 +61,23 @@ impl Clock {
         encoder.timestamp(&self.timestamps, 0);
     }
 
-    pub fn open_pass(&self, encoder: &mut CommandEncoder, queue: Queue, position: u32) {
+    pub fn open_pass(&self, encoder: &mut CommandEncoder, position: u32) {
         encoder.timestamp(&self.timestamps, 1 + 2 * position);
+    }
+
+    pub fn close_pass(&self, encoder: &mut CommandEncoder, position: u32) {
+        encoder.timestamp(&self.timestamps, 2 + 2 * position);
+    }
+
+    /// Counts from here to [`Self::end_counting`]; both are inside of the attachments of a pass, or both outside.
+    pub fn begin_counting(&self, encoder: &mut CommandEncoder, position: u32) {
         if let Some(statistics) = &self.statistics {
-            encoder.begin_statistics(statistics, queue, position);
+            encoder.begin_statistics(statistics, position);
         }
     }
 
-    pub fn close_pass(&self, encoder: &mut CommandEncoder, queue: Queue, position: u32) {
-        if let Some(statistics) = &self.statistics {
-            encoder.end_statistics(statistics, queue, position);
-        }
-        encoder.timestamp(&self.timestamps, 2 + 2 * position);
+    pub fn end_counting(&self, encoder: &mut CommandEncoder) {
+        encoder.end_statistics();
     }
 
     /// Everything before must be done and visible.
@@ -107,11 +109,8 @@ impl Clock {
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
         }
         if let Some(statistics) = &self.statistics {
-            for batch in &plan.batches {
-                for position in batch.passes.range() {
-                    let counts = statistics.read(batch.queue, position as u32)?;
-                    passes[position].statistics = counts.map(measure::Statistics::new);
-                }
+            for (pass, position) in passes.iter_mut().zip(0..) {
+                pass.statistics = counts(statistics, pass, position)?;
             }
         }
         let waits = |b: &Batch| {
@@ -129,6 +128,20 @@ impl Clock {
         });
         Ok(())
     }
+}
+
+/// What the shaders of a pass did; none where it only copies.
+fn counts(from: &Statistics, pass: &PassTime, position: u32) -> Result<Option<measure::Statistics>, GpuError> {
+    let mut counts = measure::Statistics::default();
+    if pass.draws > 0 {
+        [counts.input_vertices, counts.vertex_invocations, counts.clipping_primitives, counts.fragment_invocations] =
+            from.drawn(position)?;
+    } else if pass.dispatches > 0 {
+        counts.compute_invocations = from.dispatched(position)?;
+    } else {
+        return Ok(None);
+    }
+    Ok(Some(counts))
 }
 
 /// Timestamps of a frame: one at its begin, two per pass.

@@ -107,7 +107,13 @@ fn a_device_without_timestamps_has_null_and_empty_times() {
 
 /// A pass from `start` to `end`, milliseconds, with some statistics.
 fn counted(start: u64, end: u64) -> PassTime {
-    let statistics = Some(Statistics::new([3, 2, 1, 40 + start, 64]));
+    let statistics = Some(Statistics {
+        input_vertices: 3,
+        vertex_invocations: 2,
+        clipping_primitives: 1,
+        fragment_invocations: 40 + start,
+        compute_invocations: 64,
+    });
     PassTime { gpu_start_ns: Some(start * 1_000_000), statistics, ..pass("a.x", end - start) }
 }
 
