@@ -8,8 +8,8 @@ use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
 use magpie::graph::{
-    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Plan,
-    Queue, Record, Switches,
+    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Observer,
+    Plan, Queue, Record, Switches,
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
@@ -284,7 +284,7 @@ impl Renderer {
 
         // Observers see every pass while what it wrote is new: the scan, and the copy for `--view`.
         let mut scan = None;
-        let mut scanner: Option<Box<dyn FnMut(&mut FrameGraph, u32)>> = None;
+        let mut scanner: Option<Observer> = None;
         if let Some(pipelines) = self.scan {
             let (scanned, observer) = pipelines.watch(&self.gpu, &imports);
             scan = Some(scanned);

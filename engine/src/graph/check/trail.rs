@@ -117,10 +117,12 @@ impl Trail {
             };
             if let Some(report) = node.report.map(|r| &mut self.reports[r]) {
                 report.last_frame = frame;
-                if report.outputs.len() < MOST {
+                // What came in through a history is no step of its own.
+                let step = finding.pass_index.is_some() || node.path.len() == 1;
+                if step && report.outputs.len() < MOST {
                     report.outputs.insert(finding.name());
                 }
-                if node.path.len() > report.path.len() {
+                if step && node.path.len() > report.path.len() {
                     report.path = node.path.to_vec();
                 }
             }
@@ -208,7 +210,7 @@ impl Trail {
         Some(Node { report: node.report, path: extended(&node.path, link) })
     }
 
-    /// The finding has a cause: it goes on from there. What came in through a history is no step of its own.
+    /// The finding has a cause: it goes on from there.
     fn hand_on(&self, frame: u32, finding: &Finding, cause: &Node) -> Node {
         if finding.pass_index.is_none() {
             return cause.clone();
