@@ -555,12 +555,7 @@ impl<In, Out> Stage<In, Out> {
         Ok((at, Settings::new(slot, &self.info.implementations[at], given)?))
     }
 
-    fn construct(
-        &self,
-        build: &Build<'_>,
-        at: usize,
-        settings: &Settings,
-    ) -> Result<BoxedEffect<In, Out>, StageError> {
+    fn construct(&self, build: &Build<'_>, at: usize, settings: &Settings) -> Result<BoxedEffect<In, Out>, StageError> {
         self.constructors[at](build, settings).map_err(|source| match source {
             StageError::Other(source) => StageError::Construct {
                 slot: self.info.name.clone(),

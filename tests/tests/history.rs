@@ -167,7 +167,8 @@ fn copied(f: &mut Frame<'_>, scope: &HistoryScope, format: Format, value: f32) -
     let whole = [(Part::ALL.of(1, 1), f.g.extent(history.previous), 0)];
     let before = f.read("copied.before", history.previous, &whole, false)?;
     let drawn = f.g.pass("copied.draw", Queue::Graphics, |p| {
-        let image = if format.is_depth() { p.depth("image", desc, value).0 } else { p.color("image", desc, [value; 4]).0 };
+        let image =
+            if format.is_depth() { p.depth("image", desc, value).0 } else { p.color("image", desc, [value; 4]).0 };
         (image.read(), |_: &mut Record<'_>| {})
     });
     let next = f.g.pass("copied.copy", Queue::Transfer, |p| {

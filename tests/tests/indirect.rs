@@ -5,8 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Cull, Gpu, Kernel, RasterDesc, RasterKernel};
 use magpie::graph::execute::{ExecuteOptions, Executor};
 use magpie::graph::{
-    self, Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, ImageDesc, MipCopy, Part, Queue, Record,
-    Switches, WriteHandle,
+    self, Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, ImageDesc, MipCopy, Part, Queue,
+    Record, Switches, WriteHandle,
 };
 use magpie_shaders::{Address, SampledImage, Shader, Stage, StorageImage};
 use magpie_tests::bench::{Shared, results};

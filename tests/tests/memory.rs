@@ -1,5 +1,5 @@
 //! What aliasing gives: memory of the transients against the most that is alive at once, and against a place for each.
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use magpie::graph::plan::{Memory, Packed, Plan};
 use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queue, Queues, Record, Size, Switches, plan};
 use magpie::scene::BUILTIN;
@@ -116,6 +116,7 @@ fn the_default_frame_on_the_device() -> Result<()> {
         let options = RenderOptions { width: 320, height: 180, seed: 0, check: false };
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: false })?;
+        let result = result.context("a size of zero")?;
         // What the device really holds, not what the plan says.
         within(name, &result.plan.memory, result.sample.memory.transient_bytes)?;
     }

@@ -17,6 +17,7 @@ fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Res
     for frame in 1..=FRAMES {
         let read_back = frame == FRAMES;
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back })?;
+        let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         images = result.images;
     }

@@ -10,7 +10,8 @@ fn frames(size: [u32; 2], count: usize) -> Result<Option<Vec<FrameSample>>> {
     let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: false };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
     let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
-    let samples = (0..count).map(|_| Ok(renderer.frame(request)?.sample)).collect::<Result<_>>()?;
+    let samples =
+        (0..count).map(|_| Ok(renderer.frame(request)?.context("a size of zero")?.sample)).collect::<Result<_>>()?;
     gpu.check_validation()?;
     Ok(Some(samples))
 }

@@ -171,16 +171,7 @@ impl Pages {
         let Self { entries, free, next_slot, births } = self;
         let mut new = |slot: u32| {
             *births += 1;
-            Entry {
-                slot,
-                birth: *births,
-                keeping,
-                shape,
-                left: None,
-                fresh: false,
-                valid_bytes: 0,
-                declared: false,
-            }
+            Entry { slot, birth: *births, keeping, shape, left: None, fresh: false, valid_bytes: 0, declared: false }
         };
         let entry = entries.entry((scope.0, name)).or_insert_with(|| {
             let slot = free.pop().unwrap_or_else(|| {
