@@ -68,17 +68,16 @@ impl Stages {
     /// As [`Stages::new`]; then nothing has changed.
     pub fn configure(&mut self, gpu: &Gpu, slots: &Slots, config: &Config) -> Result<(), StageError> {
         let build = Build { gpu };
-        let Self { gbuffer, shadows, direct, gi, reflections, compose, sky, post } = self;
         // Everything is made before anything takes its place.
         let changes = [
-            slots.gbuffer.change(gbuffer, &build, config)?,
-            slots.shadows.change(shadows, &build, config)?,
-            slots.direct.change(direct, &build, config)?,
-            slots.gi.change(gi, &build, config)?,
-            slots.reflections.change(reflections, &build, config)?,
-            slots.compose.change(compose, &build, config)?,
-            slots.sky.change(sky, &build, config)?,
-            slots.post.change(post, &build, config)?,
+            slots.gbuffer.change(&mut self.gbuffer, &build, config)?,
+            slots.shadows.change(&mut self.shadows, &build, config)?,
+            slots.direct.change(&mut self.direct, &build, config)?,
+            slots.gi.change(&mut self.gi, &build, config)?,
+            slots.reflections.change(&mut self.reflections, &build, config)?,
+            slots.compose.change(&mut self.compose, &build, config)?,
+            slots.sky.change(&mut self.sky, &build, config)?,
+            slots.post.change(&mut self.post, &build, config)?,
         ];
         changes.into_iter().flatten().for_each(|change| change());
         Ok(())

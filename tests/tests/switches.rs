@@ -17,7 +17,7 @@ fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Res
     for frame in 1..=FRAMES {
         let read_back = frame == FRAMES;
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back })?;
-        let result = result.context("no frame was rendered")?;
+        let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         images = result.images;
     }
@@ -38,8 +38,8 @@ fn same_under_all_switches(scene: &Scene) -> Result<()> {
             if !is_worth_it {
                 continue; // planned for one queue in any case
             }
-            let found =
-                last_frame(&mut renderer, scene, switches).with_context(|| format!("{}: {switches:?}", scene.name))?;
+            let found = last_frame(&mut renderer, scene, switches)
+                .with_context(|| format!("{}: {switches:?}", scene.name))?;
             let same = found.linear.bytes == expected.linear.bytes
                 && found.display.as_ref().map(|d| &d.bytes) == expected.display.as_ref().map(|d| &d.bytes);
             ensure!(same, "{}: another image with {switches:?}", scene.name);

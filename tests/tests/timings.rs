@@ -11,7 +11,7 @@ fn frames(size: [u32; 2], count: usize) -> Result<Option<Vec<FrameSample>>> {
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
     let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
     let samples =
-        (0..count).map(|_| Ok(renderer.frame(request)?.context("no frame")?.sample)).collect::<Result<_>>()?;
+        (0..count).map(|_| Ok(renderer.frame(request)?.context("a size of zero")?.sample)).collect::<Result<_>>()?;
     gpu.check_validation()?;
     Ok(Some(samples))
 }

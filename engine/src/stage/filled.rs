@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt};
 
-use super::{BoxedEffect, Build, Effect, Settings, Stage, StageError};
+use super::{BoxedEffect, Build, Settings, Stage, StageError};
 use crate::{config::Config, frame::View, graph::FrameGraph};
 
 /// A slot with an implementation in it.
@@ -16,6 +16,11 @@ pub struct Filled<In, Out> {
 pub type Change<'f> = Box<dyn FnOnce() + 'f>;
 
 impl<In, Out> Filled<In, Out> {
+    /// Adds its passes; see [`Effect::add`](super::Effect::add).
+    pub fn add(&mut self, g: &mut FrameGraph, view: &View, input: In) -> Out {
+        self.effect.add(g, view, input)
+    }
+
     /// Name of the implementation.
     #[must_use]
     pub fn implementation(&self) -> &str {
@@ -26,15 +31,6 @@ impl<In, Out> Filled<In, Out> {
     #[must_use]
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-}
-
-impl<In, Out> Effect for Filled<In, Out> {
-    type In = In;
-    type Out = Out;
-
-    fn add(&mut self, g: &mut FrameGraph, view: &View, input: In) -> Out {
-        self.effect.add(g, view, input)
     }
 }
 

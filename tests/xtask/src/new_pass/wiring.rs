@@ -55,7 +55,7 @@ pub const WIRING: &[Insertion] = &[
     insert(SLOTS, Before, "post: post::stage(),", "new_pass: new_pass::stage(),\n"),
     insert(SLOTS, Before, "self.post.info(),", "self.new_pass.info(),\n"),
     insert(FRAME, Behind, "use crate::stages::{", TYPES),
-    insert(FRAME, Before, "post: BoxedEffect<PostIn, PostOut>,", "new_pass: BoxedEffect<NewPassIn, NewPassOut>,\n"),
+    insert(FRAME, Before, "post: Filled<PostIn, PostOut>,", "new_pass: Filled<NewPassIn, NewPassOut>,\n"),
     insert(
         FRAME,
         Before,
@@ -63,6 +63,7 @@ pub const WIRING: &[Insertion] = &[
         "let radiance = stages.new_pass.add(g, view, NewPassIn { colour: radiance }).colour;\n",
     ),
     insert(FRAME, Before, "post: slots.post.from_config(", "new_pass: slots.new_pass.from_config(&build, config)?,\n"),
+    insert(FRAME, Before, "slots.post.change(", "slots.new_pass.change(&mut self.new_pass, &build, config)?,\n"),
     insert("tests/tests/images.rs", Before, "use anyhow::Result;", "#[path = \"images/new_pass.rs\"]\nmod new_pass;\n"),
     insert("demo/configs/default.toml", Before, "post = \"standard\"", "new_pass = \"off\" # or \"example\"\n"),
     insert("README.md", Before, "[post](docs/passes/post.md)", "[new_pass](docs/passes/new_pass.md) · "),

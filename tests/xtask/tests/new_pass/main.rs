@@ -26,9 +26,10 @@ const WIRED: [(&str, &[&str]); 8] = [
     (
         FRAME,
         &[
-            "paper_lantern:BoxedEffect<PaperLanternIn,PaperLanternOut>,",
+            "paper_lantern:Filled<PaperLanternIn,PaperLanternOut>,",
             "letradiance=stages.paper_lantern.add(",
             "paper_lantern:slots.paper_lantern.from_config(",
+            "slots.paper_lantern.change(&mutself.paper_lantern,",
         ],
     ),
     ("tests/tests/images.rs", &["#[path=\"images/paper_lantern.rs\"]modpaper_lantern;"]),
