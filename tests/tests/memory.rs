@@ -1,7 +1,9 @@
 //! What aliasing gives: memory of the transients against the most that is alive at once, and against a place for each.
 use anyhow::{Context, Result, ensure};
 use magpie::graph::plan::{Memory, Packed, Plan};
-use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queue, Queues, Record, Size, Switches, plan};
+use magpie::graph::{
+    Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queue, Queues, Record, Size, Switches, plan,
+};
 use magpie::scene::BUILTIN;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
@@ -24,8 +26,14 @@ fn step(g: &mut FrameGraph, name: &str, inputs: &[Handle<Image>], desc: ImageDes
 /// occlusion, reflections and indirect light at half size, bloom over a pyramid, and a chain of post-processing.
 fn sixty_passes(full: Extent) -> FrameGraph {
     let mut g = FrameGraph::new(full);
-    let formats =
-        [Format::D32Float, Format::Rgba8Srgb, Format::Rgba16Snorm, Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Uint];
+    let formats = [
+        Format::D32Float,
+        Format::Rgba8Srgb,
+        Format::Rgba16Snorm,
+        Format::Rg8Unorm,
+        Format::Rg16Float,
+        Format::Rg32Uint,
+    ];
     let [depth, colour, normal, material, motion, ids] = g.pass("gbuffer.draw", Queue::Graphics, |p| {
         let images = formats.map(|format| match format {
             Format::D32Float => p.depth("depth", ImageDesc::full(format), 0.0).0.read(),
@@ -48,8 +56,7 @@ fn sixty_passes(full: Extent) -> FrameGraph {
         let noisy = step(&mut g, &format!("{effect}.trace"), &[depth, normal], ImageDesc::full(Format::R8Unorm));
         lit.push(denoise(&mut g, &effect, noisy, Format::R8Unorm, Size::Full));
     }
-    for (effect, format) in
-        [("ao", Format::R8Unorm), ("gi", Format::Rgba16Float), ("reflections", Format::Rgba16Float)]
+    for (effect, format) in [("ao", Format::R8Unorm), ("gi", Format::Rgba16Float), ("reflections", Format::Rgba16Float)]
     {
         let noisy = step(&mut g, &format!("{effect}.trace"), &[depth, normal, material], ImageDesc::half(format));
         let calm = denoise(&mut g, effect, noisy, format, Size::Half);
@@ -78,8 +85,7 @@ fn sixty_passes(full: Extent) -> FrameGraph {
 }
 
 fn within(what: &str, memory: &Memory, aliased: u64) -> Result<()> {
-    let (over, of) =
-        (aliased as f64 / memory.lower_bound as f64, aliased as f64 / memory.unaliased as f64);
+    let (over, of) = (aliased as f64 / memory.lower_bound as f64, aliased as f64 / memory.unaliased as f64);
     println!(
         "{what}: {} bytes unaliased, {aliased} aliased, {} at least: {over:.4} of the least, {:.1} % of the unaliased",
         memory.unaliased,

@@ -4,7 +4,7 @@ use magpie::config::Config;
 use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::graph::Extent;
 use magpie::scene::{Camera, ResidentScene, Scene};
-use magpie::stage::{Build, Effect};
+use magpie::stage::Build;
 use magpie_passes::Slots;
 use magpie_passes::stages::{GBufferIn, SceneHandles};
 use magpie_tests::bench::Bench;

@@ -38,8 +38,8 @@ fn same_under_all_switches(scene: &Scene) -> Result<()> {
             if !is_worth_it {
                 continue; // planned for one queue in any case
             }
-            let found = last_frame(&mut renderer, scene, switches)
-                .with_context(|| format!("{}: {switches:?}", scene.name))?;
+            let found =
+                last_frame(&mut renderer, scene, switches).with_context(|| format!("{}: {switches:?}", scene.name))?;
             let same = found.linear.bytes == expected.linear.bytes
                 && found.display.as_ref().map(|d| &d.bytes) == expected.display.as_ref().map(|d| &d.bytes);
             ensure!(same, "{}: another image with {switches:?}", scene.name);
