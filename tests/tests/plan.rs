@@ -52,7 +52,7 @@ struct Prints(u8);
 
 impl Prints {
     fn of(self, shape: Shape) -> Footprint {
-        let own = |share: u64| (shape.bytes() + u64::from(self.0)) % share == 0;
+        let own = |share: u64| (shape.bytes() + u64::from(self.0)).is_multiple_of(share);
         let (align, kind) = match shape {
             Shape::Image { .. } => (if own(3) { 1024 } else { 64 }, u8::from(self.0 & 2 != 0 && own(2)) * 5),
             Shape::Buffer { .. } => (if own(3) { 256 } else { 4 }, 0),

@@ -9,14 +9,17 @@ use magpie::graph::{
 /// Where a mistake can be planted: two numbers that its kind understands.
 pub type Place = (usize, usize);
 
+/// Spoils a plan. The function plans a declaration anew.
+pub type Plant = fn(&Declaration, &mut Plan, Place, &dyn Fn(&Declaration) -> Plan);
+
 /// A kind of mistake.
 pub struct Mistake {
     /// What is wrong.
     pub name: &'static str,
     /// Every place in a plan where it can be planted.
     pub places: fn(&Declaration, &Plan) -> Vec<Place>,
-    /// Plants it in one of them. The function plans a declaration anew.
-    pub plant: fn(&Declaration, &mut Plan, Place, &dyn Fn(&Declaration) -> Plan),
+    /// Plants it in one of them.
+    pub plant: Plant,
     /// The reason where some plantings do no harm; without one, each must be found.
     pub harmless: Option<&'static str>,
 }
@@ -26,7 +29,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         name: "a barrier is missing",
         places: |d, plan| certain(d, plan),
-        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: None,
     },
     Mistake {
@@ -35,7 +38,7 @@ pub const MISTAKES: &[Mistake] = &[
             let certain = certain(d, plan);
             barriers(plan, |_| true).into_iter().filter(|at| !certain.contains(at)).collect()
         },
-        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: Some(
             "the queue has waited for another one that has waited for it or began after the frame before; what is only read and comes \
              readable is made ready at the end once more",
@@ -58,8 +61,8 @@ pub const MISTAKES: &[Mistake] = &[
             named.into_iter().for_each(|one| plan.barriers[at].from.remove(one));
         },
         harmless: Some(
-            "a wait for another queue that the barrier goes on from has shown everything that came before it; and where an import \
-             was last used in passes of unknown domain, one is known to be over by the other",
+            "its queue knows of that one by a detour over another, or by the other uses that it waits for; or it is one at the end that \
+             need not be",
         ),
     },
     Mistake {
@@ -72,13 +75,15 @@ pub const MISTAKES: &[Mistake] = &[
         name: "a barrier makes nobody wait",
         places: |_, plan| barriers(plan, |b| !b.to.is_empty()),
         plant: |_, plan, at, _| plan.barriers[at.0].to = Uses::EMPTY,
-        harmless: Some("the next use is on a queue that waits for this one anyway"),
+        harmless: Some("its queue knows all by a detour over another, or it is one at the end that need not be"),
     },
     Mistake {
         name: "a barrier serves another domain",
         places: |_, plan| barriers(plan, |b| b.to.iter().any(|at| swapped(at) != at)),
         plant: |_, plan, at, _| plan.barriers[at.0].to = plan.barriers[at.0].to.iter().map(swapped).collect(),
-        harmless: Some("it serves both domains"),
+        harmless: Some(
+            "it serves both, or its queue knows all by a detour over another, or it is one at the end that need not be",
+        ),
     },
     Mistake {
         name: "a barrier stands a pass too late",
@@ -92,7 +97,7 @@ pub const MISTAKES: &[Mistake] = &[
         },
         plant: |_, plan, (at, position), _| {
             let late = plan.barriers[at];
-            edit_stops(plan, at, |stop, i| drop(stop.remove(i)));
+            take_out(plan, at);
             insert(plan, 2 * position + 1, late);
         },
         harmless: None,
@@ -135,7 +140,7 @@ pub const MISTAKES: &[Mistake] = &[
                 _ => b.part.mips -= 1,
             }
         },
-        harmless: Some("none of the uses that follow touches the mip that is left out, whose contents end there"),
+        harmless: Some("nobody uses the mip after it, or its queue knows all by a detour over another"),
     },
     Mistake {
         name: "two passes are swapped",
@@ -236,9 +241,7 @@ pub const MISTAKES: &[Mistake] = &[
                 .iter_mut()
                 .for_each(|b| (b.waits.start, b.waits.end) = (b.waits.start - 1, b.waits.end - 1));
         },
-        harmless: Some(
-            "another wait brings the same with it, or only the owners of histories and imports are waited for",
-        ),
+        harmless: Some("another batch that is waited for has waited for it"),
     },
     Mistake {
         name: "a batch waits for one that comes after it",
@@ -253,18 +256,18 @@ pub const MISTAKES: &[Mistake] = &[
             waits(plan).into_iter().filter(|&(_, at)| older(at)).collect()
         },
         plant: |_, plan, (_, at), _| plan.waits[at] = older_batch(plan, plan.waits[at]).unwrap_or_default(),
-        harmless: Some("the batch waits for a third queue, which has waited for the newer batch"),
+        harmless: Some("another batch that is waited for has waited for the newer one"),
     },
     Mistake {
         name: "what was released is not acquired",
         places: |_, plan| barriers(plan, |b| has_role(b, Role::Acquire)),
-        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: None,
     },
     Mistake {
         name: "what is acquired was not released",
         places: |_, plan| barriers(plan, |b| has_role(b, Role::Release)),
-        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: None,
     },
     Mistake {
@@ -282,7 +285,9 @@ pub const MISTAKES: &[Mistake] = &[
         name: "what queues use in turn is handed over to nobody",
         places: |_, plan| sharing(plan, |s| s == Sharing::Concurrent),
         plant: |_, plan, at, _| plan.transients[at.0].sharing = Sharing::HandedOver,
-        harmless: Some("contents are not kept, so that the next queue may take it"),
+        harmless: Some(
+            "each queue uses mips and layers of its own, or contents are not kept, so that the next queue may take it",
+        ),
     },
     Mistake {
         name: "what several queues use is said to be used by one alone",
@@ -302,7 +307,7 @@ pub const MISTAKES: &[Mistake] = &[
     Mistake {
         name: "an import is not left as it was asked for",
         places: |d, plan| certain(d, plan).into_iter().filter(|(b, _)| plan.end.range().contains(b)).collect(),
-        plant: |_, plan, at, _| edit_stops(plan, at.0, |stop, i| drop(stop.remove(i))),
+        plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: None,
     },
     Mistake {
@@ -386,12 +391,12 @@ fn set_stops(plan: &mut Plan, stops: Vec<Vec<Barrier>>) {
     plan.end = spans[2 * passes];
 }
 
-/// Changes the place that a barrier stands in; the change is told which of its barriers it is.
-fn edit_stops(plan: &mut Plan, barrier: usize, change: impl FnOnce(&mut Vec<Barrier>, usize)) {
+/// Takes a barrier out of the place that it stands in.
+fn take_out(plan: &mut Plan, barrier: usize) {
     let (mut all, mut at) = (stops(plan), barrier);
     for stop in &mut all {
         if at < stop.len() {
-            change(stop, at);
+            stop.remove(at);
             break;
         }
         at -= stop.len();

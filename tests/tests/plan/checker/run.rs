@@ -196,6 +196,16 @@ impl<'a> Model<'a> {
         self.d.resource_name(resource)
     }
 
+    /// An event in words.
+    fn tell(&self, e: &Event) -> String {
+        let what = match e.what {
+            What::BeforeFrame => "what was before the frame".to_owned(),
+            What::Pass(pass) => format!("pass {}", self.d.pass_name(pass)),
+            What::Change(barrier) => format!("barrier {barrier}"),
+        };
+        format!("{what} at {} of queue {}, which comes before {:x?}", e.time, e.queue, e.before)
+    }
+
     fn cells_in(&self, resource: u32, part: magpie::graph::Part) -> Vec<usize> {
         self.cells_of[resource as usize].range().filter(|&c| covers(part, self.cells[c].at)).collect()
     }
@@ -264,7 +274,7 @@ impl<'a> Model<'a> {
                         ordered.push((c, i, set));
                     } else if changes {
                         let what = self.name(b.resource);
-                        return wrong(format!("barrier {index} changes {what} without waiting for {e:?}"));
+                        return wrong(format!("barrier {index} changes {what} without waiting for {}", self.tell(e)));
                     }
                 }
                 if changes {
@@ -422,7 +432,7 @@ impl<'a> Model<'a> {
     /// Whether a use comes after all that it must come after.
     fn check_order(&self, q: usize, pair: Set, write: bool, c: usize) -> Found {
         let late = |e: &&Event| (e.write || write) && e.before[q] & pair == 0 && !self.told(q, e);
-        self.cells[c].events.iter().find(late).map_or(Ok(()), |e| wrong(format!("does not wait for {e:?}")))
+        self.cells[c].events.iter().find(late).map_or(Ok(()), |e| wrong(format!("does not wait for {}", self.tell(e))))
     }
 
     /// Imports are as they were asked for, and hold what was written last.
