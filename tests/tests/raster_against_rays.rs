@@ -20,7 +20,6 @@ use glam::{DVec3, Vec3};
 use magpie::config::Config;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::{AlphaMode, Camera, ResidentScene, Scene};
-use magpie::stage::Effect;
 use magpie_passes::Slots;
 use magpie_passes::stages::GBufferIn;
 use magpie_shaders::{Address, StorageImage};

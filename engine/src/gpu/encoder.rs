@@ -223,6 +223,12 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
+    /// A barrier that waits for nothing: drivers that put off work begin it here.
+    pub(super) fn flush(&mut self) {
+        // SAFETY: the command buffer is recording, outside of rendering.
+        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &vk::DependencyInfo::default()) };
+    }
+
     /// Everything before it is done and seen by everything after it, the host included. Called as [`Self::barriers`] is.
     pub fn full_barrier(&mut self) {
         let (from, to) = (Scope::EVERYTHING.available(), Scope::EVERYTHING);
@@ -249,7 +255,7 @@ impl CommandEncoder {
                 vk::ClearValue { color: vk::ClearColorValue { float32: clear } }
             };
             vk::RenderingAttachmentInfo::default()
-                .image_view(a.image.view)
+                .image_view(a.image.target)
                 .image_layout(layout)
                 .load_op(if a.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
                 .store_op(if a.store { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })

@@ -36,7 +36,9 @@ pub(crate) struct ImageInfo {
 pub struct Image {
     gpu: Gpu,
     pub(super) raw: vk::Image,
-    pub(super) view: vk::ImageView,
+    view: vk::ImageView,
+    /// Mip 0 of layer 0, to draw to.
+    pub(super) target: vk::ImageView,
     sampled: Option<u32>,
     storage: Option<u32>,
     /// Places of parts of it.
@@ -127,6 +129,7 @@ impl Image {
             gpu: gpu.clone(),
             raw,
             view: vk::ImageView::null(),
+            target: vk::ImageView::null(),
             sampled: None,
             storage: None,
             parts: RwLock::default(),
@@ -139,6 +142,8 @@ impl Image {
         bound.map_err(GpuError::call("vkBindImageMemory"))?;
         let whole = Part::ALL.of(info.mips, info.layers);
         made.view = made.make_view(whole)?;
+        let first = Part { mip: 0, mips: 1, layer: 0, layers: 1 };
+        made.target = if whole == first || !info.usage.attachment { made.view } else { made.make_view(first)? };
         let ImageUse { sampled, storage, attachment } = info.usage;
         if sampled {
             made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !storage && !attachment)?);

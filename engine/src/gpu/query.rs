@@ -65,8 +65,7 @@ impl CommandEncoder {
         // SAFETY: the pool was reset before this frame and `index` is below its capacity.
         unsafe { device.cmd_write_timestamp2(self.raw(), stage, pool.pool, index) };
         if pool.gpu.report().driver.starts_with("llvmpipe") {
-            // SAFETY: the command buffer is recording, outside of rendering.
-            unsafe { device.cmd_pipeline_barrier2(self.raw(), &vk::DependencyInfo::default()) };
+            self.flush();
         }
     }
 

@@ -21,7 +21,8 @@
 //! - Closures that record are `Send + 'static`: they capture tokens and plain values, and may run on any thread.
 //!
 //! ```
-//! use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Record, dump, plan};
+//! use magpie::graph::plan::Packed;
+//! use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Queues, Record, Switches, dump, plan};
 //!
 //! let mut g = FrameGraph::new(Extent::new(640, 360));
 //! let noisy = g.pass("ao.trace", Queue::AsyncCompute, |p| {
@@ -36,7 +37,7 @@
 //! g.output(ao);
 //!
 //! let frame = g.finish().unwrap();
-//! let plan = plan(&frame.declaration);
+//! let plan = plan(&frame.declaration, &Switches::default(), Queues::default(), &mut Packed);
 //! assert_eq!(plan.order, [0, 1]);
 //! println!("{}", dump::text(&frame.declaration, &plan));
 //! ```

@@ -147,7 +147,8 @@ impl FrameGraph {
         let uses = self.declaration.uses_of(index);
         let (mut attachments, mut copies) = (0, 0);
         for u in uses {
-            attachments += usize::from(u.access.is_attachment());
+            // Indices are for drawing, even where nothing but buffers is written.
+            attachments += usize::from(u.access.is_attachment() || u.access == Access::Index);
             copies += usize::from(u.access.is_copy());
         }
         let domain = match (attachments, copies) {
@@ -264,7 +265,7 @@ impl FrameGraph {
     pub fn history(&mut self, scope: &HistoryScope, name: impl Into<Cow<'static, str>>, desc: ImageDesc) -> History {
         let name = name.into();
         let shape = self.image_shape(&name, desc);
-        let (slot, valid) = self.declare_pair(scope, &name, shape);
+        let (slot, valid) = self.declare_pair(scope, name.clone(), shape);
         let (previous, next) = self.import_pair(&name, shape, slot, Layout::ShaderRead);
         History { previous, next: WriteHandle::new(next), valid }
     }
@@ -278,7 +279,7 @@ impl FrameGraph {
     ) -> BufferHistory {
         let name = name.into();
         let shape = self.buffer_shape(&name, desc);
-        let (slot, valid) = self.declare_pair(scope, &name, shape);
+        let (slot, valid) = self.declare_pair(scope, name.clone(), shape);
         let (previous, next) = self.import_pair(&name, shape, slot, Layout::Undefined);
         self.note_content(previous.id, desc);
         self.note_content(next.id, desc);
@@ -313,10 +314,10 @@ impl FrameGraph {
         !self.declaration.histories.is_empty() || self.declaration.resources.iter().any(kept)
     }
 
-    fn declare_pair(&mut self, scope: &HistoryScope, name: &Cow<'static, str>, shape: Shape) -> (u32, bool) {
+    fn declare_pair(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> (u32, bool) {
         let declared = self.book.open().declare_pair(scope, name.clone(), shape);
         declared.unwrap_or_else(|| {
-            self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
+            self.errors.push(GraphError::DuplicateHistory { name: name.into_owned() });
             (u32::MAX, false)
         })
     }

@@ -354,6 +354,13 @@ fn compile(gpu: &Gpu, declaration: &Declaration, plan: &Plan, physical: &[Physic
 }
 
 impl Compiled {
+    /// Adds a barrier to those from `first` on, to one of them where that says the same.
+    fn add_memory(&mut self, first: usize, new: MemoryBarrier) {
+        if !self.memory[first..].iter_mut().any(|known| known.join(&new)) {
+            self.memory.push(new);
+        }
+    }
+
     /// Adds the barriers of one place. Those that leave layout and owner alone need not name what they are for.
     fn stop(&mut self, gpu: &Gpu, declaration: &Declaration, batch: &[Barrier], physical: &[Physical]) {
         let first = self.memory.len();
@@ -365,10 +372,7 @@ impl Compiled {
             let image = match &physical[b.resource as usize] {
                 Physical::Image(image) if b.layout_from != b.layout_to || families.is_some() => image,
                 Physical::Image(_) | Physical::Buffer(_) => {
-                    let new = MemoryBarrier::new(b.from, b.to);
-                    if !self.memory[first..].iter_mut().any(|known| known.join(&new)) {
-                        self.memory.push(new);
-                    }
+                    self.add_memory(first, MemoryBarrier::new(b.from, b.to));
                     continue;
                 }
                 Physical::Unused => continue,
@@ -378,6 +382,10 @@ impl Compiled {
             }
             if !declaration.resources[b.resource as usize].is_transient() {
                 self.patches.push((self.images.len() as u32, b.resource));
+            }
+            if b.discard && !b.from.is_empty() {
+                // The bytes were another object's: a barrier on the new image alone says nothing of what was written through it.
+                self.add_memory(first, MemoryBarrier::new(b.from, b.to));
             }
             let layouts = (b.layout_from, b.layout_to);
             self.images.push(ImageBarrier::new(image, b.part, (b.from, b.to), layouts, families));

@@ -121,7 +121,7 @@ fn trails(crumbs: &[Crumb], declaration: &Declaration, plan: &Plan) -> Vec<Trail
         own().next()?;
         Some(Trail {
             queue,
-            last_begun: own().filter(|p| at(p).begun).last().map(name),
+            last_begun: own().rev().find(|p| at(p).begun).map(name),
             first_unfinished: own().find(|p| !at(p).ended).map(name),
         })
     };
