@@ -6,7 +6,7 @@ use magpie::{
     config::Config,
     graph::{
         Declaration, Plan,
-        dump::{self, Gains},
+        dump::{Dump, Gains},
     },
     measure::{Recorder, Report, Run, chrome_trace, pass_table},
 };
@@ -153,11 +153,12 @@ fn write_outputs(
         output.write_text(&chrome_trace(recorder.frames()).to_string())?;
     }
     if let (Some(output), Some(LastFrame { declaration, plan, .. })) = (&outputs.graph, last) {
+        let dump = Dump::new(declaration, plan).overlap(report.graph.overlap_ms.filter(|_| report.graph.queues > 1));
         output.write_text(&match output.ending() {
-            "json" => dump::json(declaration, plan),
-            "dot" => dump::dot(declaration, plan),
-            "html" => dump::html(declaration, plan),
-            _ => dump::text(declaration, plan),
+            "json" => dump.json(),
+            "dot" => dump.dot(),
+            "html" => dump.html(),
+            _ => dump.text(),
         })?;
     }
     Ok(())

@@ -37,7 +37,7 @@ impl<'a> Dump<'a> {
         Self { declaration, plan, gains: Gains::of(plan) }
     }
 
-    /// With the time that queues worked beside each other, milliseconds.
+    /// With the time that queues saved by working beside each other, milliseconds.
     #[must_use]
     pub fn overlap(mut self, ms: Option<f64>) -> Self {
         self.gains.overlap_ms = ms;

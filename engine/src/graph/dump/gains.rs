@@ -35,7 +35,7 @@ pub struct Gains {
     pub batches: usize,
     /// Waits of one batch for another on another queue.
     pub waits: usize,
-    /// Time that queues worked beside each other, milliseconds; none where it was not measured.
+    /// Busy time of all queues together, less the time in which any of them worked, milliseconds; none where it was not measured.
     pub overlap_ms: Option<f64>,
 }
 

@@ -22,7 +22,7 @@ pub(super) fn gains(gains: &Gains) -> String {
         format!("<div><dt>{name}</dt><dd>{value}<small>{note}</small></dd></div>")
     };
     let overlap = match gains.overlap_ms {
-        Some(ms) => figure("Overlap of queues", format!("{ms:.3} ms"), "two or more at work".to_owned()),
+        Some(ms) => figure("Overlap of queues", format!("{ms:.3} ms"), "saved by running side by side".to_owned()),
         None => String::new(),
     };
     let unstored = match gains.unstored {
