@@ -51,6 +51,42 @@ pub enum Command {
     },
     /// Render without a window and print the pass table
     Render(Box<RenderArguments>),
+    /// Measure parts of the engine
+    #[command(arg_required_else_help = false)]
+    Bench {
+        /// What is measured
+        #[command(subcommand)]
+        what: Bench,
+    },
+}
+
+/// What `magpie bench` measures.
+#[derive(Debug, Subcommand)]
+pub enum Bench {
+    /// CPU time per pass of the frame graph, beside hand-written Vulkan and other graphs
+    Graph(BenchGraphArguments),
+}
+
+/// Arguments of `magpie bench graph`.
+#[derive(Args, Debug)]
+pub struct BenchGraphArguments {
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Numbers of passes, separated by commas
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "10,100,1000,10000", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(magpie_bench::MAX_PASSES)))]
+    pub passes: Vec<u32>,
+    /// Measured frames of each contestant and size; without it a number that suits the size
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(magpie_bench::MAX_REPEAT)))]
+    pub repeat: Option<u32>,
+    /// A run of seconds: 10 and 100 passes, 5 frames
+    #[arg(long, conflicts_with_all = ["passes", "repeat"])]
+    pub quick: bool,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
 }
 
 /// Arguments of `magpie render`.
@@ -260,6 +296,20 @@ mod tests {
         for bad in ["", ":", "a", "a:", ":b", "a:b:c"] {
             assert!(bad.parse::<ViewName>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn json_of_a_benchmark_goes_to_a_file_or_to_standard_output() {
+        let parse = |arguments: &[&str]| {
+            let arguments = Arguments::try_parse_from([&["magpie", "bench", "graph"][..], arguments].concat()).unwrap();
+            let Command::Bench { what: Bench::Graph(graph) } = arguments.command else { panic!("another command") };
+            graph
+        };
+        let plain = parse(&[]);
+        assert_eq!((plain.json, plain.passes), (None, vec![10, 100, 1_000, 10_000]));
+        let shown = parse(&["--json", "--passes", "7,30", "--repeat", "9"]);
+        assert_eq!((shown.json, shown.passes, shown.repeat), (Some(None), vec![7, 30], Some(9)));
+        assert_eq!(parse(&["--json", "f.json", "--quick"]).json, Some(Some(PathBuf::from("f.json"))));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The command line of Magpie as a library: parsing, printing and files; everything else is the engine's.
 
 mod args;
+mod bench;
 mod commands;
 mod console;
 mod exit;
@@ -14,7 +15,7 @@ use std::ffi::OsString;
 
 use clap::Parser;
 
-pub use args::{Arguments, Command, Extent, Loudness, Rays, RenderArguments, ViewName};
+pub use args::{Arguments, Bench, BenchGraphArguments, Command, Extent, Loudness, Rays, RenderArguments, ViewName};
 pub use exit::Failure;
 pub use picture::{PictureError, write_exr, write_png};
 pub use render::render;
@@ -33,6 +34,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes => commands::scenes(),
         Command::Stages { json } => commands::stages(*json),
+        Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
         Command::Render(render) => render::render(render, &arguments.loudness),
     };
     match done {

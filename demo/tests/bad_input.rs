@@ -129,6 +129,20 @@ fn arguments() {
         (&["render", "s.json", "--timings", "s.json"], &["--timings", "s.json", "overwrite the scene"]),
         (&["-v", "--quiet", "scenes"], &["--quiet", "--verbose"]),
         (&["stages", "--json=maybe"], &["--json"]),
+        (&["bench"], &["subcommand", "graph"]),
+        (&["bench", "speed"], &["speed"]),
+        (&["bench", "graph", "extra"], &["extra"]),
+        (&["bench", "graph", "--passes", "0"], &["--passes", "1..=100000"]),
+        (&["bench", "graph", "--passes", "10,,20"], &["--passes"]),
+        (&["bench", "graph", "--passes", "10,many"], &["--passes", "many"]),
+        (&["bench", "graph", "--passes", "-5"], &["--passes", "-5"]),
+        (&["bench", "graph", "--passes", "100001"], &["--passes", "1..=100000"]),
+        (&["bench", "graph", "--passes"], &["--passes"]),
+        (&["bench", "graph", "--repeat", "0"], &["--repeat", "1..=100000"]),
+        (&["bench", "graph", "--repeat", "4.5"], &["--repeat", "4.5"]),
+        (&["bench", "graph", "--quick", "--repeat", "3"], &["--quick", "--repeat"]),
+        (&["bench", "graph", "--json", "o.txt"], &["--json", "o.txt", ".json"]),
+        (&["bench", "graph", "--json", "none/o.json"], &["--json", "none", "does not exist"]),
     ];
     for (arguments, names) in cases {
         refused(folder.path(), arguments, 2, names);
@@ -392,5 +406,6 @@ fn no_device() {
     refused(folder.path(), &["devices", "--json"], 3, names);
     refused(folder.path(), &[&["render", "builtin:cornell"][..], &OUTPUTS].concat(), 3, names);
     refused(folder.path(), &["render", "builtin:cornell", "--device", "99", "--check"], 3, &[]);
+    refused(folder.path(), &["bench", "graph", "--json", "o.json"], 3, &[]);
     refused(folder.path(), &["render", "builtin:cornell", "--rays", "query"], 2, &["--rays query", "software"]);
 }

@@ -6,6 +6,7 @@
 mod compile;
 mod types;
 
+pub mod bench;
 pub mod check;
 pub mod compose;
 pub mod direct;

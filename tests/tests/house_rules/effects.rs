@@ -86,8 +86,8 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
             format!("image test: a test `{effect}` or `{effect}_…` in tests/tests/images"),
         );
     }
-    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph.
-    let others = BTreeSet::from(["src", "tests", "lib", "check"]);
+    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark.
+    let others = BTreeSet::from(["src", "tests", "lib", "check", "bench"]);
     for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
         faults.push(format!("shaders/{folder} has no passes/src/{folder}"));
     }
@@ -143,6 +143,7 @@ fn an_effect_that_lacks_a_folder_is_found() {
         ("shaders/src/sky.rs", ""),
         ("shaders/lib/rng.glsl", ""),
         ("shaders/check/nan.comp", ""),
+        ("shaders/bench/buffer.comp", ""),
     ];
     assert_eq!(four_folders(&Tree::of(&whole)), [""; 0]);
     for (missing, part) in

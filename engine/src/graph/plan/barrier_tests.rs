@@ -102,12 +102,8 @@ fn writes_wait_for_writes() {
     let x = g.pass("again", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
     g.output(x.read());
     let general = (Layout::General, Layout::General);
-    let expected = [
-        vec![first()],
-        vec![step(&[WRITE], &[CHANGE], general)],
-        vec![step(&[CHANGE], &[CHANGE], general)],
-        vec![],
-    ];
+    let expected =
+        [vec![first()], vec![step(&[WRITE], &[CHANGE], general)], vec![step(&[CHANGE], &[CHANGE], general)], vec![]];
     assert_eq!(before(g, 0), expected);
 }
 

@@ -1,0 +1,30 @@
+//! `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
+//!
+//! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` says
+//! what is measured and how.
+
+mod allocations;
+mod clock;
+mod contestant;
+mod floor;
+mod magpie;
+mod report;
+mod run;
+#[cfg(feature = "peers")]
+mod vk_graph;
+#[cfg(feature = "peers")]
+mod vulkano;
+mod work;
+
+pub use self::magpie::Magpie;
+#[cfg(feature = "peers")]
+pub use self::vk_graph::VkGraph;
+#[cfg(feature = "peers")]
+pub use self::vulkano::Taskgraph;
+pub use allocations::allocations;
+pub use clock::{Clock, RETIRE};
+pub use contestant::{BenchError, Contestant, Frame};
+pub use floor::Floor;
+pub use report::{Entry, Growth, LeftOut, Phase, Report, Row};
+pub use run::{MAX_PASSES, MAX_REPEAT, Options, QUICK_PASSES, run};
+pub use work::{Variant, Work};
