@@ -162,7 +162,7 @@ fn failure(error: RenderError) -> Failure {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),
         RenderError::Scene(ResidentError::Ray(error)) => Failure::input(error),
-        RenderError::Config(error) => error.into(),
+        RenderError::Config(error) => (*error).into(),
         RenderError::View(error @ (GraphError::UnknownPass { .. } | GraphError::UnknownOutput { .. })) => {
             Failure::input(error).context("--view")
         }

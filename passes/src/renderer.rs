@@ -75,7 +75,7 @@ pub enum RenderError {
     Stage(#[from] StageError),
     /// No such slot, implementation or setting.
     #[error(transparent)]
-    Config(#[from] ConfigError),
+    Config(Box<ConfigError>),
     /// The scene could not be brought to the device.
     #[error("scene: {0}")]
     Scene(#[from] ResidentError),
@@ -219,7 +219,7 @@ impl Renderer {
     pub fn swap(&mut self, slot: &str, implementation: &str) -> Result<(), RenderError> {
         let mut over = Config::default();
         over.stages.insert(slot.to_owned(), implementation.to_owned());
-        self.slots.catalogue().check(&over, "swap")?;
+        self.slots.catalogue().check(&over, "swap").map_err(wrong)?;
         let mut config = self.config.clone();
         config.merge(over);
         self.put_in_place(config)
@@ -231,7 +231,7 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::swap`], and for settings that do not suit. Nothing has changed then.
     pub fn configure(&mut self, config: &Config) -> Result<(), RenderError> {
-        self.slots.catalogue().check(config, "configure")?;
+        self.slots.catalogue().check(config, "configure").map_err(wrong)?;
         self.put_in_place(config.clone())
     }
 
@@ -344,4 +344,8 @@ impl Renderer {
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
         Ok(Some(FrameResult { sample, images, findings, declaration, plan }))
     }
+}
+
+fn wrong(error: ConfigError) -> RenderError {
+    RenderError::Config(Box::new(error))
 }

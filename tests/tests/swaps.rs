@@ -129,7 +129,9 @@ impl Run {
 
 fn configuration(changes: &[&str]) -> Result<Config> {
     let mut config = Config::default();
-    changes.iter().try_for_each(|change| config.set(change))?;
+    for change in changes {
+        config.set(change)?;
+    }
     Ok(config)
 }
 
