@@ -53,18 +53,21 @@ impl MemoryBarrier {
         )
     }
 
-    /// One barrier that does what both do, where they differ only in what they wait for or in who waits.
+    /// One barrier that does what both do, where they differ only in what they wait for, in who waits, or in kinds of access: the
+    /// same stages wait for the same stages.
     pub fn join(&mut self, other: &Self) -> bool {
         let (a, b) = (&mut self.0, &other.0);
         let same_from = (a.src_stage_mask, a.src_access_mask) == (b.src_stage_mask, b.src_access_mask);
         let same_to = (a.dst_stage_mask, a.dst_access_mask) == (b.dst_stage_mask, b.dst_access_mask);
-        if same_from || same_to {
+        let same_stages = (a.src_stage_mask, a.dst_stage_mask) == (b.src_stage_mask, b.dst_stage_mask);
+        let joins = same_from || same_to || same_stages;
+        if joins {
             a.src_stage_mask |= b.src_stage_mask;
             a.src_access_mask |= b.src_access_mask;
             a.dst_stage_mask |= b.dst_stage_mask;
             a.dst_access_mask |= b.dst_access_mask;
         }
-        same_from || same_to
+        joins
     }
 }
 
