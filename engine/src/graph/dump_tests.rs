@@ -69,7 +69,7 @@ fn text_reads_as_words() {
     let expected = "\
 frame of 16x8, planned for the queues graphics, async compute and transfer
 transient memory: 3328 bytes unaliased, 2816 bytes as placed (85 %, 1.00 times the lower bound of 2816 bytes)
-graph: 7 passes (1 culled), 16 barriers (2.3 per pass), 5 batches, 3 waits between queues
+graph: 7 passes (1 culled), 17 barriers (2.4 per pass), 5 batches, 3 waits between queues
 
 passes
 batch 0 on graphics

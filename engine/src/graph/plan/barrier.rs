@@ -242,11 +242,7 @@ impl<'a> Writer<'a> {
         let on_graphics = leader == Queue::Graphics;
         // Imports were last used on the graphics queue; what the others do comes after the frame before, as a whole.
         let knows = self.input.declaration.resources[group.resource as usize].is_transient() || on_graphics;
-        let from = match (knows, moves) {
-            (true, _) => start.from,
-            (false, true) => Uses::WAITED, // the opening of the frame
-            (false, false) => Uses::EMPTY,
-        };
+        let from = if knows { start.from } else { Uses::EMPTY };
         let seen = !group.write && start.visible.includes(group.uses[q]);
         if moves || (!from.is_empty() && !seen) {
             let barrier = self.barrier(group, from, group.uses[q], start.layout);
