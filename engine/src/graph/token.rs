@@ -3,7 +3,7 @@
 use super::desc::Part;
 
 macro_rules! tokens {
-    ($($(#[$doc:meta])* $name:ident)*) => {
+    ($($(#[$doc:meta])* $name:ident $({ $(#[$more:meta])* $field:ident: $kind:ty })?)*) => {
         $(
             $(#[$doc])*
             #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,36 +12,23 @@ macro_rules! tokens {
                 pub(crate) resource: u32,
                 /// Index of the pass that declared the use: the only one that may record with it.
                 pub(crate) pass: u32,
+                $($(#[$more])* pub(crate) $field: $kind,)?
             }
         )*
     };
-}
-
-macro_rules! image_tokens {
-    ($($(#[$doc:meta])* $name:ident)*) => {
-        $(
-            $(#[$doc])*
-            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-            pub struct $name {
-                /// Index into the declaration's resources.
-                pub(crate) resource: u32,
-                /// Index of the pass that declared the use: the only one that may record with it.
-                pub(crate) pass: u32,
-                /// How much of the image, counts resolved.
-                pub(crate) part: Part,
-            }
-        )*
-    };
-}
-
-image_tokens! {
-    /// An image, or a part of one, that this pass samples.
-    SampleToken
-    /// A storage image, or a part of one, that this pass reads or writes, as it declared.
-    StorageToken
 }
 
 tokens! {
+    /// An image, or a part of one, that this pass samples.
+    SampleToken {
+        /// How much of the image, counts resolved.
+        part: Part
+    }
+    /// A storage image, or a part of one, that this pass reads or writes, as it declared.
+    StorageToken {
+        /// How much of the image, counts resolved.
+        part: Part
+    }
     /// A colour attachment of this pass.
     ColorToken
     /// The depth attachment of this pass.

@@ -221,10 +221,9 @@ impl Pool {
                 barriers.images[barrier as usize].set_image(image);
             }
         }
-        if !barriers.patches.is_empty() || !barriers.stops.is_empty() {
-            return Ok(());
+        if barriers.stops.is_empty() {
+            *barriers = compile(gpu, &entry.declaration, &entry.plan, physical);
         }
-        *barriers = compile(gpu, &entry.declaration, &entry.plan, physical);
         Ok(())
     }
 
