@@ -59,18 +59,32 @@ fn build() -> Result<()> {
     for folder in folders()? {
         for file in files(&folder, "")? {
             let file_name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let Some(stage) = compile::Stage::of_file(&file_name) else { continue };
             let effect = stem(&folder);
             let name = format!("{effect}/{file_name}");
-            let words = compile::compile_with(&name, &fs::read_to_string(&file)?, stage, &[], &mut texts)?;
-            let spv = out.join(format!("{effect}.{file_name}.spv"));
-            fs::write(&spv, words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>())?;
+            let source = || fs::read_to_string(&file);
             let constant = format!("{effect}_{}", file_name.replace('.', "_")).to_uppercase();
-            let _ = writeln!(
-                code,
-                "/// `{name}`\npub static {constant}: Shader = Shader {{ name: {name:?}, stage: Stage::{stage:?}, spirv: include_bytes!({spv:?}) }};"
-            );
-            let _ = write!(listed, "&{constant}, ");
+            let mut embed = |stage: compile::Stage, way: &str, defines: &[(&str, Option<&str>)]| -> Result<String> {
+                let words = compile::compile_with(&name, &source()?, stage, defines, &mut texts)?;
+                let spv = out.join(format!("{effect}.{file_name}{way}.spv"));
+                fs::write(&spv, words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>())?;
+                Ok(format!("Shader {{ name: {name:?}, stage: Stage::{stage:?}, spirv: include_bytes!({spv:?}) }}"))
+            };
+            if file_name.ends_with(".ray") {
+                let mut ways = String::new();
+                for (at, rays) in compile::Rays::ALL.into_iter().enumerate() {
+                    let shader = embed(rays.stage(), &format!(".{rays}"), &[(rays.define(), None)])?;
+                    let _ = write!(ways, "{shader}, ");
+                    let _ = write!(listed, "&{constant}.ways[{at}], ");
+                }
+                let _ = writeln!(
+                    code,
+                    "/// `{name}`\npub static {constant}: RayShader = RayShader {{ name: {name:?}, ways: [{ways}] }};"
+                );
+            } else if let Some(stage) = compile::Stage::of_file(&file_name) {
+                let shader = embed(stage, "", &[])?;
+                let _ = writeln!(code, "/// `{name}`\npub static {constant}: Shader = {shader};");
+                let _ = write!(listed, "&{constant}, ");
+            }
         }
     }
     let _ = writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{listed}];");

@@ -93,7 +93,7 @@ fn main() -> anyhow::Result<()> {
     let (slots, config) = slots_with_vignette(0.8)?;
     let gpu = Gpu::new(&GpuOptions::default())?;
     let scene = magpie::scene::builtin("courtyard").ok_or_else(|| anyhow::anyhow!("no such scene"))?;
-    let options = RenderOptions { width: 320, height: 180, seed: 0, check: false };
+    let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
     let frame = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
     let result = renderer.frame(frame)?.ok_or_else(|| anyhow::anyhow!("a size of zero shows nothing"))?;

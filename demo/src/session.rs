@@ -89,7 +89,8 @@ impl Session {
     pub(crate) fn open(scene: &Scene, config: &Config, options: &Options<'_>) -> Result<Self, Failure> {
         let gpu = Gpu::new(&GpuOptions { device: options.device.map(str::to_owned), validation: options.check })?;
         let Extent { width, height } = options.size;
-        let render_options = RenderOptions { width, height, seed: options.seed, check: options.check };
+        let render_options =
+            RenderOptions { width, height, seed: options.seed, check: options.check, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
         let Options { switches, statistics, breadcrumbs, .. } = *options;
         renderer.set_execution(ExecuteOptions { switches, statistics, breadcrumbs, ..renderer.execution() });

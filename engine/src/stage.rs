@@ -13,12 +13,13 @@ pub use filled::{Change, Filled};
 
 use std::{collections::BTreeMap, error::Error, fmt, sync::Arc};
 
+use magpie_shaders::{RayShader, Rays};
 use serde::Serialize;
 
 use crate::{
     config::{Suggestion, Value},
     frame::View,
-    gpu::Gpu,
+    gpu::{Gpu, RayKernel},
     graph::FrameGraph,
 };
 
@@ -40,6 +41,18 @@ pub type BoxedEffect<In, Out> = Box<dyn Effect<In = In, Out = Out>>;
 pub struct Build<'a> {
     /// The device on which it makes its pipelines.
     pub gpu: &'a Gpu,
+    /// How rays are traced.
+    pub rays: Rays,
+}
+
+impl Build<'_> {
+    /// The pipeline of a ray pass, for the way that rays are traced.
+    ///
+    /// # Errors
+    /// [`StageError`] where it cannot be made.
+    pub fn ray_kernel(&self, shader: &RayShader) -> Result<RayKernel, StageError> {
+        self.gpu.ray_kernel(shader, self.rays).map_err(StageError::other)
+    }
 }
 
 /// Values that a setting may take.

@@ -47,17 +47,16 @@ impl Stages {
     ///
     /// # Errors
     /// [`StageError`] for an unknown name or setting, or a pipeline that cannot be made.
-    pub fn new(gpu: &Gpu, slots: &Slots, config: &Config) -> Result<Self, StageError> {
-        let build = Build { gpu };
+    pub fn new(build: &Build<'_>, slots: &Slots, config: &Config) -> Result<Self, StageError> {
         Ok(Self {
-            gbuffer: slots.gbuffer.from_config(&build, config)?,
-            shadows: slots.shadows.from_config(&build, config)?,
-            direct: slots.direct.from_config(&build, config)?,
-            gi: slots.gi.from_config(&build, config)?,
-            reflections: slots.reflections.from_config(&build, config)?,
-            compose: slots.compose.from_config(&build, config)?,
-            sky: slots.sky.from_config(&build, config)?,
-            post: slots.post.from_config(&build, config)?,
+            gbuffer: slots.gbuffer.from_config(build, config)?,
+            shadows: slots.shadows.from_config(build, config)?,
+            direct: slots.direct.from_config(build, config)?,
+            gi: slots.gi.from_config(build, config)?,
+            reflections: slots.reflections.from_config(build, config)?,
+            compose: slots.compose.from_config(build, config)?,
+            sky: slots.sky.from_config(build, config)?,
+            post: slots.post.from_config(build, config)?,
         })
     }
 
@@ -66,18 +65,17 @@ impl Stages {
     ///
     /// # Errors
     /// As [`Stages::new`]; then nothing has changed.
-    pub fn configure(&mut self, gpu: &Gpu, slots: &Slots, config: &Config) -> Result<(), StageError> {
-        let build = Build { gpu };
+    pub fn configure(&mut self, build: &Build<'_>, slots: &Slots, config: &Config) -> Result<(), StageError> {
         // Everything is made before anything takes its place.
         let changes = [
-            slots.gbuffer.change(&mut self.gbuffer, &build, config)?,
-            slots.shadows.change(&mut self.shadows, &build, config)?,
-            slots.direct.change(&mut self.direct, &build, config)?,
-            slots.gi.change(&mut self.gi, &build, config)?,
-            slots.reflections.change(&mut self.reflections, &build, config)?,
-            slots.compose.change(&mut self.compose, &build, config)?,
-            slots.sky.change(&mut self.sky, &build, config)?,
-            slots.post.change(&mut self.post, &build, config)?,
+            slots.gbuffer.change(&mut self.gbuffer, build, config)?,
+            slots.shadows.change(&mut self.shadows, build, config)?,
+            slots.direct.change(&mut self.direct, build, config)?,
+            slots.gi.change(&mut self.gi, build, config)?,
+            slots.reflections.change(&mut self.reflections, build, config)?,
+            slots.compose.change(&mut self.compose, build, config)?,
+            slots.sky.change(&mut self.sky, build, config)?,
+            slots.post.change(&mut self.post, build, config)?,
         ];
         changes.into_iter().flatten().for_each(|change| change());
         Ok(())

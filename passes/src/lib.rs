@@ -15,7 +15,7 @@
 //! config.set("post.exposure=0.5")?;
 //! let mut scene = magpie::scene::load(Path::new("scene.gltf"))?;
 //! magpie::scene::supply_missing(&mut scene); // a camera, a sun and a sky, where the file has none
-//! let options = RenderOptions { width: 1280, height: 720, seed: 0, check: false };
+//! let options = RenderOptions { width: 1280, height: 720, seed: 0, check: false, ..RenderOptions::default() };
 //! let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
 //! let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
 //! if let Some(frame) = frame {

@@ -14,14 +14,15 @@ use magpie::graph::{
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
 use magpie::scene::{Camera, ResidentError, ResidentScene, Scene};
-use magpie::stage::StageError;
+use magpie::stage::{Build, StageError};
+use magpie_shaders::Rays;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// How to render.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct RenderOptions {
     /// Pixels from left to right, or 0: minimised.
     pub width: u32,
@@ -31,6 +32,8 @@ pub struct RenderOptions {
     pub seed: u32,
     /// Scan every pass output for NaN and infinity, and ask the validation layers.
     pub check: bool,
+    /// How rays are traced; the device must be able to.
+    pub rays: Rays,
 }
 
 /// One frame, as it is asked for.
@@ -163,7 +166,7 @@ impl Renderer {
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
-            stages: Stages::new(gpu, slots, config)?,
+            stages: Stages::new(&Build { gpu, rays: options.rays }, slots, config)?,
             slots: slots.clone(),
             config: config.clone(),
             view: ViewBlock::new(gpu)?,
@@ -236,7 +239,8 @@ impl Renderer {
     }
 
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
-        self.stages.configure(&self.gpu, &self.slots, &config)?;
+        let build = Build { gpu: &self.gpu, rays: self.options.rays };
+        self.stages.configure(&build, &self.slots, &config)?;
         self.config = config;
         Ok(())
     }

@@ -17,10 +17,11 @@ struct TriangleRay {
     vec3 shear;    // x/z, y/z and 1/z of the permuted direction
 };
 
-struct TriangleHit {
+// On a triangle, or on a sphere.
+struct SurfaceHit {
     float t;
-    vec2 barycentric;  // weights of the second and third corner
-    bool front;        // the ray meets the side from which the corners run counter-clockwise
+    vec2 barycentric;  // weights of the second and third corner; zero on a sphere
+    bool front;        // the ray meets the side from which the corners run counter-clockwise, or the outside
 };
 
 // Smaller direction components count as this. Over any distance that f32 resolves in a scene the ray moves by less than a
@@ -96,7 +97,7 @@ uint hit_children(BvhNode node, BoxRay ray, float t_min, float t_max)
 // The edge values of an edge that two triangles share are exact opposites, and as rounding is monotone none has the wrong
 // sign: at worst it is zero, which counts as inside. So there is no crack between them, and the paper's second try in double
 // precision, which decides between the two, is not needed. Products must not be contracted for that, hence `precise`.
-bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float t_max, out TriangleHit hit)
+bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float t_max, out SurfaceHit hit)
 {
     precise vec3 a = axis_to_z(v0 - ray.origin, ray.axis);
     precise vec3 b = axis_to_z(v1 - ray.origin, ray.axis);
@@ -107,7 +108,7 @@ bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float
     precise float u = r.x * q.y - r.y * q.x;
     precise float v = p.x * r.y - p.y * r.x;
     precise float w = q.x * p.y - q.y * p.x;
-    hit = TriangleHit(t_max, vec2(0.0), false);
+    hit = SurfaceHit(t_max, vec2(0.0), false);
     if (min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0) {
         return false;
     }
@@ -120,7 +121,37 @@ bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float
     if (!(t > t_min && t < t_max)) {
         return false;
     }
-    hit = TriangleHit(t, vec2(v, w) / determinant, (determinant > 0.0) == (ray.shear.z > 0.0));
+    hit = SurfaceHit(t, vec2(v, w) / determinant, (determinant > 0.0) == (ray.shear.z > 0.0));
+    return true;
+}
+
+// The nearer point of a sphere inside of the range, else the further one. The discriminant is the squared radius minus the squared
+// distance of the centre from the line, and the roots come without a difference of near numbers (Haines, Guenther and
+// Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, chapter 7).
+bool hit_sphere(vec3 origin, vec3 direction, vec3 centre, float radius, float t_min, float t_max, out SurfaceHit hit)
+{
+    hit = SurfaceHit(t_max, vec2(0.0), false);
+    vec3 f = origin - centre;
+    float a = dot(direction, direction);
+    float b = -dot(f, direction);
+    vec3 beside = f + (b / a) * direction;
+    float discriminant = radius * radius - dot(beside, beside);
+    // The form also refuses a NaN.
+    if (!(discriminant >= 0.0)) {
+        return false;
+    }
+    float c = dot(f, f) - radius * radius;
+    float q = b + (b < 0.0 ? -1.0 : 1.0) * sqrt(a * discriminant);
+    float first = c / q;
+    float second = q / a;
+    float near = min(first, second);
+    float far = max(first, second);
+    bool outside = near > t_min && near < t_max;
+    float t = outside ? near : far;
+    if (!(t > t_min && t < t_max)) {
+        return false;
+    }
+    hit = SurfaceHit(t, vec2(0.0), outside);
     return true;
 }
 

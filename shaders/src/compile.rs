@@ -15,6 +15,16 @@ pub enum Stage {
     Fragment,
     /// Compute shader (`.comp`).
     Compute,
+    /// Ray-generation shader: a ray pass (`.ray`) as the pipeline backend compiles it.
+    RayGeneration,
+    /// Closest-hit shader (`.rchit`).
+    ClosestHit,
+    /// Any-hit shader (`.rahit`).
+    AnyHit,
+    /// Intersection shader (`.rint`).
+    Intersection,
+    /// Miss shader (`.rmiss`).
+    Miss,
 }
 
 impl Stage {
@@ -24,8 +34,58 @@ impl Stage {
             "vert" => Some(Self::Vertex),
             "frag" => Some(Self::Fragment),
             "comp" => Some(Self::Compute),
+            "rchit" => Some(Self::ClosestHit),
+            "rahit" => Some(Self::AnyHit),
+            "rint" => Some(Self::Intersection),
+            "rmiss" => Some(Self::Miss),
             _ => None,
         }
+    }
+}
+
+/// How rays are traced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Rays {
+    /// Magpie's own tree, walked by compute shaders: on every device.
+    #[default]
+    Software,
+    /// The driver's ray queries, in compute shaders.
+    Query,
+    /// The driver's ray-tracing pipeline.
+    Pipeline,
+}
+
+impl Rays {
+    /// Every way.
+    pub const ALL: [Self; 3] = [Self::Software, Self::Query, Self::Pipeline];
+
+    /// Its name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Software => "software",
+            Self::Query => "query",
+            Self::Pipeline => "pipeline",
+        }
+    }
+
+    /// The stage that a ray pass (`*.ray`) becomes.
+    pub fn stage(self) -> Stage {
+        if self == Self::Pipeline { Stage::RayGeneration } else { Stage::Compute }
+    }
+
+    /// What is defined while a ray pass is compiled.
+    pub fn define(self) -> &'static str {
+        match self {
+            Self::Software => "RAYS_SOFTWARE",
+            Self::Query => "RAYS_QUERY",
+            Self::Pipeline => "RAYS_PIPELINE",
+        }
+    }
+}
+
+impl std::fmt::Display for Rays {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -107,6 +167,11 @@ pub fn compile_with(
         Stage::Vertex => ShaderStage::Vertex,
         Stage::Fragment => ShaderStage::Fragment,
         Stage::Compute => ShaderStage::Compute,
+        Stage::RayGeneration => ShaderStage::RayGeneration,
+        Stage::ClosestHit => ShaderStage::ClosestHit,
+        Stage::AnyHit => ShaderStage::AnyHit,
+        Stage::Intersection => ShaderStage::Intersect,
+        Stage::Miss => ShaderStage::Miss,
     };
     let mut handler = Handler(includes);
     let input = ShaderInput::new(&text, glslang_stage, &options, Some(defines), Some(&mut handler)).map_err(failed)?;

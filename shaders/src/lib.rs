@@ -18,7 +18,7 @@ pub mod sky;
 pub mod sky_light;
 pub mod view;
 
-pub use compile::{CompileError, Includes, Stage, compile_with};
+pub use compile::{CompileError, Includes, Rays, Stage, compile_with};
 pub use types::{Address, SampledImage, SamplerId, StorageImage};
 
 /// A compiled shader.
@@ -30,6 +30,22 @@ pub struct Shader {
     pub stage: Stage,
     /// SPIR-V 1.6, little endian.
     pub spirv: &'static [u8],
+}
+
+/// A ray pass, compiled for every way to trace.
+#[derive(Clone, Copy, Debug)]
+pub struct RayShader {
+    /// Folder and file, such as `shadows/trace.ray`.
+    pub name: &'static str,
+    /// One per [`Rays`], in the order of [`Rays::ALL`].
+    pub ways: [Shader; 3],
+}
+
+impl RayShader {
+    /// As this way wants it.
+    pub fn way(&self, rays: Rays) -> &Shader {
+        &self.ways[rays as usize]
+    }
 }
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
@@ -48,4 +64,12 @@ impl Includes for Embedded {
 /// [`CompileError`] with glslang's message; a warning counts as an error.
 pub fn compile(name: &str, source: &str, stage: Stage) -> Result<Vec<u32>, CompileError> {
     compile_with(name, source, stage, &[], &mut Embedded)
+}
+
+/// Compiles a ray pass at run time for one way to trace.
+///
+/// # Errors
+/// As [`compile`].
+pub fn compile_rays(name: &str, source: &str, rays: Rays) -> Result<Vec<u32>, CompileError> {
+    compile_with(name, source, rays.stage(), &[(rays.define(), None)], &mut Embedded)
 }

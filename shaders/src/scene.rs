@@ -18,6 +18,14 @@ pub const LIGHT_SPOT: u32 = 2;
 pub const LIGHT_RECTANGLE: u32 = 3;
 /// [`TextureSlot::image`] of a slot without a texture.
 pub const NO_TEXTURE: u32 = 4294967295;
+/// [`Instance::mask`] of what every ray sees.
+pub const INSTANCE_MASK_ALL: u32 = 255;
+/// [`Instance::flags`]: its material is alpha-tested.
+pub const INSTANCE_ALPHA_TEST: u32 = 1;
+/// [`Instance::flags`]: its material is double-sided, so that no ray goes through a face for its side.
+pub const INSTANCE_DOUBLE_SIDED: u32 = 2;
+/// [`Instance::flags`]: its mesh is spheres.
+pub const INSTANCE_SPHERES: u32 = 4;
 /// Entries of the stack that a ray's walk through both levels of the BVH has; a deeper tree is refused when it is built.
 pub const TRAVERSAL_STACK: u32 = 48;
 
@@ -33,7 +41,9 @@ pub struct Scene {
     pub materials: Address,
     /// [`Light`] table.
     pub lights: Address,
-    /// Top-level CWBVH: [`BvhNode`] table.
+    /// The driver's top-level acceleration structure; zero where rays are traced in software.
+    pub tlas: Address,
+    /// Top-level CWBVH: [`BvhNode`] table; zero where the driver traces.
     pub tlas_nodes: Address,
     /// Instance index of each top-level primitive, in the order of the tree (`u32`).
     pub tlas_instances: Address,
@@ -57,14 +67,22 @@ pub struct Instance {
     pub mesh: u32,
     /// Index of the material.
     pub material: u32,
+    /// Rays see it where they share a bit; 8 bits.
+    pub mask: u32,
+    /// `INSTANCE_*` bits.
+    pub flags: u32,
+    /// Greatest distance by which `f32` arithmetic moves a point of it in the world, metres.
+    pub rounding: f32,
 }
 
-/// Geometry of one material: vertex tables, and its bottom-level CWBVH in object space.
+/// Geometry of one material: vertex tables, and its bottom-level CWBVH in object space; or spheres.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Mesh {
-    /// Vertex positions, three `f32` each.
+    /// Vertex positions, three `f32` each; of spheres, centre and radius, four `f32` each.
     pub positions: Address,
+    /// Positions one frame ago; the same table where the mesh keeps its shape.
+    pub previous_positions: Address,
     /// [`VertexAttributes`] table.
     pub attributes: Address,
     /// Three `u32` per triangle.
@@ -73,8 +91,8 @@ pub struct Mesh {
     pub nodes: Address,
     /// [`BvhTriangle`] table in the order of the tree.
     pub triangles: Address,
-    /// How many triangles.
-    pub triangle_count: u32,
+    /// How many triangles or spheres.
+    pub primitive_count: u32,
 }
 
 /// What a vertex carries beside its position.

@@ -2,7 +2,7 @@
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::frame::{View, ViewBlock, ViewDesc};
-use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, RayKernel};
 use magpie::graph::check::{Finding, Poison, Scan, Trail, Unscanned};
 use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
@@ -11,6 +11,7 @@ use magpie::scene::{Camera, ResidentScene};
 use magpie_passes::frame::frame;
 use magpie_passes::stages::SceneHandles;
 use magpie_passes::{Slots, Stages};
+use magpie_shaders::Rays;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -101,6 +102,12 @@ impl Bench {
         Ok(self.gpu.kernel_from_words(name, &words)?)
     }
 
+    /// The pipeline of a ray pass from GLSL.
+    pub fn ray_kernel(&self, name: &str, glsl: &str, rays: Rays) -> Result<RayKernel> {
+        let words = magpie_shaders::compile_rays(name, glsl, rays)?;
+        Ok(self.gpu.ray_kernel_from_words(name, &words, rays)?)
+    }
+
     /// Runs the frame that `declare` makes, with the scan for NaN and infinity on every pass and the images of `wanted`
     /// (`pass:output`) copied as they were right after that pass. Messages of the validation layers are errors.
     pub fn run(
@@ -170,7 +177,8 @@ impl Bench {
         wanted: &[&str],
         first: impl FnOnce(&mut FrameGraph),
     ) -> Result<Ran> {
-        let mut stages = Stages::new(&self.gpu, &Slots::default(), config)?;
+        let mut stages =
+            Stages::new(&magpie::stage::Build { gpu: &self.gpu, rays: Rays::Software }, &Slots::default(), config)?;
         let gpu = self.gpu.clone();
         self.run(shot.extent, wanted, |g, imports| {
             first(g);

@@ -58,7 +58,7 @@ pub fn render(
     frames: u32,
     view: Option<(&str, &str)>,
 ) -> Result<FrameResult> {
-    let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: true };
+    let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, options)?;
     for frame in 1.. {
         let read_back = frame == frames;

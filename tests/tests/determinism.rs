@@ -9,7 +9,7 @@ const FRAMES: usize = 8;
 /// Images of every frame from a device of its own; `None` without a GPU.
 fn run(scene: &Scene) -> Result<Option<Vec<ReadBack>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
-    let options = RenderOptions { width: 160, height: 90, seed: 7, check: true };
+    let options = RenderOptions { width: 160, height: 90, seed: 7, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), &config(&[])?, options)?;
     let frames = (0..FRAMES).map(|_| {
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;

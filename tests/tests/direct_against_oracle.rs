@@ -122,7 +122,11 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let camera = &scene.cameras[0];
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();
-    let mut stages = Stages::new(&gpu, &Slots::default(), &config(&[])?)?;
+    let mut stages = Stages::new(
+        &magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software },
+        &Slots::default(),
+        &config(&[])?,
+    )?;
     let shot = Shot { scene: &resident, camera, extent: EXTENT };
     let wanted = [
         "gbuffer.draw:depth",

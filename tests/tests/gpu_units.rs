@@ -367,7 +367,11 @@ fn an_unknown_device_is_an_error_that_lists_the_known_ones() -> Result<()> {
 #[test]
 fn an_unknown_implementation_is_an_error_that_lists_the_known_ones() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let chosen = Slots::default().shadows.choose(&Build { gpu: &gpu }, "ray-trased", &Default::default());
+    let chosen = Slots::default().shadows.choose(
+        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software },
+        "ray-trased",
+        &Default::default(),
+    );
     match chosen.map(|_| ()) {
         Err(error @ StageError::UnknownImplementation { .. }) => {
             let text = error.to_string();

@@ -119,7 +119,7 @@ fn the_default_frame_on_the_device() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for (name, _) in BUILTIN {
         let scene = builtin(name)?;
-        let options = RenderOptions { width: 320, height: 180, seed: 0, check: false };
+        let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
         let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: false })?;
         let result = result.context("a size of zero")?;

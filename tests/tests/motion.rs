@@ -17,7 +17,9 @@ const EXTENT: Extent = Extent { width: 240, height: 135 };
 fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
     let resident = ResidentScene::new(&gpu, scene)?;
-    let mut gbuffer = Slots::default().gbuffer.from_config(&Build { gpu: &gpu }, &Config::default())?;
+    let mut gbuffer = Slots::default()
+        .gbuffer
+        .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
     let desc = |camera, previous_clip_from_world| ViewDesc {
         camera,
         extent: EXTENT,

@@ -192,7 +192,7 @@ fn one_that_shows_two_frames_later() -> Result<()> {
     config.set("stages.reflections=delayed")?;
     let [x, y] = ON_SURFACE;
     for check in [true, false] {
-        let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check };
+        let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &scene, &delayed_slots(), &config, options)?;
         for frame in 0..6 {
             if frame == 1 {
@@ -265,7 +265,7 @@ fn the_scan_changes_no_picture() -> Result<()> {
     for name in ["courtyard", "cornell"] {
         let scene = builtin(name)?;
         let run = |check| -> Result<Vec<u8>> {
-            let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 5, check };
+            let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 5, check, ..RenderOptions::default() };
             let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
             let mut bytes = Vec::new();
             for _ in 0..3 {
@@ -295,7 +295,7 @@ fn what_the_scan_costs() -> Result<()> {
     // Without validation layers, which cost far more.
     let gpu = Gpu::new(&GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), validation: false })?;
     let scene = builtin("courtyard")?;
-    let options = RenderOptions { width: 320, height: 180, seed: 0, check: true };
+    let options = RenderOptions { width: 320, height: 180, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
     // Of the same frames, so that both suffer alike from whatever else the machine does.
     let (mut scans, mut others) = (Vec::new(), Vec::new());

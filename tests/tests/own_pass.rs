@@ -16,7 +16,7 @@ const HEIGHT: u32 = 54;
 fn display(slots: &Slots, config: &Config) -> Result<Option<(Vec<u8>, Vec<String>)>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
-    let options = RenderOptions { width: WIDTH, height: HEIGHT, seed: 0, check: true };
+    let options = RenderOptions { width: WIDTH, height: HEIGHT, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, slots, config, options)?;
     let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
     let result = result.context("a size of zero")?;

@@ -34,8 +34,6 @@ const GLSL: &str = r#"#version 460
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/ray.glsl"
-#include "lib/ray_count.glsl"
-layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { uvec2 view_address; uvec2 rays; uint ids; uint geometry; };
 
 void main() {
@@ -51,19 +49,19 @@ void main() {
     bool found = false;
     while (traced < 64u && !found) {
         traced++;
-        if (!trace_closest(scene, Ray(view.at[0].eye, t_min, ray, 1e30), hit)) break;
+        if (!trace_closest(scene, make_ray(view.at[0].eye, t_min, ray, 1e30), hit)) break;
         Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
         uint flags = MaterialBuffer(scene.at[0].materials).at[instance.material].flags;
         found = hit.front || (flags & MATERIAL_DOUBLE_SIDED) != 0u;
         t_min = hit.t;
     }
     count_rays(rays, traced, 0u);
-    store_uint(ids, pixel, found ? uvec4(hit.instance + 1u, hit.triangle, 0u, 0u) : uvec4(0u));
+    store_uint(ids, pixel, found ? uvec4(hit.instance + 1u, hit.primitive, 0u, 0u) : uvec4(0u));
     vec3 normal = vec3(0.0);
     if (found) {
         Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
         Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
-        uvec3 corners = RayTriangleIndices(mesh.indices).at[hit.triangle];
+        uvec3 corners = TriangleBuffer(mesh.indices).at[hit.primitive];
         PositionBuffer positions = PositionBuffer(mesh.positions);
         // In the world, not by the inverse transpose as the raster does it.
         vec3 a = transform_vector(instance.world_from_object, positions.at[corners.y] - positions.at[corners.x]);
@@ -103,9 +101,11 @@ struct Both {
 }
 
 fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Both> {
-    let kernel = bench.kernel("raster_against_rays.comp", GLSL)?;
+    let kernel = bench.ray_kernel("raster_against_rays.ray", GLSL, magpie::prelude::Rays::Software)?;
     let gpu = bench.gpu.clone();
-    let mut gbuffer = Slots::default().gbuffer.from_config(&magpie::stage::Build { gpu: &gpu }, &Config::default())?;
+    let mut gbuffer = Slots::default()
+        .gbuffer
+        .from_config(&magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
     let shot = Shot { scene, camera, extent: EXTENT };
     let wanted =
         ["gbuffer.draw:depth", "gbuffer.draw:normal", "gbuffer.draw:ids", "test.rays:ids", "test.rays:geometry"];

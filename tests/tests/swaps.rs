@@ -105,7 +105,8 @@ impl Run {
     fn new(slots: &Slots, config: &Config) -> Result<Option<Self>> {
         let Some(gpu) = gpu()? else { return Ok(None) };
         let scene = builtin("cornell")?;
-        let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 1, check: false };
+        let options =
+            RenderOptions { width: SIZE[0], height: SIZE[1], seed: 1, check: false, ..RenderOptions::default() };
         let renderer = Renderer::new(&gpu, &scene, slots, config, options)?;
         Ok(Some(Self { gpu, scene, renderer }))
     }

@@ -26,7 +26,7 @@ fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Res
 
 fn same_under_all_switches(scene: &Scene) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 3, check: true };
+    let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 3, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), &config(&[])?, options)?;
     let expected = last_frame(&mut renderer, scene, Switches::default())?;
     ensure!(expected.linear.bytes.iter().any(|b| *b != 0), "{}: black", scene.name);

@@ -7,7 +7,7 @@ use magpie_tests::harness::{builtin, config, gpu};
 fn frames(size: [u32; 2], count: usize) -> Result<Option<Vec<FrameSample>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
-    let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: false };
+    let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: false, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
     let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
     let samples =

@@ -19,6 +19,7 @@ mod marker;
 mod pipeline;
 mod pipeline_cache;
 mod query;
+mod ray_pipeline;
 mod submit;
 
 pub(crate) use bindless::PassSet;
@@ -34,4 +35,5 @@ pub use image::{Image, ImageUse};
 pub(crate) use marker::Moment;
 pub use pipeline::{Kernel, RasterDesc, RasterKernel};
 pub(crate) use query::{Statistics, Timestamps};
+pub use ray_pipeline::RayKernel;
 pub(crate) use submit::Submission;

@@ -12,7 +12,7 @@ use super::{
         StorageToken, TraceToken,
     },
 };
-use crate::gpu::{self, CommandEncoder, Cull, DrawRange, ImageRegion, Kernel, RasterKernel};
+use crate::gpu::{self, CommandEncoder, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel};
 
 /// The object behind a resource of the declaration.
 #[derive(Clone)]
@@ -160,9 +160,11 @@ impl Record<'_> {
     ///
     /// # Panics
     /// As [`Record::dispatch`], and when the token belongs to another pass.
-    pub fn trace<P: Pod>(&mut self, kernel: Kernel, tlas: TraceToken, params: &P, extent: Extent) {
+    pub fn trace<P: Pod>(&mut self, kernel: RayKernel, tlas: TraceToken, params: &P, extent: Extent) {
         self.own(tlas.pass);
-        self.dispatch(kernel, params, extent);
+        match kernel {
+            RayKernel::Compute(kernel) => self.dispatch(kernel, params, extent),
+        }
     }
 
     /// Draws into the attachments that the pass declared.

@@ -88,7 +88,7 @@ impl ResidentScene {
         let material_table = tables.add(&materials);
         let lights: Vec<_> = scene.lights.iter().map(light).collect();
         let light_table = tables.add(&lights);
-        let instances: Vec<_> = scene.instances.iter().map(instance).collect();
+        let instances: Vec<_> = scene.instances.iter().map(|i| instance(scene, i)).collect();
         let instance_table = tables.add(&instances);
         let mesh_table = tables.add(&vec![shared::Mesh::default(); scene.meshes.len()]);
         let root_table = tables.add(&[shared::Scene::default()]);
@@ -97,11 +97,12 @@ impl ResidentScene {
         let meshes: Vec<_> = (0..scene.meshes.len())
             .map(|i| shared::Mesh {
                 positions: base.offset(vertex_offsets[i].0),
+                previous_positions: base.offset(vertex_offsets[i].0),
                 attributes: base.offset(vertex_offsets[i].1),
                 indices: indices.address().offset(index_offsets[i]),
                 nodes: bvh.address().offset(tree_offsets[i].0),
                 triangles: bvh.address().offset(tree_offsets[i].1),
-                triangle_count: (scene.meshes[i].indices.len() / 3) as u32,
+                primitive_count: (scene.meshes[i].indices.len() / 3) as u32,
             })
             .collect();
         tables.put(mesh_table, &meshes);
@@ -110,6 +111,7 @@ impl ResidentScene {
             meshes: base.offset(mesh_table),
             materials: base.offset(material_table),
             lights: base.offset(light_table),
+            tlas: Address::default(),
             tlas_nodes: bvh.address().offset(top_nodes),
             tlas_instances: bvh.address().offset(top_instances),
             instance_count: instances.len() as u32,
@@ -280,7 +282,10 @@ fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
 }
 
-fn instance(instance: &super::Instance) -> shared::Instance {
+fn instance(scene: &Scene, instance: &super::Instance) -> shared::Instance {
+    let material = &scene.materials[instance.material as usize];
+    let alpha_test = if material.alpha == AlphaMode::Opaque { 0 } else { shared::INSTANCE_ALPHA_TEST };
+    let double_sided = if material.double_sided { shared::INSTANCE_DOUBLE_SIDED } else { 0 };
     // The importer keeps no singular instance; a built-in or a user's one that is singular has no inside to trace.
     let inverse = object_from_world(&instance.world_from_object).unwrap_or(Affine3A::ZERO);
     shared::Instance {
@@ -289,6 +294,9 @@ fn instance(instance: &super::Instance) -> shared::Instance {
         previous_world_from_object: rows(&instance.world_from_object),
         mesh: instance.mesh,
         material: instance.material,
+        mask: shared::INSTANCE_MASK_ALL,
+        flags: alpha_test | double_sided,
+        rounding: 0.0,
     }
 }
 

@@ -10,7 +10,7 @@ pub fn stage() -> Stage<ShadowIn, ShadowOut> {
     Stage::new("shadows")
         .about("Where the key light (the sun, else the strongest lamp) is hidden.")
         .with("ray-traced", "One hard shadow ray per lit pixel.", &[], |build, _| {
-            Ok(Box::new(ray_traced::RayTraced::new(build.gpu)?))
+            Ok(Box::new(ray_traced::RayTraced::new(build)?))
         })
         .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -1,20 +1,19 @@
 //! Ray-traced hard shadows: one ray per pixel from the surface to the key light.
 use crate::stages::{ShadowIn, ShadowOut};
-use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::StageError;
-use magpie_shaders::SHADOWS_TRACE_COMP;
+use magpie::stage::{Build, StageError};
+use magpie_shaders::SHADOWS_TRACE_RAY;
 use magpie_shaders::shadows::TraceParams;
 
 /// The effect.
 pub struct RayTraced {
-    trace: Kernel,
+    trace: RayKernel,
 }
 
 impl RayTraced {
     /// Makes its pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        Ok(Self { trace: gpu.kernel(&SHADOWS_TRACE_COMP).map_err(StageError::other)? })
+    pub fn new(build: &Build<'_>) -> Result<Self, StageError> {
+        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)? })
     }
 }
 

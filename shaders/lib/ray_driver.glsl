@@ -1,0 +1,23 @@
+// What both ways through the driver share.
+#ifndef LIB_RAY_DRIVER_GLSL
+#define LIB_RAY_DRIVER_GLSL
+#include "lib/ray_types.glsl"
+
+// Spheres of a mesh: centre and radius.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer SphereBuffer { vec4 at[]; };
+
+// The ray's flags in the driver's words. Culling of spheres is left to the shader that meets them.
+uint driver_flags(Ray ray)
+{
+    return ((ray.cull & RAY_CULL_BACK) != 0u ? gl_RayFlagsCullBackFacingTrianglesEXT : 0u)
+        | ((ray.cull & RAY_CULL_FRONT) != 0u ? gl_RayFlagsCullFrontFacingTrianglesEXT : 0u);
+}
+
+// Centre and radius in object space.
+vec4 driver_sphere(SceneBuffer scene, uint instance, uint primitive)
+{
+    uint mesh = InstanceBuffer(scene.at[0].instances).at[instance].mesh;
+    return SphereBuffer(MeshBuffer(scene.at[0].meshes).at[mesh].positions).at[primitive];
+}
+
+#endif

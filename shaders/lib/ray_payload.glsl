@@ -1,0 +1,18 @@
+// What the shaders of a ray-tracing pipeline hand to each other: 24 bytes.
+#ifndef LIB_RAY_PAYLOAD_GLSL
+#define LIB_RAY_PAYLOAD_GLSL
+#include "lib/ray_types.glsl"
+
+struct RayPayload {
+    float t;
+    uint instance;  // NO_HIT after a miss
+    uint primitive;
+    vec2 barycentric;
+    uint front;
+};
+
+// Hit kinds of a sphere, beside those that Vulkan has for triangles.
+const uint SPHERE_OUTSIDE = 0u;
+const uint SPHERE_INSIDE = 1u;
+
+#endif

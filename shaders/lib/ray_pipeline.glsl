@@ -1,0 +1,34 @@
+// Rays through a ray-tracing pipeline. Only the ray-generation shader traces, so recursion is one deep; the other shaders are in the
+// folder `ray`. Hit groups: 0 is triangles, 1 is spheres; one miss shader.
+#ifndef LIB_RAY_PIPELINE_GLSL
+#define LIB_RAY_PIPELINE_GLSL
+#include "lib/ray_driver.glsl"
+#include "lib/ray_payload.glsl"
+
+layout(location = 0) rayPayloadEXT RayPayload payload;
+
+// Whether anything lies on the ray.
+bool trace_any(SceneBuffer scene, Ray ray)
+{
+    // No shader runs on a hit: what is there before stands for one, and the miss shader takes it away.
+    payload.instance = 0u;
+    uint flags = driver_flags(ray) | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
+    traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), flags, ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
+    return payload.instance != NO_HIT;
+}
+
+// The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
+bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
+{
+    payload.instance = NO_HIT;
+    traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), driver_flags(ray), ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction,
+        ray.t_max, 0);
+    if (payload.instance == NO_HIT) {
+        hit = Hit(ray.t_max, NO_HIT, NO_HIT, vec2(0.0), false);
+        return false;
+    }
+    hit = Hit(payload.t, payload.instance, payload.primitive, payload.barycentric, payload.front != 0u);
+    return true;
+}
+
+#endif

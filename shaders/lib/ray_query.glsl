@@ -1,0 +1,70 @@
+// Rays through ray queries: the driver walks, this shader decides about what is not opaque.
+#ifndef LIB_RAY_QUERY_GLSL
+#define LIB_RAY_QUERY_GLSL
+#include "lib/alpha.glsl"
+#include "lib/intersect.glsl"
+#include "lib/ray_driver.glsl"
+#include "lib/ray_types.glsl"
+
+// The driver's walk, with `flags` beside those of the ray. Opaque triangles are committed without coming here.
+void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
+{
+    rayQueryInitializeEXT(query, accelerationStructureEXT(scene.at[0].tlas), flags | driver_flags(ray), ray.mask, ray.origin, ray.t_min,
+        ray.direction, ray.t_max);
+    while (rayQueryProceedEXT(query)) {
+        uint instance = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));
+        uint primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
+        if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT) {
+            if (alpha_passes(scene, instance, primitive, rayQueryGetIntersectionBarycentricsEXT(query, false))) {
+                rayQueryConfirmIntersectionEXT(query);
+            }
+        } else {
+            bool committed = rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
+            float t_max = committed ? rayQueryGetIntersectionTEXT(query, true) : ray.t_max;
+            vec4 sphere = driver_sphere(scene, instance, primitive);
+            vec3 origin = rayQueryGetIntersectionObjectRayOriginEXT(query, false);
+            vec3 direction = rayQueryGetIntersectionObjectRayDirectionEXT(query, false);
+            SurfaceHit found;
+            if (hit_sphere(origin, direction, sphere.xyz, sphere.w, ray.t_min, t_max, found)
+                && !is_culled(ray, InstanceBuffer(scene.at[0].instances).at[instance].flags, found.front)) {
+                rayQueryGenerateIntersectionEXT(query, found.t);
+            }
+        }
+    }
+}
+
+// Whether anything lies on the ray.
+bool trace_any(SceneBuffer scene, Ray ray)
+{
+    rayQueryEXT query;
+    query_scene(query, scene, ray, gl_RayFlagsTerminateOnFirstHitEXT);
+    return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
+}
+
+// The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
+bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
+{
+    rayQueryEXT query;
+    query_scene(query, scene, ray, gl_RayFlagsNoneEXT);
+    uint type = rayQueryGetIntersectionTypeEXT(query, true);
+    if (type == gl_RayQueryCommittedIntersectionNoneEXT) {
+        hit = Hit(ray.t_max, NO_HIT, NO_HIT, vec2(0.0), false);
+        return false;
+    }
+    hit.t = rayQueryGetIntersectionTEXT(query, true);
+    hit.instance = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, true));
+    hit.primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true));
+    if (type == gl_RayQueryCommittedIntersectionTriangleEXT) {
+        hit.barycentric = rayQueryGetIntersectionBarycentricsEXT(query, true);
+        hit.front = rayQueryGetIntersectionFrontFaceEXT(query, true);
+    } else {
+        vec4 sphere = driver_sphere(scene, hit.instance, hit.primitive);
+        vec3 from_centre = rayQueryGetIntersectionObjectRayOriginEXT(query, true) - sphere.xyz;
+        vec3 at = from_centre + hit.t * rayQueryGetIntersectionObjectRayDirectionEXT(query, true);
+        hit.barycentric = vec2(0.0);
+        hit.front = dot(at, rayQueryGetIntersectionObjectRayDirectionEXT(query, true)) < 0.0;
+    }
+    return true;
+}
+
+#endif
