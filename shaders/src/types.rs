@@ -12,9 +12,14 @@ impl Address {
         Self([address as u32, (address >> 32) as u32])
     }
 
+    /// As one number.
+    pub const fn get(self) -> u64 {
+        self.0[0] as u64 | (self.0[1] as u64) << 32
+    }
+
     /// The address `bytes` further on.
     pub const fn offset(self, bytes: u64) -> Self {
-        Self::new((self.0[0] as u64 | (self.0[1] as u64) << 32) + bytes)
+        Self::new(self.get() + bytes)
     }
 }
 

@@ -1,4 +1,5 @@
 //! Accesses of the graph as Vulkan stages, access masks and layouts.
+use super::Gpu;
 use crate::graph::{Access, Domain, Layout, Uses};
 use ash::vk;
 
@@ -38,7 +39,9 @@ impl Scope {
                 vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
             ),
             Access::Sample => (shaders, vk::AccessFlags2::SHADER_SAMPLED_READ),
-            Access::StorageRead | Access::BufferRead | Access::Trace => (shaders, storage_read),
+            Access::StorageRead | Access::BufferRead => (shaders, storage_read),
+            // Magpie's own tree is plain memory, the driver's is not.
+            Access::Trace => (shaders, storage_read | vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR),
             Access::StorageWrite | Access::BufferWrite => (shaders, storage_write),
             Access::StorageReadWrite | Access::BufferReadWrite => (shaders, storage_read | storage_write),
             Access::Index => (vk::PipelineStageFlags2::INDEX_INPUT, vk::AccessFlags2::INDEX_READ),
@@ -97,6 +100,26 @@ impl Scope {
                 | vk::AccessFlags2::MEMORY_WRITE.as_raw(),
         );
         Self { stages: self.stages, access: self.access & WRITES }
+    }
+}
+
+impl Gpu {
+    /// A scope in the words that this device knows.
+    ///
+    /// Ray passes may be compute shaders or ray-tracing pipelines, so what waits for the one waits for the other. Reads of
+    /// acceleration structures may be named together with compute shaders only where those can read them, by ray queries.
+    pub(super) fn fit(&self, mut scope: Scope) -> Scope {
+        let support = &self.0.ray_support;
+        if support.pipeline && scope.stages.contains(vk::PipelineStageFlags2::COMPUTE_SHADER) {
+            scope.stages |= vk::PipelineStageFlags2::RAY_TRACING_SHADER_KHR;
+        }
+        let read = vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR;
+        let builds = scope.stages.contains(vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR);
+        if scope.access.contains(read) && !support.query && (!builds || scope.stages.contains(vk::PipelineStageFlags2::COMPUTE_SHADER)) {
+            scope.access &= !read;
+            scope.access |= if support.accel { vk::AccessFlags2::MEMORY_READ } else { vk::AccessFlags2::NONE };
+        }
+        scope
     }
 }
 

@@ -1,6 +1,7 @@
 //! Buffers, reached from shaders by device address.
 use super::device::{Garbage, lock};
 use super::heap::Heap;
+use super::rays::RaySupport;
 use super::{Gpu, GpuError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -55,6 +56,7 @@ impl Buffer {
         if size > limit {
             return Err(GpuError::Limit { what: format!("bytes of buffer {name}"), wanted: size, limit });
         }
+        let rays = gpu.0.ray_support.buffer_usage();
         let extra = match usage {
             BufferUse::Storage => vk::BufferUsageFlags::empty(),
             BufferUse::Index => vk::BufferUsageFlags::INDEX_BUFFER,
@@ -62,7 +64,7 @@ impl Buffer {
             BufferUse::Any => EVERYTHING,
         };
         let families = &gpu.0.families;
-        let info = shared(vk::BufferCreateInfo::default().size(size).usage(BASIC | extra), families);
+        let info = shared(vk::BufferCreateInfo::default().size(size).usage(BASIC | extra | rays), families);
         // SAFETY: `info` is complete; the device is alive as long as `gpu`.
         let raw = unsafe { device.create_buffer(&info, None) }.map_err(GpuError::call("vkCreateBuffer"))?;
         // SAFETY: the buffer was just made.
@@ -109,7 +111,7 @@ impl Buffer {
     /// Failing calls.
     pub(crate) fn over(gpu: &Gpu, name: &str, heap: &Arc<Heap>) -> Result<Self, GpuError> {
         let device = gpu.raw();
-        let info = vk::BufferCreateInfo::default().size(heap.bytes().max(4)).usage(EVERYTHING);
+        let info = vk::BufferCreateInfo::default().size(heap.bytes().max(4)).usage(EVERYTHING | gpu.0.ray_support.buffer_usage());
         let info = shared(info, &gpu.0.families);
         // SAFETY: `info` is complete; the device is alive as long as `gpu`.
         let raw = unsafe { device.create_buffer(&info, None) }.map_err(GpuError::call("vkCreateBuffer"))?;
@@ -164,6 +166,17 @@ impl Buffer {
         let range = if end <= bytes { mapped.get_mut(offset as usize..end as usize) } else { None };
         range.ok_or_else(past)?.copy_from_slice(data);
         Ok(())
+    }
+
+    /// What it is made of, for someone else to free.
+    pub(super) fn into_parts(mut self) -> Option<(vk::Buffer, Allocation)> {
+        match std::mem::replace(&mut self.memory, Memory::Gone) {
+            Memory::Own(memory) => Some((self.raw, memory)),
+            placed => {
+                self.memory = placed;
+                None
+            }
+        }
     }
 
     /// The contents, as far as the host can reach them: empty for device memory.
@@ -227,8 +240,8 @@ fn shared<'a>(info: vk::BufferCreateInfo<'a>, families: &'a [u32]) -> vk::Buffer
 }
 
 /// Memory types that the transients of a frame can lie in, as bits.
-pub(super) fn memory_types(device: &ash::Device) -> u32 {
-    let info = vk::BufferCreateInfo::default().size(1 << 16).usage(EVERYTHING);
+pub(super) fn memory_types(device: &ash::Device, rays: RaySupport) -> u32 {
+    let info = vk::BufferCreateInfo::default().size(1 << 16).usage(EVERYTHING | rays.buffer_usage());
     let question = vk::DeviceBufferMemoryRequirements::default().create_info(&info);
     let mut answer = vk::MemoryRequirements2::default();
     // SAFETY: core in Vulkan 1.3 with maintenance4, which the floor asks for.

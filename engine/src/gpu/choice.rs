@@ -1,8 +1,10 @@
 //! Which devices Magpie accepts, and why it refuses the others.
 use super::instance::Instance;
+use super::rays::RaySupport;
 use super::{GpuError, format};
 use crate::graph::{Format, Queue};
 use ash::vk;
+use magpie_shaders::Rays;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::ffi::CStr;
@@ -132,16 +134,7 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
         })
         .collect();
     let available = extensions(instance, device);
-    let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
-    let mut rays = vec!["software"];
-    if has(ash::khr::acceleration_structure::NAME) {
-        if has(ash::khr::ray_query::NAME) {
-            rays.push("query");
-        }
-        if has(ash::khr::ray_tracing_pipeline::NAME) {
-            rays.push("pipeline");
-        }
-    }
+    let rays = RaySupport::of(instance, device, &available).ways().into_iter().map(Rays::name).collect();
     let mut refusals = Vec::new();
     if properties.api_version < vk::API_VERSION_1_3 {
         refusals.push(format!("it has Vulkan {}, 1.3 is needed", version(properties.api_version)));

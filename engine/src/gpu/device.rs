@@ -5,9 +5,12 @@ use super::choice::{self, DeviceReport};
 use super::instance::Instance;
 use super::pipeline::Pipelines;
 use super::pipeline_cache;
+use super::ray_pipeline::RayTables;
+use super::rays::{RayCalls, RayFeatures, RaySupport};
 use super::submit::{Lane, Timeline};
 use crate::graph::Queue;
 use ash::{amd, ext, vk};
+use magpie_shaders::Rays;
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
@@ -53,6 +56,9 @@ pub(super) struct Inner {
     /// Words that the device writes into a buffer on its way through the commands.
     pub markers: Option<amd::buffer_marker::Device>,
     pub labels: Option<ext::debug_utils::Device>,
+    pub ray_support: RaySupport,
+    pub ray_calls: Option<RayCalls>,
+    pub ray_tables: RayTables,
     pub raw: ash::Device,
     physical: vk::PhysicalDevice,
     report: DeviceReport,
@@ -85,6 +91,7 @@ pub(super) enum Garbage {
         memory: Option<Allocation>,
     },
     PlacedBuffer(vk::Buffer),
+    Accel(vk::AccelerationStructureKHR),
     Memory(Allocation),
 }
 
@@ -101,7 +108,7 @@ impl Gpu {
     /// and failing calls.
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
         let instance = Instance::new(options.validation)?;
-        let (physical, report) = choice::choose(&instance, options.device.as_deref())?;
+        let (physical, mut report) = choice::choose(&instance, options.device.as_deref())?;
         // SAFETY: the handle comes from this instance.
         let (families, properties) = unsafe {
             (
@@ -117,6 +124,7 @@ impl Gpu {
         let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
         let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
         let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).map(CStr::as_ptr).collect();
+        let support = RaySupport::of(&instance, physical, &available);
         let lane_families = Queue::ALL.map(|queue| choice::family_for(queue, &families).unwrap_or(family));
         let bits_of = |f: u32| families[f as usize].timestamp_valid_bits;
         let timestamp_bits = lane_families.into_iter().map(bits_of).min().unwrap_or(0);
@@ -132,15 +140,27 @@ impl Gpu {
         wanted.core.multi_draw_indirect = optional.multi_draw_indirect;
         wanted.core.draw_indirect_first_instance = optional.draw_indirect_first_instance;
         wanted.core.pipeline_statistics_query = optional.pipeline_statistics_query;
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_extension_names(&extensions)
-            .enabled_features(&wanted.core)
-            .push_next(&mut wanted.v12)
-            .push_next(&mut wanted.v13);
-        // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
-        let raw =
-            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))?;
+        let mut open = |support: RaySupport| {
+            let names: Vec<_> = extensions.iter().copied().chain(support.extensions().iter().map(|n| n.as_ptr())).collect();
+            let mut features = RayFeatures::new(support);
+            let info = vk::DeviceCreateInfo::default()
+                .queue_create_infos(&queues)
+                .enabled_extension_names(&names)
+                .enabled_features(&wanted.core)
+                .push_next(&mut wanted.v12)
+                .push_next(&mut wanted.v13);
+            let info = features.ask(support, info);
+            // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
+            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))
+        };
+        let (raw, support) = match open(support) {
+            Err(error) if support.accel => {
+                log::warn!("{}: {error} with ray tracing turned on; trying without", report.name);
+                report.rays = vec![Rays::Software.name()];
+                (open(RaySupport::default())?, RaySupport::default())
+            }
+            opened => (opened?, support),
+        };
         let logical = Logical { raw: raw.clone(), instance };
         let instance = &logical.instance;
         // SAFETY: each family was asked for with one queue.
@@ -181,7 +201,10 @@ impl Gpu {
             pipelines,
             lanes,
             families: distinct,
-            buffer_types: super::buffer::memory_types(&raw),
+            buffer_types: super::buffer::memory_types(&raw, support),
+            ray_calls: RayCalls::new(&logical.instance.raw, &raw, support),
+            ray_support: support,
+            ray_tables: RayTables::default(),
             memory_types,
             granularity: properties.limits.buffer_image_granularity.max(1),
             garbage: Mutex::default(),
@@ -248,6 +271,12 @@ impl Gpu {
 }
 
 impl Inner {
+    /// The calls of the driver's ray tracing.
+    pub fn ray_calls(&self) -> Result<&RayCalls, GpuError> {
+        let name = "VK_KHR_acceleration_structure";
+        self.ray_calls.as_ref().ok_or(GpuError::MissingExtension { name, needed_for: "the driver traces no rays" })
+    }
+
     /// The timeline of the graphics queue, which ends every frame and every upload.
     pub fn timeline(&self) -> &Timeline {
         &self.lanes[Queue::Graphics.index()].timeline
@@ -286,6 +315,13 @@ impl Inner {
                 unsafe { self.raw.destroy_buffer(buffer, None) };
                 None
             }
+            Garbage::Accel(accel) => {
+                if let Some(calls) = &self.ray_calls {
+                    // SAFETY: as above.
+                    unsafe { calls.accel.destroy_acceleration_structure(accel, None) };
+                }
+                None
+            }
             Garbage::Memory(memory) => Some(memory),
             Garbage::Image { image, views, sampled, storage, memory } => {
                 self.bindless.release(&sampled, &storage);
@@ -312,6 +348,9 @@ impl Drop for Inner {
         let _ = unsafe { self.raw.device_wait_idle() };
         for (_, what) in std::mem::take(&mut *lock(&self.garbage)) {
             self.free(what);
+        }
+        for (buffer, memory) in self.ray_tables.take() {
+            self.free(Garbage::Buffer(buffer, memory));
         }
         if let Some(file) = &self.cache_file {
             pipeline_cache::save(&self.raw, self.cache, file);

@@ -17,8 +17,8 @@ pub(crate) struct CommandEncoder {
     computes: bool,
     /// Its queue draws.
     draws: bool,
-    /// Pipelines bound now: for compute and for drawing.
-    bound: [Option<u32>; 2],
+    /// Pipelines bound now: for compute, for drawing, for rays.
+    bound: [Option<u32>; 3],
     pub(super) counting: Option<Counting>,
 }
 
@@ -42,8 +42,8 @@ unsafe impl Send for ImageBarrier {}
 unsafe impl Sync for ImageBarrier {}
 
 impl MemoryBarrier {
-    pub fn new(from: Uses, to: Uses) -> Self {
-        let (from, to) = (Scope::before(from), Scope::after(to));
+    pub fn new(gpu: &Gpu, from: Uses, to: Uses) -> Self {
+        let (from, to) = (gpu.fit(Scope::before(from)), gpu.fit(Scope::after(to)));
         Self(
             vk::MemoryBarrier2::default()
                 .src_stage_mask(from.stages)
@@ -80,7 +80,8 @@ impl ImageBarrier {
         (layout_from, layout_to): (Layout, Layout),
         families: Option<(u32, u32)>,
     ) -> Self {
-        let (from, to) = (Scope::before(from), Scope::after(to));
+        let gpu = &image.gpu;
+        let (from, to) = (gpu.fit(Scope::before(from)), gpu.fit(Scope::after(to)));
         let (family_from, family_to) = families.unwrap_or((vk::QUEUE_FAMILY_IGNORED, vk::QUEUE_FAMILY_IGNORED));
         Self(
             vk::ImageMemoryBarrier2::default()
@@ -157,7 +158,7 @@ impl CommandEncoder {
             buffer: vk::CommandBuffer::null(),
             computes,
             draws,
-            bound: [None; 2],
+            bound: [None; 3],
             counting: None,
         };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
@@ -187,7 +188,7 @@ impl CommandEncoder {
                 .map_err(GpuError::call("vkResetCommandPool"))?;
             device.begin_command_buffer(self.buffer, &info).map_err(GpuError::call("vkBeginCommandBuffer"))?;
         }
-        self.bound = [None; 2];
+        self.bound = [None; 3];
         self.counting = None;
         self.bind(self.gpu.0.bindless.set);
         Ok(())
@@ -200,7 +201,11 @@ impl CommandEncoder {
 
     fn bind(&mut self, set: vk::DescriptorSet) {
         let (device, layout) = (self.gpu.raw(), self.gpu.0.pipelines.layout);
-        let points = [(vk::PipelineBindPoint::COMPUTE, self.computes), (vk::PipelineBindPoint::GRAPHICS, self.draws)];
+        let points = [
+            (vk::PipelineBindPoint::COMPUTE, self.computes),
+            (vk::PipelineBindPoint::GRAPHICS, self.draws),
+            (vk::PipelineBindPoint::RAY_TRACING_KHR, self.computes && self.gpu.0.ray_support.pipeline),
+        ];
         for (point, _) in points.into_iter().filter(|(_, can)| *can) {
             // SAFETY: the command buffer is recording; layout and set live until the device is done with it.
             unsafe { device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]) };
@@ -300,9 +305,23 @@ impl CommandEncoder {
         }
     }
 
+    /// Parameters of a ray pass, and in the last eight bytes the root of the scene's tables, for hit shaders.
+    pub(super) fn push_rays(&mut self, params: &[u8], scene: magpie_shaders::Address) {
+        const ROOT: u32 = PUSH_BYTES - 8;
+        assert!(params.len() <= ROOT as usize, "push constants of a ray pass: {} bytes, limit {ROOT}", params.len());
+        self.push(params);
+        let (layout, root) = (self.gpu.0.pipelines.layout, bytemuck::bytes_of(&scene));
+        // SAFETY: the layout has 128 bytes for all stages.
+        unsafe { self.gpu.raw().cmd_push_constants(self.buffer, layout, vk::ShaderStageFlags::ALL, ROOT, root) };
+    }
+
     /// Binds a pipeline unless it is bound already.
-    fn bind_pipeline(&mut self, index: u32, point: vk::PipelineBindPoint) {
-        let bound = &mut self.bound[usize::from(point == vk::PipelineBindPoint::GRAPHICS)];
+    pub(super) fn bind_pipeline(&mut self, index: u32, point: vk::PipelineBindPoint) {
+        let bound = &mut self.bound[match point {
+            vk::PipelineBindPoint::GRAPHICS => 1,
+            vk::PipelineBindPoint::RAY_TRACING_KHR => 2,
+            _ => 0,
+        }];
         if bound.replace(index) != Some(index) {
             let pipeline = self.gpu.0.pipelines.get(index);
             // SAFETY: the command buffer is recording; pipelines live as long as the device.

@@ -38,6 +38,16 @@ pub enum GpuError {
         /// What cannot be done without it.
         needed_for: &'static str,
     },
+    /// The device cannot trace rays in the way that was asked for.
+    #[error("{device} cannot trace rays by {wanted}; it can by {}", .known.join(", "))]
+    Rays {
+        /// The device.
+        device: String,
+        /// What was asked for.
+        wanted: &'static str,
+        /// What it can do.
+        known: Vec<&'static str>,
+    },
     /// The device stopped answering.
     #[error("the device was lost during {during}")]
     DeviceLost {

@@ -34,7 +34,7 @@ pub(crate) struct ImageInfo {
 
 /// A two-dimensional image, or an array of them. Freed when dropped, after the device is done with it.
 pub struct Image {
-    gpu: Gpu,
+    pub(super) gpu: Gpu,
     pub(super) raw: vk::Image,
     view: vk::ImageView,
     /// Mip 0 of layer 0, to draw to.

@@ -4,6 +4,7 @@
 //! place in one bindless descriptor set, every buffer its device address; pipelines are named by small [`Kernel`] ids.
 #![allow(unsafe_code)]
 
+mod accel;
 mod access;
 mod bindless;
 mod buffer;
@@ -20,8 +21,10 @@ mod pipeline;
 mod pipeline_cache;
 mod query;
 mod ray_pipeline;
+mod rays;
 mod submit;
 
+pub use accel::{Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, CompactedSizes};
 pub(crate) use bindless::PassSet;
 pub use buffer::{Buffer, BufferMemory, BufferUse};
 pub use choice::{DeviceReport, QueueFamilyReport, devices};
@@ -35,5 +38,6 @@ pub use image::{Image, ImageUse};
 pub(crate) use marker::Moment;
 pub use pipeline::{Kernel, RasterDesc, RasterKernel};
 pub(crate) use query::{Statistics, Timestamps};
-pub use ray_pipeline::RayKernel;
+pub use ray_pipeline::{RayKernel, RayPipeline, SPHERE_GROUP, TRIANGLE_GROUP};
+pub use rays::RayChoice;
 pub(crate) use submit::Submission;

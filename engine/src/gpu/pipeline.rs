@@ -13,7 +13,7 @@ use std::sync::Mutex;
 /// Push constants that every Vulkan device has, bytes.
 pub(super) const PUSH_BYTES: u32 = 128;
 
-const ENTRY: &CStr = c"main";
+pub(super) const ENTRY: &CStr = c"main";
 
 /// A compute pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,7 +68,12 @@ impl Pipelines {
         lock(&self.list).get(index as usize).copied().unwrap_or_default()
     }
 
-    fn add(&self, key: u64, pipeline: vk::Pipeline, local_size: [u32; 3]) -> u32 {
+    /// The pipeline of a request that was made before.
+    pub fn known(&self, key: u64) -> Option<(u32, [u32; 3])> {
+        lock(&self.known).get(&key).copied()
+    }
+
+    pub fn add(&self, key: u64, pipeline: vk::Pipeline, local_size: [u32; 3]) -> u32 {
         let mut list = lock(&self.list);
         list.push(pipeline);
         let index = list.len() as u32 - 1;
@@ -89,14 +94,14 @@ impl Pipelines {
     }
 }
 
-fn key_of(parts: impl Hash) -> u64 {
+pub(super) fn key_of(parts: impl Hash) -> u64 {
     let mut hasher = DefaultHasher::new();
     parts.hash(&mut hasher);
     hasher.finish()
 }
 
 /// SPIR-V bytes as words.
-fn words(name: &str, bytes: &[u8]) -> Result<Vec<u32>, GpuError> {
+pub(super) fn words(name: &str, bytes: &[u8]) -> Result<Vec<u32>, GpuError> {
     ash::util::read_spv(&mut std::io::Cursor::new(bytes))
         .map_err(|e| GpuError::Shader { name: name.to_owned(), reason: e.to_string() })
 }
@@ -236,7 +241,7 @@ impl Gpu {
         Ok(RasterKernel { index: self.0.pipelines.add(key, pipeline, [0; 3]) })
     }
 
-    fn module(&self, words: &[u32]) -> Result<vk::ShaderModule, GpuError> {
+    pub(super) fn module(&self, words: &[u32]) -> Result<vk::ShaderModule, GpuError> {
         let info = vk::ShaderModuleCreateInfo::default().code(words);
         // SAFETY: glslang wrote these words, or `read_spv` checked their magic number.
         unsafe { self.raw().create_shader_module(&info, None) }.map_err(GpuError::call("vkCreateShaderModule"))

@@ -1,28 +1,268 @@
 //! Kernels of ray passes: compute pipelines, or ray-tracing pipelines with their shader binding tables.
-use super::{Gpu, GpuError, Kernel};
-use magpie_shaders::{RayShader, Rays};
+use super::device::lock;
+use super::pipeline::{ENTRY, key_of, words};
+use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
+use ash::vk;
+use gpu_allocator::vulkan::Allocation;
+use magpie_shaders::{RAY_ALPHA_RAHIT, RAY_HIT_RCHIT, RAY_MISS_RMISS, RAY_SPHERE_RINT, RayShader, Rays, Shader};
+use std::sync::Mutex;
 
 /// The pipeline of a ray pass, for one way to trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RayKernel {
     /// A compute shader: it walks Magpie's own tree, or asks ray queries.
     Compute(Kernel),
+    /// A ray-generation shader with the hit and miss shaders of the folder `ray`.
+    Pipeline(RayPipeline),
 }
+
+impl RayKernel {
+    /// Threads of one workgroup; a pipeline has none, and one thread at a time.
+    pub fn local_size(self) -> [u32; 3] {
+        match self {
+            Self::Compute(kernel) => kernel.local_size,
+            Self::Pipeline(_) => [1; 3],
+        }
+    }
+}
+
+/// A ray-tracing pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RayPipeline {
+    pub(super) index: u32,
+    table: u32,
+}
+
+/// Hit group of triangles in every pipeline, as instances name it.
+pub const TRIANGLE_GROUP: u32 = 0;
+/// Hit group of spheres.
+pub const SPHERE_GROUP: u32 = 1;
+
+/// The shader binding tables of ray-tracing pipelines.
+#[derive(Default)]
+pub(super) struct RayTables(Mutex<Vec<RayTable>>);
+
+/// One shader of each kind in the table: ray generation, miss; two hit groups.
+struct RayTable {
+    /// As long as the device: a [`Buffer`] would keep the device alive that keeps it.
+    memory: Option<(vk::Buffer, Allocation)>,
+    regions: [vk::StridedDeviceAddressRegionKHR; 3],
+}
+
+impl RayTables {
+    /// The memory of all, to be freed.
+    pub fn take(&self) -> Vec<(vk::Buffer, Allocation)> {
+        lock(&self.0).drain(..).filter_map(|table| table.memory).collect()
+    }
+}
+
+// Stages of a pipeline, by index.
+const GENERATION: u32 = 0;
+const MISS: u32 = 1;
+const CLOSEST_HIT: u32 = 2;
+const ANY_HIT: u32 = 3;
+const INTERSECTION: u32 = 4;
 
 impl Gpu {
     /// The pipeline of a ray pass.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] and failing calls.
+    /// [`GpuError::Rays`] where the device cannot trace in this way, [`GpuError::Shader`] and failing calls.
     pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
-        Ok(RayKernel::Compute(self.kernel(shader.way(rays))?))
+        let shader = shader.way(rays);
+        self.ray_kernel_from_words(shader.name, &words(shader.name, shader.spirv)?, rays)
     }
 
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for the same way.
     ///
     /// # Errors
     /// As [`Gpu::ray_kernel`].
-    pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], _rays: Rays) -> Result<RayKernel, GpuError> {
-        Ok(RayKernel::Compute(self.kernel_from_words(name, words)?))
+    pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], rays: Rays) -> Result<RayKernel, GpuError> {
+        self.check_rays(rays)?;
+        match rays {
+            Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.kernel_from_words(name, words)?)),
+            Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words)?)),
+        }
+    }
+
+    /// Whether the device can trace in this way.
+    ///
+    /// # Errors
+    /// [`GpuError::Rays`] where it cannot.
+    pub fn check_rays(&self, rays: Rays) -> Result<(), GpuError> {
+        let ways = self.rays();
+        if ways.contains(&rays) {
+            return Ok(());
+        }
+        let known = ways.iter().map(|w| w.name()).collect();
+        Err(GpuError::Rays { device: self.report().name.clone(), wanted: rays.name(), known })
+    }
+
+    fn ray_pipeline(&self, name: &str, generation: &[u32]) -> Result<RayPipeline, GpuError> {
+        let key = key_of(("ray pipeline", name, generation));
+        if let Some((index, [table, ..])) = self.0.pipelines.known(key) {
+            return Ok(RayPipeline { index, table });
+        }
+        let calls = self.0.ray_calls()?;
+        let missing = || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
+        let calls = calls.pipeline.as_ref().ok_or_else(missing)?;
+
+        // Stages, in the order of their indices.
+        let others: [(&Shader, vk::ShaderStageFlags); 4] = [
+            (&RAY_MISS_RMISS, vk::ShaderStageFlags::MISS_KHR),
+            (&RAY_HIT_RCHIT, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
+            (&RAY_ALPHA_RAHIT, vk::ShaderStageFlags::ANY_HIT_KHR),
+            (&RAY_SPHERE_RINT, vk::ShaderStageFlags::INTERSECTION_KHR),
+        ];
+        let mut modules = Modules { gpu: self, list: Vec::new() };
+        let mut stages = vec![modules.stage(generation, vk::ShaderStageFlags::RAYGEN_KHR)?];
+        for (shader, stage) in others {
+            stages.push(modules.stage(&words(shader.name, shader.spirv)?, stage)?);
+        }
+
+        // Groups.
+        let group = |kind| {
+            vk::RayTracingShaderGroupCreateInfoKHR::default()
+                .ty(kind)
+                .general_shader(vk::SHADER_UNUSED_KHR)
+                .closest_hit_shader(vk::SHADER_UNUSED_KHR)
+                .any_hit_shader(vk::SHADER_UNUSED_KHR)
+                .intersection_shader(vk::SHADER_UNUSED_KHR)
+        };
+        let general = |stage| group(vk::RayTracingShaderGroupTypeKHR::GENERAL).general_shader(stage);
+        let hits = |kind| group(kind).closest_hit_shader(CLOSEST_HIT);
+        let groups = [
+            general(GENERATION),
+            general(MISS),
+            hits(vk::RayTracingShaderGroupTypeKHR::TRIANGLES_HIT_GROUP).any_hit_shader(ANY_HIT),
+            hits(vk::RayTracingShaderGroupTypeKHR::PROCEDURAL_HIT_GROUP).intersection_shader(INTERSECTION),
+        ];
+        let info = vk::RayTracingPipelineCreateInfoKHR::default()
+            .stages(&stages)
+            .groups(&groups)
+            .max_pipeline_ray_recursion_depth(1)
+            .layout(self.0.pipelines.layout);
+        // SAFETY: every pointer in `info` outlives the call; the modules go after it, as the specification allows.
+        let made = unsafe {
+            calls.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), self.cache(), &[info], None)
+        };
+        drop(modules);
+        let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateRayTracingPipelinesKHR")(e))?[0];
+        self.name_object(pipeline, name);
+        let tables = &mut *lock(&self.0.ray_tables.0);
+        let at = tables.len() as u32;
+        // The pipeline belongs to the list from here on, whatever comes of its table.
+        let index = self.0.pipelines.add(key, pipeline, [at, 0, 0]);
+        tables.push(self.ray_table(calls, pipeline, name)?);
+        Ok(RayPipeline { index, table: at })
+    }
+
+    /// Handles of the groups in memory: ray generation, miss, and the hit groups, each region at an aligned address.
+    fn ray_table(
+        &self,
+        calls: &ash::khr::ray_tracing_pipeline::Device,
+        pipeline: vk::Pipeline,
+        name: &str,
+    ) -> Result<RayTable, GpuError> {
+        const GROUPS: [u64; 3] = [1, 1, 2];
+        let support = &self.0.ray_support;
+        let handle = u64::from(support.handle_bytes);
+        let (stride, base) = (handle.next_multiple_of(u64::from(support.handle_align)), u64::from(support.base_align));
+        let count = GROUPS.iter().sum::<u64>();
+        // SAFETY: the pipeline has this many groups, and the answer this many handles.
+        let handles = unsafe {
+            calls.get_ray_tracing_shader_group_handles(pipeline, 0, count as u32, (count * handle) as usize)
+        }
+        .map_err(GpuError::call("vkGetRayTracingShaderGroupHandlesKHR"))?;
+        let sizes = GROUPS.map(|groups| (groups * stride).next_multiple_of(base));
+        let bytes = sizes.iter().sum::<u64>() + base;
+        let mut memory = Buffer::new(self, name, bytes, BufferMemory::Upload, BufferUse::Storage)?;
+        let start = memory.address().get();
+        let mut offset = start.next_multiple_of(base) - start;
+        let mut regions = [vk::StridedDeviceAddressRegionKHR::default(); 3];
+        let mut first = 0;
+        for ((groups, size), region) in GROUPS.into_iter().zip(sizes).zip(&mut regions) {
+            for group in 0..groups {
+                let from = ((first + group) * handle) as usize;
+                memory.write(offset + group * stride, &handles[from..from + handle as usize])?;
+            }
+            // The region of the ray-generation shader has one entry, whose stride is its size.
+            let stride = if first == 0 { size } else { stride };
+            *region = vk::StridedDeviceAddressRegionKHR { device_address: start + offset, stride, size };
+            offset += size;
+            first += groups;
+        }
+        Ok(RayTable { memory: memory.into_parts(), regions })
+    }
+}
+
+/// Shader modules that go when the pipeline is made, or could not be made.
+struct Modules<'a> {
+    gpu: &'a Gpu,
+    list: Vec<vk::ShaderModule>,
+}
+
+impl Modules<'_> {
+    fn stage(
+        &mut self,
+        words: &[u32],
+        stage: vk::ShaderStageFlags,
+    ) -> Result<vk::PipelineShaderStageCreateInfo<'static>, GpuError> {
+        let module = self.gpu.module(words)?;
+        self.list.push(module);
+        Ok(vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(ENTRY))
+    }
+}
+
+impl Drop for Modules<'_> {
+    fn drop(&mut self) {
+        for module in self.list.drain(..) {
+            // SAFETY: pipelines keep what they need of their modules.
+            unsafe { self.gpu.raw().destroy_shader_module(module, None) };
+        }
+    }
+}
+
+impl super::CommandEncoder {
+    /// Traces with one ray-generation shader per element of `size`. `scene` is the root of the scene's tables, for the hit shaders.
+    pub fn trace_rays(&mut self, pipeline: RayPipeline, params: &[u8], scene: magpie_shaders::Address, size: [u32; 3]) {
+        let gpu = self.gpu().clone();
+        let (calls, regions) = self.begin_trace(&gpu, pipeline, params, scene);
+        let Some(calls) = calls else { return };
+        let [generation, miss, hit] = &regions;
+        let none = vk::StridedDeviceAddressRegionKHR::default();
+        // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound; the regions are those
+        // of the pipeline's own table.
+        unsafe { calls.cmd_trace_rays(self.raw(), generation, miss, hit, &none, size[0], size[1], size[2]) };
+    }
+
+    /// The same with a size of three words at an address.
+    pub fn trace_rays_indirect(
+        &mut self,
+        pipeline: RayPipeline,
+        params: &[u8],
+        scene: magpie_shaders::Address,
+        size: magpie_shaders::Address,
+    ) {
+        let gpu = self.gpu().clone();
+        let (calls, regions) = self.begin_trace(&gpu, pipeline, params, scene);
+        let Some(calls) = calls else { return };
+        let none = vk::StridedDeviceAddressRegionKHR::default();
+        let [generation, miss, hit] = &regions;
+        // SAFETY: as above; the caller keeps the words inside of their buffer.
+        unsafe { calls.cmd_trace_rays_indirect(self.raw(), generation, miss, hit, &none, size.get()) };
+    }
+
+    fn begin_trace<'a>(
+        &mut self,
+        gpu: &'a Gpu,
+        pipeline: RayPipeline,
+        params: &[u8],
+        scene: magpie_shaders::Address,
+    ) -> (Option<&'a ash::khr::ray_tracing_pipeline::Device>, [vk::StridedDeviceAddressRegionKHR; 3]) {
+        self.bind_pipeline(pipeline.index, vk::PipelineBindPoint::RAY_TRACING_KHR);
+        self.push_rays(params, scene);
+        let regions = lock(&gpu.0.ray_tables.0).get(pipeline.table as usize).map(|t| t.regions).unwrap_or_default();
+        (gpu.0.ray_calls.as_ref().and_then(|c| c.pipeline.as_ref()), regions)
     }
 }

@@ -74,6 +74,18 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
+    /// Builds an acceleration structure anew in its place: nothing is kept of what it was.
+    pub fn rebuild<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BuildToken) {
+        let token = BuildToken { resource: accel.at.id, pass: self.pass };
+        (self.change(accel, Access::Build, Part::ALL), token)
+    }
+
+    /// Writes the nodes of an acceleration structure in a shader, over what is there.
+    pub fn write_accel<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BufferToken) {
+        let token = BufferToken { resource: accel.at.id, pass: self.pass };
+        (self.change(accel, Access::BufferReadWrite, Part::ALL), token)
+    }
+
     /// Makes a smaller copy of an acceleration structure, of `bytes` bytes.
     pub fn compact(
         &mut self,
@@ -219,7 +231,7 @@ impl PassBuilder<'_> {
         let Shape::Buffer { bytes } = self.graph.buffer_shape(name, BufferDesc::new(bytes)) else {
             unreachable!("a buffer's shape is that of a buffer")
         };
-        self.make(name, Shape::Accel { bytes }, access, Part::ALL, None)
+        self.make(name, Shape::Accel { bytes, top: K::TOP }, access, Part::ALL, None)
     }
 
     fn make<K: Kind>(

@@ -249,6 +249,8 @@ pub enum Shape {
     Accel {
         /// Its size; zero where it was imported and its size is its owner's.
         bytes: u64,
+        /// It is a top level.
+        top: bool,
     },
 }
 
@@ -261,7 +263,7 @@ impl Shape {
                 let one: u64 = (0..mips).map(|level| pixels(extent.mip(level))).sum();
                 one * u64::from(format.bytes_per_pixel()) * u64::from(layers)
             }
-            Self::Buffer { bytes } | Self::Accel { bytes } => bytes,
+            Self::Buffer { bytes } | Self::Accel { bytes, .. } => bytes,
         }
     }
 

@@ -46,9 +46,16 @@ impl Kind for Blas {
 }
 
 /// The kinds that builds make: [`Tlas`] and [`Blas`].
-pub trait Accel: Kind {}
-impl Accel for Tlas {}
-impl Accel for Blas {}
+pub trait Accel: Kind {
+    /// It is a top level.
+    const TOP: bool;
+}
+impl Accel for Tlas {
+    const TOP: bool = true;
+}
+impl Accel for Blas {
+    const TOP: bool = false;
+}
 
 /// The kinds that a build reads: geometry in a [`Buffer`], or a [`Blas`] under a top level or before its compaction.
 pub trait BuildInput: Kind {}

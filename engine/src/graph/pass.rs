@@ -19,7 +19,7 @@ use super::{
     },
     desc::{BufferDesc, Content, Extent, Format, ImageDesc, Size},
     error::{GraphError, GraphErrors},
-    handle::{Buffer, Handle, Image, Kind, Tlas, WriteHandle},
+    handle::{Accel, Buffer, Handle, Image, Kind, Tlas, WriteHandle},
     history::{Book, BufferHistory, History, HistoryScope, KeptBuffer},
     record::Record,
 };
@@ -247,8 +247,14 @@ impl FrameGraph {
 
     /// Brings in an acceleration structure. `last` is how it was used last: traced, or written as plain bytes.
     pub fn import_tlas(&mut self, name: &str, last: Access, key: ImportKey) -> Handle<Tlas> {
-        self.check_state::<Tlas>(name, last, last.is_accel());
-        self.import(name, Shape::Accel { bytes: 0 }, in_any_pass(last), Layout::Undefined, key)
+        self.import_accel::<Tlas>(name, last, key).read()
+    }
+
+    /// The same for a level of either kind, which this frame may build or refit.
+    pub fn import_accel<K: Accel>(&mut self, name: &str, last: Access, key: ImportKey) -> WriteHandle<K> {
+        self.check_state::<K>(name, last, last.is_accel());
+        let shape = Shape::Accel { bytes: 0, top: K::TOP };
+        WriteHandle::new(self.import(name, shape, in_any_pass(last), Layout::Undefined, key))
     }
 
     fn import<K: Kind>(&mut self, name: &str, shape: Shape, last: Uses, layout: Layout, key: ImportKey) -> Handle<K> {

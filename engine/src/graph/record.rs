@@ -8,11 +8,11 @@ use magpie_shaders::{Address, SampledImage, StorageImage};
 use super::{
     desc::Extent,
     token::{
-        BufferToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken,
-        StorageToken, TraceToken,
+        BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken,
+        ScratchToken, StorageToken, TraceToken,
     },
 };
-use crate::gpu::{self, CommandEncoder, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel};
+use crate::gpu::{self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel};
 
 /// The object behind a resource of the declaration.
 #[derive(Clone)]
@@ -21,8 +21,19 @@ pub(super) enum Physical {
     Unused,
     /// An image.
     Image(Arc<gpu::Image>),
-    /// A buffer, or an acceleration structure in one.
+    /// A buffer.
     Buffer(BufferRange),
+    /// An acceleration structure.
+    Accel(AccelObject),
+}
+
+/// An acceleration structure: the driver's, or plain memory that shaders write.
+#[derive(Clone)]
+pub(super) struct AccelObject {
+    pub memory: BufferRange,
+    pub driver: Option<Arc<gpu::Accel>>,
+    /// The scene's tables, which shaders know a top level by; of a bottom level none.
+    pub root: Address,
 }
 
 /// Some bytes of a buffer.
@@ -110,10 +121,23 @@ impl Token for StorageToken {
     }
 }
 
+/// The root of the scene's tables.
 impl Token for TraceToken {
     type Id = Address;
     fn resolve(self, record: &Record<'_>) -> Address {
-        record.buffer(self.resource, self.pass).address()
+        record.accel_in(record.physical, self.resource, self.pass).root
+    }
+}
+
+/// The address that a build reads from: of a buffer, or of a bottom level as instances name it.
+impl Token for BuildInputToken {
+    type Id = Address;
+    fn resolve(self, record: &Record<'_>) -> Address {
+        record.own(self.pass);
+        match &record.physical[self.resource as usize] {
+            Physical::Accel(AccelObject { driver: Some(accel), .. }) => accel.address(),
+            _ => record.buffer(self.resource, self.pass).address(),
+        }
     }
 }
 
@@ -164,7 +188,83 @@ impl Record<'_> {
         self.own(tlas.pass);
         match kernel {
             RayKernel::Compute(kernel) => self.dispatch(kernel, params, extent),
+            RayKernel::Pipeline(pipeline) => {
+                let root = self.id(tlas);
+                let size = [extent.width, extent.height, 1];
+                self.encoder.trace_rays(pipeline, bytemuck::bytes_of(params), root, size);
+                self.recorded.dispatches += 1;
+            }
         }
+    }
+
+    /// As [`Record::trace`], with the number of threads from six words of a buffer, from `offset` bytes on: the workgroups that
+    /// cover them, in the kernel's own size, then the threads themselves; x, y and z each. Write both: which of them is read depends
+    /// on how rays are traced.
+    ///
+    /// # Panics
+    /// As [`Record::trace`], and past the end of the buffer.
+    pub fn trace_indirect<P: Pod>(
+        &mut self,
+        kernel: RayKernel,
+        tlas: TraceToken,
+        params: &P,
+        (threads, offset): (IndirectToken, u64),
+    ) {
+        match kernel {
+            RayKernel::Compute(kernel) => self.dispatch_indirect(kernel, params, threads, offset),
+            RayKernel::Pipeline(pipeline) => {
+                let (physical, root) = (self.physical, self.id(tlas));
+                let range = self.buffer_in(physical, threads.resource, threads.pass);
+                self.inside(range, offset, 24);
+                let size = range.address().offset(offset + 12);
+                self.encoder.trace_rays_indirect(pipeline, bytemuck::bytes_of(params), root, size);
+                self.recorded.dispatches += 1;
+            }
+        }
+    }
+
+    /// Builds an acceleration structure of the driver's. `scratch` has the room that [`gpu::Gpu::accel_sizes`] says.
+    ///
+    /// # Panics
+    /// When a token belongs to another pass, or the structure is plain memory.
+    pub fn build_accel(&mut self, target: BuildToken, scratch: ScratchToken, desc: &AccelDesc) {
+        self.make_accel(target, scratch, desc, false);
+    }
+
+    /// Refits one to what its geometry is now: its tree stays.
+    ///
+    /// # Panics
+    /// As [`Record::build_accel`].
+    pub fn refit_accel(&mut self, target: BuildToken, scratch: ScratchToken, desc: &AccelDesc) {
+        self.make_accel(target, scratch, desc, true);
+    }
+
+    fn make_accel(&mut self, target: BuildToken, scratch: ScratchToken, desc: &AccelDesc, refit: bool) {
+        let physical = self.physical;
+        let target = self.driver_in(physical, target.resource, target.pass);
+        let scratch = self.buffer_in(physical, scratch.resource, scratch.pass).address();
+        self.encoder.build_accel(desc, refit, target, scratch);
+    }
+
+    /// Asks how small structures can become that were built to be compacted.
+    ///
+    /// # Panics
+    /// As [`Record::build_accel`].
+    pub fn ask_compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes) {
+        let physical = self.physical;
+        let accels: Vec<_> = sources.iter().map(|s| self.driver_in(physical, s.resource, s.pass)).collect();
+        self.encoder.ask_compacted_sizes(&accels, sizes);
+    }
+
+    /// Copies a structure into a smaller one.
+    ///
+    /// # Panics
+    /// As [`Record::build_accel`].
+    pub fn compact_accel(&mut self, source: BuildInputToken, target: BuildToken) {
+        let physical = self.physical;
+        let source = self.driver_in(physical, source.resource, source.pass);
+        let target = self.driver_in(physical, target.resource, target.pass);
+        self.encoder.compact_accel(source, target);
     }
 
     /// Draws into the attachments that the pass declared.
@@ -312,7 +412,7 @@ impl Record<'_> {
         self.own(pass);
         match &physical[resource as usize] {
             Physical::Image(image) => image,
-            Physical::Buffer(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no image")),
+            Physical::Buffer(_) | Physical::Accel(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no image")),
         }
     }
 
@@ -324,7 +424,23 @@ impl Record<'_> {
         self.own(pass);
         match &physical[resource as usize] {
             Physical::Buffer(range) => range,
+            Physical::Accel(accel) => &accel.memory,
             Physical::Image(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no buffer")),
+        }
+    }
+
+    fn accel_in<'p>(&self, physical: &'p [Physical], resource: u32, pass: u32) -> &'p AccelObject {
+        self.own(pass);
+        match &physical[resource as usize] {
+            Physical::Accel(accel) => accel,
+            _ => self.misuse(&format!("resource {resource} is no acceleration structure")),
+        }
+    }
+
+    fn driver_in<'p>(&self, physical: &'p [Physical], resource: u32, pass: u32) -> &'p gpu::Accel {
+        match &self.accel_in(physical, resource, pass).driver {
+            Some(accel) => accel,
+            None => self.misuse(&format!("resource {resource} is no acceleration structure of the driver's")),
         }
     }
 

@@ -112,7 +112,7 @@ fn shape(shape: Shape) -> Value {
             json!({"is": "image", "format": format!("{format:?}"), "size": size, "mips": mips, "layers": layers})
         }
         Shape::Buffer { bytes } => json!({"is": "buffer", "bytes": bytes}),
-        Shape::Accel { bytes } => json!({"is": "acceleration structure", "bytes": bytes}),
+        Shape::Accel { bytes, .. } => json!({"is": "acceleration structure", "bytes": bytes}),
     }
 }
 

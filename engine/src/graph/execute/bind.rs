@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use magpie_shaders::Address;
 use rustc_hash::FxHashMap;
 
 use super::{
@@ -14,7 +15,7 @@ use super::{
         declaration::{Declaration, ImportKey, Origin, Shape},
         desc::Part,
         plan::{Barrier, Footprint, Footprints, Plan, Role, Sharing, Transient},
-        record::{BufferRange, Physical},
+        record::{AccelObject, BufferRange, Physical},
     },
     ExecuteError, Imports,
     cache::Entry,
@@ -144,7 +145,7 @@ impl Footprints for Device<'_> {
         let buffer = |bytes: u64, align: u64| Footprint { bytes: bytes.next_multiple_of(align), align, kind };
         match shape {
             Shape::Buffer { bytes } => buffer(bytes, BUFFER_ALIGN),
-            Shape::Accel { bytes } => buffer(bytes, ACCEL_ALIGN),
+            Shape::Accel { bytes, .. } => buffer(bytes, ACCEL_ALIGN),
             Shape::Image { .. } => {
                 let Some(info) = image_info(shape, uses, sharing) else { return buffer(0, 1) };
                 *self.pool.footprints.entry(info).or_insert_with(|| {
@@ -292,7 +293,13 @@ impl Pool {
         let offset = transient.offset;
         let Some(info) = image_info(shape, transient.uses, transient.sharing) else {
             let Some(buffer) = held.buffer.clone() else { return Ok(Physical::Unused) };
-            return Ok(Physical::Buffer(BufferRange { buffer, offset, bytes: shape.bytes() }));
+            let memory = BufferRange { buffer, offset, bytes: shape.bytes() };
+            let Shape::Accel { bytes, top } = shape else { return Ok(Physical::Buffer(memory)) };
+            // One that a shader writes is plain memory.
+            let by_driver = transient.uses.iter().any(|(access, _)| matches!(access, Access::Build | Access::Refit));
+            let made = || gpu::Accel::new(gpu, &memory.buffer, offset, bytes, top).map(Arc::new);
+            let driver = by_driver.then(made).transpose()?;
+            return Ok(Physical::Accel(AccelObject { memory, driver, root: Address::default() }));
         };
         let place = Place { info, heap: transient.heap, offset };
         if let Some(pooled) = self.images.get(&place) {
@@ -370,8 +377,8 @@ impl Compiled {
             let done = families.is_none() && b.handover.is_some_and(|h| h.role == Role::Acquire);
             let image = match &physical[b.resource as usize] {
                 Physical::Image(image) if b.layout_from != b.layout_to || families.is_some() => image,
-                Physical::Image(_) | Physical::Buffer(_) => {
-                    self.add_memory(first, MemoryBarrier::new(b.from, b.to));
+                Physical::Image(_) | Physical::Buffer(_) | Physical::Accel(_) => {
+                    self.add_memory(first, MemoryBarrier::new(gpu, b.from, b.to));
                     continue;
                 }
                 Physical::Unused => continue,
@@ -384,7 +391,7 @@ impl Compiled {
             }
             if b.discard && !b.from.is_empty() {
                 // The bytes were another object's: a barrier on the new image alone says nothing of what was written through it.
-                self.add_memory(first, MemoryBarrier::new(b.from, b.to));
+                self.add_memory(first, MemoryBarrier::new(gpu, b.from, b.to));
             }
             let layouts = (b.layout_from, b.layout_to);
             self.images.push(ImageBarrier::new(image, b.part, (b.from, b.to), layouts, families));

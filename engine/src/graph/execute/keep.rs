@@ -43,7 +43,7 @@ impl Kept {
         let bytes = |half: &Physical| match half {
             Physical::Image(image) => image.bytes(),
             Physical::Buffer(range) => range.buffer.bytes(),
-            Physical::Unused => 0,
+            Physical::Accel(_) | Physical::Unused => 0,
         };
         self.0.values().flat_map(|slot| &slot.halves).map(bytes).sum()
     }
@@ -133,7 +133,7 @@ impl Slot {
                 let image = gpu::Image::with(gpu, &format!("history {} {half}", entry.slot), info)?;
                 Ok(Physical::Image(Arc::new(image)))
             }
-            Shape::Buffer { bytes } | Shape::Accel { bytes } => {
+            Shape::Buffer { bytes } | Shape::Accel { bytes, .. } => {
                 let name = format!("kept {} {half}", entry.slot);
                 let bytes = bytes.next_multiple_of(4);
                 let buffer = gpu::Buffer::new(gpu, &name, bytes, BufferMemory::Device, BufferUse::Any)?;
@@ -159,7 +159,7 @@ impl Slot {
                 work.barriers(&[], &[into(Layout::TransferTarget, Layout::ShaderRead)]);
             }
             Physical::Buffer(range) => work.clear_buffer(&range.buffer),
-            Physical::Unused => {}
+            Physical::Accel(_) | Physical::Unused => {}
         }
     }
 

@@ -19,6 +19,7 @@ mod keep;
 mod spoil;
 mod time;
 
+use magpie_shaders::Address;
 use std::{sync::Arc, time::Instant};
 
 use super::{
@@ -29,7 +30,7 @@ use super::{
     history::Book,
     pass::{FrameGraph, RecordFn},
     plan::Plan,
-    record::{BufferRange, Physical},
+    record::{AccelObject, BufferRange, Physical},
     switches::Switches,
 };
 use crate::{
@@ -79,7 +80,20 @@ impl Imports {
         self.add(Physical::Image(image.clone()))
     }
 
-    /// Adds a buffer; the key is for [`FrameGraph::import_buffer`] or [`FrameGraph::import_tlas`].
+    /// Adds an acceleration structure of the driver's; the key is for [`FrameGraph::import_accel`] or
+    /// [`FrameGraph::import_tlas`]. `root`: the scene's tables, which shaders know a top level by; of a bottom level none.
+    pub fn accel(&mut self, accel: &Arc<gpu::Accel>, root: Address) -> ImportKey {
+        let (buffer, offset) = accel.place();
+        let memory = BufferRange { buffer: buffer.clone(), offset, bytes: accel.bytes() };
+        self.add(Physical::Accel(AccelObject { memory, driver: Some(accel.clone()), root }))
+    }
+
+    /// Adds a tree that Magpie's own walk reads, in a buffer; the key is as for [`Imports::accel`].
+    pub fn tree(&mut self, buffer: &Arc<gpu::Buffer>, root: Address) -> ImportKey {
+        self.add(Physical::Accel(AccelObject { memory: BufferRange::whole(buffer.clone()), driver: None, root }))
+    }
+
+    /// Adds a buffer; the key is for [`FrameGraph::import_buffer`].
     pub fn buffer(&mut self, buffer: &Arc<gpu::Buffer>) -> ImportKey {
         self.add(Physical::Buffer(BufferRange::whole(buffer.clone())))
     }

@@ -55,7 +55,7 @@ impl Spoil {
             (Physical::Buffer(range), Place::Element(index)) => {
                 encoder.copy_buffer(&self.source, 0, &range.buffer, range.offset + 4 * index, length);
             }
-            (Physical::Image(_) | Physical::Buffer(_) | Physical::Unused, _) => {}
+            (Physical::Image(_) | Physical::Buffer(_) | Physical::Accel(_) | Physical::Unused, _) => {}
         }
         encoder.full_barrier();
     }

@@ -10,7 +10,7 @@ use super::{Asked, Found, words, wrong};
 /// Bytes of contents.
 pub fn bytes(shape: Shape) -> u64 {
     match shape {
-        Shape::Buffer { bytes } | Shape::Accel { bytes } => bytes,
+        Shape::Buffer { bytes } | Shape::Accel { bytes, .. } => bytes,
         Shape::Image { format, extent, mips, layers } => {
             let side = |full: u32, mip: u32| u64::from((full >> mip).max(1));
             let pixels: u64 = (0..mips).map(|m| side(extent.width, m) * side(extent.height, m)).sum();

@@ -1,0 +1,308 @@
+//! The driver's acceleration structures: sizes, builds, updates, compaction.
+use super::device::Garbage;
+use super::{Buffer, CommandEncoder, Gpu, GpuError};
+use ash::vk;
+use bytemuck::{Pod, Zeroable};
+use magpie_shaders::Address;
+use std::sync::Arc;
+
+/// What an acceleration structure is built from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AccelGeometry {
+    /// A bottom level of triangles. Whether any-hit shaders run is up to the instances.
+    Triangles {
+        /// Three `f32` per vertex.
+        positions: Address,
+        /// How many vertices.
+        vertices: u32,
+        /// Three `u32` per triangle.
+        indices: Address,
+        /// How many triangles.
+        triangles: u32,
+    },
+    /// A bottom level of boxes around procedural shapes.
+    Boxes {
+        /// Least and greatest corner of each, six `f32`.
+        boxes: Address,
+        /// How many boxes.
+        count: u32,
+    },
+    /// A top level.
+    Instances {
+        /// [`AccelInstance`] table.
+        instances: Address,
+        /// How many instances.
+        count: u32,
+    },
+}
+
+/// What an acceleration structure is and will be used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AccelDesc {
+    /// What it is built from.
+    pub geometry: AccelGeometry,
+    /// It is built often: a fast build counts more than fast rays.
+    pub fast_build: bool,
+    /// It can be refitted.
+    pub update: bool,
+    /// It can be compacted.
+    pub compact: bool,
+}
+
+/// Bytes that an acceleration structure takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AccelSizes {
+    /// The structure itself.
+    pub bytes: u64,
+    /// Working memory of a build.
+    pub build_scratch: u64,
+    /// Working memory of a refit.
+    pub refit_scratch: u64,
+}
+
+/// An instance as the driver's top level reads it (`VkAccelerationStructureInstanceKHR`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct AccelInstance {
+    /// World from object, three rows.
+    pub world_from_object: [[f32; 4]; 3],
+    /// Index that shaders see in the low 24 bits, mask in the high 8.
+    pub index_and_mask: u32,
+    /// Hit group in the low 24 bits, [`AccelInstance::DOUBLE_SIDED`] and such in the high 8.
+    pub group_and_flags: u32,
+    /// Address of the bottom level.
+    pub bottom: [u32; 2],
+}
+
+impl AccelInstance {
+    /// Rays go through none of its faces for their side.
+    pub const DOUBLE_SIDED: u32 = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
+    /// Front faces wind counter-clockwise in object space.
+    pub const COUNTER_CLOCKWISE: u32 = vk::GeometryInstanceFlagsKHR::TRIANGLE_FRONT_COUNTERCLOCKWISE.as_raw() << 24;
+    /// A shader decides about each of its hits.
+    pub const NOT_OPAQUE: u32 = vk::GeometryInstanceFlagsKHR::FORCE_NO_OPAQUE.as_raw() << 24;
+    /// Instances that a top level can tell apart.
+    pub const LIMIT: u32 = 1 << 24;
+}
+
+/// An acceleration structure in a piece of a buffer. Freed when dropped, after the device is done with it.
+pub struct Accel {
+    gpu: Gpu,
+    pub(super) raw: vk::AccelerationStructureKHR,
+    buffer: Arc<Buffer>,
+    offset: u64,
+    bytes: u64,
+    address: Address,
+}
+
+impl Accel {
+    /// Alignment of its place in a buffer, bytes.
+    pub const ALIGN: u64 = 256;
+
+    /// An acceleration structure, not built yet, in `bytes` bytes of a buffer.
+    ///
+    /// # Errors
+    /// [`GpuError::MissingExtension`] where the driver has none, and failing calls.
+    pub fn new(gpu: &Gpu, buffer: &Arc<Buffer>, offset: u64, bytes: u64, top: bool) -> Result<Self, GpuError> {
+        let calls = gpu.0.ray_calls()?;
+        let kind = if top { vk::AccelerationStructureTypeKHR::TOP_LEVEL } else { vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL };
+        let info =
+            vk::AccelerationStructureCreateInfoKHR::default().buffer(buffer.raw).offset(offset).size(bytes).ty(kind);
+        // SAFETY: the buffer was made for acceleration structures, and lives as long as this one.
+        let raw = unsafe { calls.accel.create_acceleration_structure(&info, None) }
+            .map_err(GpuError::call("vkCreateAccelerationStructureKHR"))?;
+        let question = vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(raw);
+        // SAFETY: it was just made.
+        let address = unsafe { calls.accel.get_acceleration_structure_device_address(&question) };
+        Ok(Self { gpu: gpu.clone(), raw, buffer: buffer.clone(), offset, bytes, address: Address::new(address) })
+    }
+
+    /// An acceleration structure in a buffer of its own.
+    ///
+    /// # Errors
+    /// As [`Accel::new`], and exhausted memory.
+    pub fn alone(gpu: &Gpu, name: &str, bytes: u64, top: bool) -> Result<Self, GpuError> {
+        let buffer = Buffer::new(gpu, name, bytes, super::BufferMemory::Device, super::BufferUse::Storage)?;
+        Self::new(gpu, &Arc::new(buffer), 0, bytes, top)
+    }
+
+    /// Its address, as instances and shaders know it.
+    pub fn address(&self) -> Address {
+        self.address
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Where it lies.
+    pub fn place(&self) -> (&Arc<Buffer>, u64) {
+        (&self.buffer, self.offset)
+    }
+}
+
+impl Drop for Accel {
+    fn drop(&mut self) {
+        // The buffer is let go of after this, so it is freed after this.
+        self.gpu.0.discard(Garbage::Accel(self.raw));
+    }
+}
+
+/// The one geometry of a build in Vulkan's words, and how many primitives it has.
+fn geometry(geometry: AccelGeometry) -> (vk::AccelerationStructureGeometryKHR<'static>, u32, bool) {
+    let at = |address: Address| vk::DeviceOrHostAddressConstKHR { device_address: address.get() };
+    let (kind, data, count) = match geometry {
+        AccelGeometry::Triangles { positions, vertices, indices, triangles } => {
+            let data = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
+                .vertex_format(vk::Format::R32G32B32_SFLOAT)
+                .vertex_data(at(positions))
+                .vertex_stride(12)
+                .max_vertex(vertices.saturating_sub(1))
+                .index_type(vk::IndexType::UINT32)
+                .index_data(at(indices));
+            let data = vk::AccelerationStructureGeometryDataKHR { triangles: data };
+            (vk::GeometryTypeKHR::TRIANGLES, data, triangles)
+        }
+        AccelGeometry::Boxes { boxes, count } => {
+            let data = vk::AccelerationStructureGeometryAabbsDataKHR::default().data(at(boxes)).stride(24);
+            let data = vk::AccelerationStructureGeometryDataKHR { aabbs: data };
+            (vk::GeometryTypeKHR::AABBS, data, count)
+        }
+        AccelGeometry::Instances { instances, count } => {
+            let data = vk::AccelerationStructureGeometryInstancesDataKHR::default().data(at(instances));
+            let data = vk::AccelerationStructureGeometryDataKHR { instances: data };
+            (vk::GeometryTypeKHR::INSTANCES, data, count)
+        }
+    };
+    let top = kind == vk::GeometryTypeKHR::INSTANCES;
+    let made = vk::AccelerationStructureGeometryKHR::default().geometry_type(kind).geometry(data);
+    (made.flags(vk::GeometryFlagsKHR::OPAQUE), count, top)
+}
+
+fn build_info(desc: &AccelDesc, top: bool) -> vk::AccelerationStructureBuildGeometryInfoKHR<'static> {
+    use vk::BuildAccelerationStructureFlagsKHR as Flags;
+    let mut flags = if desc.fast_build { Flags::PREFER_FAST_BUILD } else { Flags::PREFER_FAST_TRACE };
+    if desc.update {
+        flags |= Flags::ALLOW_UPDATE;
+    }
+    if desc.compact {
+        flags |= Flags::ALLOW_COMPACTION;
+    }
+    let kind = if top { vk::AccelerationStructureTypeKHR::TOP_LEVEL } else { vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL };
+    vk::AccelerationStructureBuildGeometryInfoKHR::default().ty(kind).flags(flags)
+}
+
+impl Gpu {
+    /// How large an acceleration structure will be.
+    ///
+    /// # Errors
+    /// [`GpuError::MissingExtension`] where the driver has none.
+    pub fn accel_sizes(&self, desc: &AccelDesc) -> Result<AccelSizes, GpuError> {
+        let calls = self.0.ray_calls()?;
+        let (geometry, count, top) = geometry(desc.geometry);
+        let geometries = [geometry];
+        let info = build_info(desc, top).geometries(&geometries);
+        let mut sizes = vk::AccelerationStructureBuildSizesInfoKHR::default();
+        let host = vk::AccelerationStructureBuildTypeKHR::DEVICE;
+        // SAFETY: `info` describes one geometry, and there is one count.
+        unsafe { calls.accel.get_acceleration_structure_build_sizes(host, &info, &[count], &mut sizes) };
+        // Scratch is placed at some offset of a shared buffer: room for its alignment is added here.
+        let align = u64::from(self.0.ray_support.scratch_align);
+        Ok(AccelSizes {
+            bytes: sizes.acceleration_structure_size,
+            build_scratch: sizes.build_scratch_size + align,
+            refit_scratch: sizes.update_scratch_size + align,
+        })
+    }
+}
+
+/// Compacted sizes that a build reports, one for each structure.
+pub struct CompactedSizes {
+    gpu: Gpu,
+    pool: vk::QueryPool,
+    count: u32,
+}
+
+impl CompactedSizes {
+    /// Room for `count` sizes.
+    ///
+    /// # Errors
+    /// Failing calls.
+    pub fn new(gpu: &Gpu, count: u32) -> Result<Self, GpuError> {
+        let info = vk::QueryPoolCreateInfo::default()
+            .query_type(vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
+            .query_count(count.max(1));
+        // SAFETY: the extension is on, else there would be nothing to compact.
+        let pool = unsafe { gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))?;
+        // SAFETY: the pool was just made; hostQueryReset is on.
+        unsafe { gpu.raw().reset_query_pool(pool, 0, count.max(1)) };
+        Ok(Self { gpu: gpu.clone(), pool, count })
+    }
+
+    /// The sizes in bytes, once the device is done.
+    ///
+    /// # Errors
+    /// Failing calls.
+    pub fn read(&self) -> Result<Vec<u64>, GpuError> {
+        let mut bytes = vec![0_u64; self.count as usize];
+        if self.count > 0 {
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            // SAFETY: the slice holds as many as are asked for.
+            unsafe { self.gpu.raw().get_query_pool_results(self.pool, 0, &mut bytes, flags) }
+                .map_err(GpuError::call("vkGetQueryPoolResults"))?;
+        }
+        Ok(bytes)
+    }
+}
+
+impl Drop for CompactedSizes {
+    fn drop(&mut self) {
+        // SAFETY: its owner waited for the frame that wrote the sizes.
+        unsafe { self.gpu.raw().destroy_query_pool(self.pool, None) };
+    }
+}
+
+impl CommandEncoder {
+    /// Builds `target`, or refits it to what its geometry is now. `scratch` has the room that [`Gpu::accel_sizes`] says.
+    pub fn build_accel(&mut self, desc: &AccelDesc, refit: bool, target: &Accel, scratch: Address) {
+        let gpu = self.gpu().clone();
+        let Some(calls) = &gpu.0.ray_calls else { return };
+        let (geometry, count, top) = geometry(desc.geometry);
+        let geometries = [geometry];
+        let scratch = scratch.get().next_multiple_of(u64::from(gpu.0.ray_support.scratch_align));
+        let mut info = build_info(desc, top)
+            .geometries(&geometries)
+            .dst_acceleration_structure(target.raw)
+            .scratch_data(vk::DeviceOrHostAddressKHR { device_address: scratch })
+            .mode(vk::BuildAccelerationStructureModeKHR::BUILD);
+        if refit {
+            info = info.mode(vk::BuildAccelerationStructureModeKHR::UPDATE).src_acceleration_structure(target.raw);
+        }
+        let ranges = [vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(count)];
+        // SAFETY: the command buffer is recording outside of rendering; the pass declared what the build reads, writes and works in.
+        unsafe { calls.accel.cmd_build_acceleration_structures(self.raw(), &[info], &[&ranges[..]]) };
+    }
+
+    /// Asks how small structures can become.
+    pub fn ask_compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes) {
+        let gpu = self.gpu().clone();
+        let Some(calls) = &gpu.0.ray_calls else { return };
+        let raw: Vec<_> = accels.iter().map(|a| a.raw).collect();
+        let kind = vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
+        // SAFETY: the structures were built with compaction allowed; the pool was reset and has a place for each.
+        unsafe { calls.accel.cmd_write_acceleration_structures_properties(self.raw(), &raw, kind, sizes.pool, 0) };
+    }
+
+    /// Copies a structure into a smaller one.
+    pub fn compact_accel(&mut self, source: &Accel, target: &Accel) {
+        let gpu = self.gpu().clone();
+        let Some(calls) = &gpu.0.ray_calls else { return };
+        let info = vk::CopyAccelerationStructureInfoKHR::default()
+            .src(source.raw)
+            .dst(target.raw)
+            .mode(vk::CopyAccelerationStructureModeKHR::COMPACT);
+        // SAFETY: the command buffer is recording outside of rendering; the target has the size that was asked for.
+        unsafe { calls.accel.cmd_copy_acceleration_structure(self.raw(), &info) };
+    }
+}
