@@ -130,6 +130,9 @@ pub struct RenderArguments {
     /// How rays are traced
     #[arg(long, value_enum, default_value_t = Rays::Auto)]
     pub rays: Rays,
+    /// Leave ways to trace turned off that the device has, as if it had not: to try what happens elsewhere
+    #[arg(long, value_enum, value_name = "WAYS", value_delimiter = ',')]
+    pub without_rays: Vec<DriverRays>,
     /// Write the times of every pass
     #[arg(long, value_name = "F.json|F.csv")]
     pub timings: Option<PathBuf>,
@@ -232,6 +235,25 @@ pub enum Rays {
     Pipeline,
     /// Whatever suits the device.
     Auto,
+}
+
+/// How a driver can trace rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DriverRays {
+    /// Ray queries in compute shaders.
+    Query,
+    /// Ray-tracing pipelines.
+    Pipeline,
+}
+
+impl DriverRays {
+    /// As the engine names it.
+    pub fn way(self) -> magpie::prelude::Rays {
+        match self {
+            Self::Query => magpie::prelude::Rays::Query,
+            Self::Pipeline => magpie::prelude::Rays::Pipeline,
+        }
+    }
 }
 
 fn time_step(text: &str) -> Result<f32, String> {

@@ -23,7 +23,7 @@ pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
     } else {
         Options { passes: arguments.passes.clone(), repeat: arguments.repeat }
     };
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false })?;
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
     let report = run(&gpu, &options, |next| log::info!("{next}"))?;
     let json = || report.to_json().map_err(Failure::running);
     match (file, &arguments.json) {

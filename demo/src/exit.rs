@@ -111,7 +111,8 @@ impl From<GpuError> for Failure {
             | GpuError::NoDevice { .. }
             | GpuError::UnknownDevice { .. }
             | GpuError::MissingLayer { .. }
-            | GpuError::MissingExtension { .. } => Self::NoDevice(anyhow::Error::new(error)),
+            | GpuError::MissingExtension { .. }
+            | GpuError::Rays { .. } => Self::NoDevice(anyhow::Error::new(error)),
             other => Self::running(other),
         }
     }

@@ -62,7 +62,6 @@ impl Outputs {
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Failure> {
     let outputs = Outputs::plan(arguments)?;
-    session::check_rays(arguments.rays)?;
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
     if arguments.print_config {
         return console::print(&config.to_toml()?);
@@ -73,7 +72,10 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let scene = session::load_scene(scene_name)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
 
+    let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();
     let options = Options {
+        rays: arguments.rays,
+        without_rays: &without_rays,
         device: arguments.device.as_deref(),
         check: arguments.check,
         size: arguments.size,

@@ -9,6 +9,7 @@ use magpie::{
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
 };
+use magpie::prelude::Rays as Way;
 use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
 
 use crate::{
@@ -77,27 +78,34 @@ pub(crate) struct Options<'a> {
     pub(crate) switches: Switches,
     pub(crate) statistics: bool,
     pub(crate) breadcrumbs: bool,
+    pub(crate) rays: Rays,
+    pub(crate) without_rays: &'a [Way],
 }
 
 /// A device and a renderer on it.
 pub(crate) struct Session {
     renderer: Renderer,
     gpu: Gpu,
+    rays: Way,
 }
 
 impl Session {
     pub(crate) fn open(scene: &Scene, config: &Config, options: &Options<'_>) -> Result<Self, Failure> {
-        let gpu = Gpu::new(&GpuOptions { device: options.device.map(str::to_owned), validation: options.check })?;
+        let gpu = Gpu::new(&GpuOptions {
+            device: options.device.map(str::to_owned),
+            validation: options.check,
+            without_rays: options.without_rays.to_vec(),
+        })?;
+        let rays = choose_rays(&gpu, options.rays)?;
         let Extent { width, height } = options.size;
-        let render_options =
-            RenderOptions { width, height, seed: options.seed, check: options.check, ..RenderOptions::default() };
+        let render_options = RenderOptions { width, height, seed: options.seed, check: options.check, rays };
         let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
         let Options { switches, statistics, breadcrumbs, .. } = *options;
         renderer.set_execution(ExecuteOptions { switches, statistics, breadcrumbs, ..renderer.execution() });
         if statistics && !gpu.has_statistics() {
             log::warn!("--statistics: {} does not count what shaders do", gpu.report().name);
         }
-        Ok(Self { renderer, gpu })
+        Ok(Self { renderer, gpu, rays })
     }
 
     /// Renders the next frame; `read_back` brings the picture, or the output that `view` names, to memory.
@@ -119,7 +127,7 @@ impl Session {
 
     /// Name of the ray backend in use.
     pub(crate) fn rays(&self) -> &'static str {
-        "software"
+        self.rays.name()
     }
 
     /// Where NaN and infinity came from, one text each, and what could not be told.
@@ -137,7 +145,7 @@ impl Session {
 
     /// Takes the renderer down and gives what the validation layers have said since the last frame.
     pub(crate) fn close(self) -> Result<Vec<String>, Failure> {
-        let Self { renderer, gpu } = self;
+        let Self { renderer, gpu, .. } = self;
         drop(renderer);
         gpu.wait_idle()?;
         match gpu.check_validation() {
@@ -148,14 +156,20 @@ impl Session {
     }
 }
 
-/// Refuses ray backends that this version does not have.
-pub(crate) fn check_rays(rays: Rays) -> Result<(), Failure> {
-    let name = match rays {
-        Rays::Auto | Rays::Software => return Ok(()),
-        Rays::Query => "query",
-        Rays::Pipeline => "pipeline",
+/// The way to trace that was asked for, or the one that suits the device, and says so.
+fn choose_rays(gpu: &Gpu, wanted: Rays) -> Result<Way, Failure> {
+    let way = match wanted {
+        Rays::Auto => {
+            let choice = gpu.choose_rays();
+            log::info!("{}", choice.reason);
+            return Ok(choice.rays);
+        }
+        Rays::Software => Way::Software,
+        Rays::Query => Way::Query,
+        Rays::Pipeline => Way::Pipeline,
     };
-    Err(Failure::bad(format!("--rays {name}: this version traces rays in software; wanted auto or software")))
+    gpu.check_rays(way).map_err(|e| Failure::from(e).context(format!("--rays {way}")))?;
+    Ok(way)
 }
 
 fn failure(error: RenderError) -> Failure {

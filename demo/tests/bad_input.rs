@@ -407,5 +407,5 @@ fn no_device() {
     refused(folder.path(), &[&["render", "builtin:cornell"][..], &OUTPUTS].concat(), 3, names);
     refused(folder.path(), &["render", "builtin:cornell", "--device", "99", "--check"], 3, &[]);
     refused(folder.path(), &["bench", "graph", "--json", "o.json"], 3, &[]);
-    refused(folder.path(), &["render", "builtin:cornell", "--rays", "query"], 2, &["--rays query", "software"]);
+    refused(folder.path(), &["render", "builtin:cornell", "--rays", "query", "--check"], 3, &[]);
 }

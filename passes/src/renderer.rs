@@ -1,7 +1,6 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::frame::{Stages, frame};
 use crate::slots::Slots;
-use crate::stages::SceneHandles;
 use magpie::config::{Config, ConfigError};
 use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
@@ -13,7 +12,7 @@ use magpie::graph::{
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, ResidentError, ResidentScene, Scene};
+use magpie::scene::{Camera, ResidentError, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::{Build, StageError};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -171,7 +170,7 @@ impl Renderer {
             config: config.clone(),
             view: ViewBlock::new(gpu)?,
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene)?,
+            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?,
             trail: Trail::default(),
             poisons: Vec::new(),
             options,
@@ -281,8 +280,7 @@ impl Renderer {
             previous_clip_from_world: self.previous_clip_from_world,
         };
         let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?;
-        let imported = self.scene.import(&mut g, &mut imports.borrow_mut());
-        let scene = SceneHandles { tables: imported.tables, indices: imported.indices, tlas: imported.tlas };
+        let scene = self.scene.import(&mut g, &mut imports.borrow_mut());
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
 

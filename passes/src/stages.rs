@@ -1,16 +1,6 @@
 //! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
-use magpie::graph::{Buffer, Handle, Image, Tlas, WriteHandle};
-
-/// The scene on the device, as the graph knows it.
-#[derive(Clone, Copy, Debug)]
-pub struct SceneHandles {
-    /// Instances, meshes, vertices, materials and lights.
-    pub tables: Handle<Buffer>,
-    /// Indices of every mesh, one after another.
-    pub indices: Handle<Buffer>,
-    /// The acceleration structure.
-    pub tlas: Handle<Tlas>,
-}
+use magpie::graph::{Handle, Image, WriteHandle};
+pub use magpie::scene::SceneHandles;
 
 /// What the camera sees first, one value per pixel.
 #[derive(Clone, Copy, Debug)]

@@ -197,7 +197,7 @@ impl Shot<'_> {
         let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous_clip_from_world: None };
         let view = desc.declare(&mut ViewBlock::new(gpu)?, scene, g, &mut imports.borrow_mut())?;
         let s = scene.import(g, &mut imports.borrow_mut());
-        Ok((view, SceneHandles { tables: s.tables, indices: s.indices, tlas: s.tlas }))
+        Ok((view, s))
     }
 }
 

@@ -14,7 +14,7 @@ pub fn gpu() -> Result<Option<Gpu>> {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
         return Ok(None);
     }
-    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: true };
+    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: true, ..GpuOptions::default() };
     Ok(Some(Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out")?))
 }
 

@@ -12,7 +12,7 @@ use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{Light, Material, ResidentScene, Scene};
+use magpie::scene::{Light, Material, ResidentOptions, ResidentScene, Scene};
 use magpie_passes::frame::frame;
 use magpie_passes::{Slots, Stages};
 use magpie_shaders::{SampledImage, StorageImage};
@@ -118,7 +118,7 @@ fn rgb(v: &[f32; 4]) -> DVec3 {
 }
 
 fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
-    let resident = ResidentScene::new(&bench.gpu, scene)?;
+    let resident = ResidentScene::new(&bench.gpu, scene, ResidentOptions::default())?;
     let camera = &scene.cameras[0];
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();

@@ -6,7 +6,7 @@ use magpie::graph::check::Place;
 use magpie::graph::{
     Access, BufferDesc, Domain, Extent, Format, FrameGraph, ImageDesc, ImageState, MipCopy, Queue, Record,
 };
-use magpie::scene::{Light, ResidentScene, Sampler, Scene};
+use magpie::scene::{Light, ResidentOptions, ResidentScene, Sampler, Scene};
 use magpie::stage::{Build, StageError};
 use magpie_passes::Slots;
 use magpie_shaders::{Address, SampledImage, SamplerId, StorageImage};
@@ -283,7 +283,7 @@ fn the_scan_finds_nan_and_infinity_and_nothing_later_hides_them() -> Result<()> 
 fn shadow_rays(scene: &Scene) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    let resident = ResidentScene::new(&gpu, scene)?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
     let extent = Extent::new(203, 117);
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent };
     let wanted = ["gbuffer.draw:depth", "gbuffer.draw:normal", "shadows.trace:visibility"];
@@ -336,7 +336,7 @@ fn no_light_means_no_shadow_pass_and_no_ray() -> Result<()> {
     let mut bench = Bench::new(&gpu)?;
     let mut dark = builtin("cornell")?;
     dark.lights.clear();
-    let resident = ResidentScene::new(&gpu, &dark)?;
+    let resident = ResidentScene::new(&gpu, &dark, ResidentOptions::default())?;
     let shot = Shot { scene: &resident, camera: &dark.cameras[0], extent: Extent::new(64, 64) };
     let ran = bench.frame(shot, &config(&[])?, &["direct.shade:radiance", "gbuffer.draw:emission"])?.clean()?;
     ensure!(ran.rays("shadows.trace").is_err(), "the shadow pass ran");
@@ -350,7 +350,7 @@ fn an_unknown_device_is_an_error_that_lists_the_known_ones() -> Result<()> {
     if gpu()?.is_none() {
         return Ok(());
     }
-    let options = GpuOptions { device: Some("no such card".to_owned()), validation: false };
+    let options = GpuOptions { device: Some("no such card".to_owned()), validation: false, ..GpuOptions::default() };
     match Gpu::new(&options) {
         Err(error @ GpuError::UnknownDevice { .. }) => {
             let text = error.to_string();

@@ -3,10 +3,10 @@ use anyhow::Result;
 use magpie::config::Config;
 use magpie::frame::{ViewBlock, ViewDesc};
 use magpie::graph::Extent;
-use magpie::scene::{Camera, ResidentScene, Scene};
+use magpie::scene::{Camera, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::Build;
 use magpie_passes::Slots;
-use magpie_passes::stages::{GBufferIn, SceneHandles};
+use magpie_passes::stages::GBufferIn;
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::{asset, builtin, gpu};
 use magpie_tests::oracle::gbuffer::Eye;
@@ -16,7 +16,7 @@ const EXTENT: Extent = Extent { width: 240, height: 135 };
 /// Largest error of the motion, pixels, and how many pixels moved by more than one.
 fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
-    let resident = ResidentScene::new(&gpu, scene)?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
     let mut gbuffer = Slots::default()
         .gbuffer
         .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
@@ -33,7 +33,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
         let mut block = ViewBlock::new(&gpu)?;
         let view = desc(now, Some(previous)).declare(&mut block, &resident, g, &mut imports.borrow_mut())?;
         let s = resident.import(g, &mut imports.borrow_mut());
-        let scene = SceneHandles { tables: s.tables, indices: s.indices, tlas: s.tlas };
+        let scene = s;
         let motion = gbuffer.add(g, &view, GBufferIn { scene }).motion;
         g.output(motion);
         Ok(())

@@ -7,7 +7,7 @@ use magpie::graph::{HistoryScope, ImportKey, Origin, Shape};
 use magpie::measure::PassTime;
 use magpie::pixels::Pixels;
 use magpie::prelude::*;
-use magpie::scene::ResidentScene;
+use magpie::scene::{ResidentOptions, ResidentScene};
 use magpie::stage::StageError;
 use magpie_passes::stages::{IndirectIn, IndirectOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
@@ -72,7 +72,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
     let scene = builtin("courtyard")?;
-    let resident = ResidentScene::new(&gpu, &scene)?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: Extent::new(SIZE[0], SIZE[1]) };
     let config = config(&[])?;
     let clean = bench.frame(shot, &config, &[])?.clean()?;
@@ -293,7 +293,7 @@ fn what_the_scan_costs() -> Result<()> {
         return Ok(());
     }
     // Without validation layers, which cost far more.
-    let gpu = Gpu::new(&GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), validation: false })?;
+    let gpu = Gpu::new(&GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), validation: false, ..GpuOptions::default() })?;
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;

@@ -19,7 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use magpie::config::Config;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{AlphaMode, Camera, ResidentScene, Scene};
+use magpie::scene::{AlphaMode, Camera, ResidentOptions, ResidentScene, Scene};
 use magpie_passes::Slots;
 use magpie_passes::stages::GBufferIn;
 use magpie_shaders::{Address, StorageImage};
@@ -114,8 +114,7 @@ fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Bot
             let (view, handles) = shot.declare(&gpu, g, imports)?;
             gbuffer.add(g, &view, GBufferIn { scene: handles });
             g.pass("test.rays", Queue::Graphics, |p| {
-                let (block, tlas) = (p.read(view.block), p.trace(handles.tlas));
-                p.read(handles.tables);
+                let (block, tlas) = (p.read(view.block), handles.trace(p));
                 p.read(handles.indices);
                 let (_, ids) = p.create("ids", ImageDesc::full(Format::Rg32Uint));
                 let (_, geometry) = p.create("geometry", ImageDesc::full(Format::Rgba32Float));
@@ -296,7 +295,7 @@ fn diorama() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let Some(scene) = asset("pica_pica_mini_diorama/scene.gltf")? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    let resident = ResidentScene::new(&gpu, &scene)?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     for camera in &scene.cameras {
         let both = look(&mut bench, &resident, camera)?;
         let seen = both.rays.iter().filter(|s| s.instance > 0).count();
@@ -323,7 +322,7 @@ fn courtyard() -> Result<()> {
         for sampler in &mut scene.samplers {
             sampler.mips = mips;
         }
-        let resident = ResidentScene::new(&gpu, &scene)?;
+        let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
         for camera in &scene.cameras {
             let both = look(&mut bench, &resident, camera)?;
             let label = format!("courtyard, {}, {}", camera.name, if mips { "mips" } else { "no mips" });

@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::graph::Extent;
-use magpie::scene::{Camera, Light, Material, Mesh, ResidentScene, Scene, supply_missing};
+use magpie::scene::{Camera, Light, Material, Mesh, ResidentOptions, ResidentScene, Scene, supply_missing};
 use magpie_tests::bench::{Bench, Ran, Shot};
 use magpie_tests::harness::{builtin, config, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
@@ -18,7 +18,7 @@ const VISIBILITY: &str = "shadows.trace:visibility";
 
 fn run(scene: &Scene, wanted: &[&str]) -> Result<Option<Ran>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
-    let resident = ResidentScene::new(&gpu, scene)?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: EXTENT };
     Bench::new(&gpu)?.frame(shot, &config(&[])?, wanted)?.clean().map(Some)
 }

@@ -217,7 +217,7 @@ impl Gpu {
     }
 }
 
-/// Compacted sizes that a build reports, one for each structure.
+/// Where the device notes how small structures can become, one number for each.
 pub struct CompactedSizes {
     gpu: Gpu,
     pool: vk::QueryPool,
@@ -254,6 +254,7 @@ impl CompactedSizes {
         }
         Ok(bytes)
     }
+
 }
 
 impl Drop for CompactedSizes {
@@ -284,8 +285,8 @@ impl CommandEncoder {
         unsafe { calls.accel.cmd_build_acceleration_structures(self.raw(), &[info], &[&ranges[..]]) };
     }
 
-    /// Asks how small structures can become.
-    pub fn ask_compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes) {
+    /// Notes how small structures can become.
+    pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
         let raw: Vec<_> = accels.iter().map(|a| a.raw).collect();

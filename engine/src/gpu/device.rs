@@ -6,7 +6,7 @@ use super::instance::Instance;
 use super::pipeline::Pipelines;
 use super::pipeline_cache;
 use super::ray_pipeline::RayTables;
-use super::rays::{RayCalls, RayFeatures, RaySupport};
+use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
 use super::submit::{Lane, Timeline};
 use crate::graph::Queue;
 use ash::{amd, ext, vk};
@@ -23,6 +23,8 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Turn the validation layers on, synchronization validation included.
     pub validation: bool,
+    /// Ways to trace that the driver has and that are left turned off, as if it had not.
+    pub without_rays: Vec<Rays>,
 }
 
 /// One opened device. Clones share it.
@@ -124,7 +126,8 @@ impl Gpu {
         let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
         let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
         let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).map(CStr::as_ptr).collect();
-        let support = RaySupport::of(&instance, physical, &available);
+        let support = RaySupport::of(&instance, physical, &available).without(&options.without_rays);
+        report.rays = support.ways().into_iter().map(Rays::name).collect();
         let lane_families = Queue::ALL.map(|queue| choice::family_for(queue, &families).unwrap_or(family));
         let bits_of = |f: u32| families[f as usize].timestamp_valid_bits;
         let timestamp_bits = lane_families.into_iter().map(bits_of).min().unwrap_or(0);
@@ -140,7 +143,7 @@ impl Gpu {
         wanted.core.multi_draw_indirect = optional.multi_draw_indirect;
         wanted.core.draw_indirect_first_instance = optional.draw_indirect_first_instance;
         wanted.core.pipeline_statistics_query = optional.pipeline_statistics_query;
-        let mut open = |support: RaySupport| {
+        let open = |support: RaySupport| {
             let names: Vec<_> = extensions.iter().copied().chain(support.extensions().iter().map(|n| n.as_ptr())).collect();
             let mut features = RayFeatures::new(support);
             let info = vk::DeviceCreateInfo::default()
@@ -153,14 +156,10 @@ impl Gpu {
             // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
             unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))
         };
-        let (raw, support) = match open(support) {
-            Err(error) if support.accel => {
-                log::warn!("{}: {error} with ray tracing turned on; trying without", report.name);
-                report.rays = vec![Rays::Software.name()];
-                (open(RaySupport::default())?, RaySupport::default())
-            }
-            opened => (opened?, support),
-        };
+        let (raw, support) = with_rays_or_without(support, open, |error| {
+            log::warn!("{}: {error} with ray tracing turned on; going on without", report.name);
+            report.rays = vec![Rays::Software.name()];
+        })?;
         let logical = Logical { raw: raw.clone(), instance };
         let instance = &logical.instance;
         // SAFETY: each family was asked for with one queue.

@@ -71,6 +71,15 @@ impl RaySupport {
         }
     }
 
+    /// What is left without some ways.
+    pub fn without(mut self, ways: &[Rays]) -> Self {
+        self.query &= !ways.contains(&Rays::Query);
+        self.pipeline &= !ways.contains(&Rays::Pipeline);
+        self.indirect &= self.pipeline;
+        self.accel = self.query || self.pipeline;
+        self
+    }
+
     /// Every way that it gives.
     pub fn ways(self) -> Vec<Rays> {
         let has = |rays: &Rays| match rays {
@@ -156,6 +165,21 @@ impl RayCalls {
     }
 }
 
+/// Opens a device with what it has for rays. A driver that fails then is told of no rays: it is better than none.
+pub(super) fn with_rays_or_without<T, E>(
+    support: RaySupport,
+    mut open: impl FnMut(RaySupport) -> Result<T, E>,
+    failed: impl FnOnce(&E),
+) -> Result<(T, RaySupport), E> {
+    match open(support) {
+        Err(error) if support.accel => {
+            failed(&error);
+            Ok((open(RaySupport::default())?, RaySupport::default()))
+        }
+        opened => Ok((opened?, support)),
+    }
+}
+
 /// Why a way to trace was chosen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RayChoice {
@@ -186,5 +210,55 @@ impl Gpu {
         };
         let names: Vec<_> = ways.iter().map(|w| w.name()).collect();
         RayChoice { rays, reason: format!("rays: {rays}, since {why} ({} has {})", report.name, names.join(", ")) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BOTH: RaySupport = RaySupport {
+        accel: true,
+        query: true,
+        pipeline: true,
+        indirect: true,
+        handle_bytes: 32,
+        handle_align: 32,
+        base_align: 64,
+        scratch_align: 128,
+    };
+
+    #[test]
+    fn a_driver_that_fails_with_rays_is_opened_without() {
+        let mut asked = Vec::new();
+        let mut told = None;
+        let open = |support: RaySupport| {
+            asked.push(support.ways());
+            if support.accel { Err("initialisation failed") } else { Ok("device") }
+        };
+        let opened = with_rays_or_without(BOTH, open, |error| told = Some(*error));
+        assert_eq!(opened, Ok(("device", RaySupport::default())));
+        assert_eq!(told, Some("initialisation failed"));
+        assert_eq!(asked, [Rays::ALL.to_vec(), vec![Rays::Software]]);
+    }
+
+    #[test]
+    fn a_driver_that_fails_without_rays_as_well_is_tried_no_further() {
+        let mut tries = 0;
+        let open = |_: RaySupport| -> Result<(), _> {
+            tries += 1;
+            Err(tries)
+        };
+        assert_eq!(with_rays_or_without(BOTH, open, |_| ()), Err(2));
+        let never = |_: &i32| panic!("there were no rays to go without");
+        assert_eq!(with_rays_or_without(RaySupport::default(), |_| Err::<(), _>(1), never), Err(1));
+    }
+
+    #[test]
+    fn structures_go_with_the_last_way_that_needs_them() {
+        assert_eq!(BOTH.without(&[Rays::Query]).ways(), [Rays::Software, Rays::Pipeline]);
+        let neither = BOTH.without(&[Rays::Query, Rays::Pipeline]);
+        assert!(!neither.accel && !neither.indirect && neither.extensions().is_empty());
+        assert_eq!(neither.ways(), [Rays::Software]);
     }
 }

@@ -246,14 +246,14 @@ impl Record<'_> {
         self.encoder.build_accel(desc, refit, target, scratch);
     }
 
-    /// Asks how small structures can become that were built to be compacted.
+    /// Notes how small structures can become that were built to be compacted.
     ///
     /// # Panics
     /// As [`Record::build_accel`].
-    pub fn ask_compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes) {
+    pub fn compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes) {
         let physical = self.physical;
         let accels: Vec<_> = sources.iter().map(|s| self.driver_in(physical, s.resource, s.pass)).collect();
-        self.encoder.ask_compacted_sizes(&accels, sizes);
+        self.encoder.compacted_sizes(&accels, sizes);
     }
 
     /// Copies a structure into a smaller one.

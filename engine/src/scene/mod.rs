@@ -19,7 +19,7 @@ pub use camera::{Camera, CameraFile};
 pub use daylight::{Daylight, SkyModel};
 pub use error::{Fault, SceneError};
 pub use import::load;
-pub use resident::{ResidentError, ResidentScene, SceneImports};
+pub use resident::{AccelerationReport, ResidentError, ResidentOptions, ResidentScene, SceneHandles};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
 

@@ -34,7 +34,7 @@ impl Effect for AllLights {
         let (kernel, block, gbuffer) = (self.shade, view.block, i.gbuffer);
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
             let block = p.read(block);
-            p.read(i.scene.tables);
+            i.scene.read(p);
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
             let emission = p.sample(gbuffer.emission);

@@ -56,8 +56,7 @@ impl Effect for Raster {
         let draws = view.draws.clone();
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));
-            p.read(i.scene.tables);
-            p.read(i.scene.indices); // the fragment shader looks up the triangle's corners
+            i.scene.read(p);
             let [base_colour, normal, material, emission, motion, ids] =
                 COLOURS.map(|(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read());
             let depth = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0.read();

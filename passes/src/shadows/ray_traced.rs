@@ -27,9 +27,7 @@ impl Effect for RayTraced {
         }
         let (kernel, block) = (self.trace, view.block);
         let visibility = g.pass("shadows.trace", Queue::AsyncCompute, |p| {
-            let (block, tlas) = (p.read(block), p.trace(i.scene.tlas));
-            p.read(i.scene.tables);
-            p.read(i.scene.indices); // the alpha test looks up the triangle's corners
+            let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let (visibility, target) = p.create("visibility", ImageDesc::like(Format::R8Unorm, i.gbuffer.depth));
             let extent = p.extent(i.gbuffer.depth);

@@ -9,7 +9,7 @@ fn gpu() -> Option<Gpu> {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
         return None;
     }
-    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: false };
+    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: false, ..GpuOptions::default() };
     Some(Gpu::new(&options).unwrap())
 }
 

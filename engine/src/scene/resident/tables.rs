@@ -1,0 +1,174 @@
+//! The scene's tables in the layout that shaders read.
+use crate::gpu::{Cull, Gpu, GpuError, Image};
+use crate::graph::Draw;
+use crate::ray::object_from_world;
+use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
+use glam::{Affine3A, Vec3};
+use magpie_shaders::scene as shared;
+use magpie_shaders::{SampledImage, SamplerId};
+use std::sync::Arc;
+
+pub(super) fn attributes(mesh: &Mesh) -> Vec<shared::VertexAttributes> {
+    (0..mesh.positions.len())
+        .map(|i| shared::VertexAttributes {
+            normal: mesh.normals[i].to_array(),
+            tangent: mesh.tangents[i].to_array(),
+            uv0: mesh.uv0[i].to_array(),
+            uv1: mesh.uv1[i].to_array(),
+            colour: mesh.colours[i].to_array(),
+        })
+        .collect()
+}
+
+pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
+    let (a, t) = (m.matrix3, m.translation);
+    [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
+}
+
+pub(super) fn instance(scene: &Scene, instance: &Instance) -> shared::Instance {
+    let material = &scene.materials[instance.material as usize];
+    let alpha_test = if material.alpha == AlphaMode::Opaque { 0 } else { shared::INSTANCE_ALPHA_TEST };
+    let double_sided = if material.double_sided { shared::INSTANCE_DOUBLE_SIDED } else { 0 };
+    // The importer keeps no singular instance; a built-in or a user's one that is singular has no inside to trace.
+    let inverse = object_from_world(&instance.world_from_object).unwrap_or(Affine3A::ZERO);
+    shared::Instance {
+        world_from_object: rows(&instance.world_from_object),
+        object_from_world: rows(&inverse),
+        previous_world_from_object: rows(&instance.world_from_object),
+        mesh: instance.mesh,
+        material: instance.material,
+        mask: shared::INSTANCE_MASK_ALL,
+        flags: alpha_test | double_sided,
+        rounding: 0.0,
+    }
+}
+
+pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Result<Vec<shared::Material>, GpuError> {
+    let slot = |used: Option<TextureUse>| -> Result<shared::TextureSlot, GpuError> {
+        let Some(used) = used else {
+            return Ok(shared::TextureSlot { image: SampledImage(shared::NO_TEXTURE), ..Default::default() });
+        };
+        let image = textures.get(used.texture as usize).and_then(|t| t.sampled());
+        let sampler = scene.samplers.get(used.sampler as usize).copied().unwrap_or_default();
+        let sampler_id: SamplerId = gpu.sampler(sampler)?;
+        Ok(shared::TextureSlot {
+            image: image.unwrap_or(SampledImage(shared::NO_TEXTURE)),
+            sampler_id,
+            uv_set: used.uv_set,
+            row_u: used.rows[0].to_array(),
+            row_v: used.rows[1].to_array(),
+        })
+    };
+    let one = |m: &Material| -> Result<shared::Material, GpuError> {
+        let mut flags = 0;
+        let (tested, alpha_cutoff) = match m.alpha {
+            AlphaMode::Opaque => (false, 0.0),
+            AlphaMode::Mask(cutoff) => (true, cutoff),
+            AlphaMode::Blend => (true, 0.5),
+        };
+        for (set, bit) in [
+            (tested, shared::MATERIAL_ALPHA_TEST),
+            (m.double_sided, shared::MATERIAL_DOUBLE_SIDED),
+            (m.unlit, shared::MATERIAL_UNLIT),
+        ] {
+            flags |= if set { bit } else { 0 };
+        }
+        Ok(shared::Material {
+            base_colour: m.base_colour.to_array(),
+            emission: m.emission.to_array(),
+            metalness: m.metalness,
+            roughness: m.roughness,
+            normal_scale: m.normal_scale,
+            occlusion_strength: m.occlusion_strength,
+            alpha_cutoff,
+            flags,
+            base_colour_texture: slot(m.base_colour_texture)?,
+            metallic_roughness_texture: slot(m.metallic_roughness_texture)?,
+            normal_texture: slot(m.normal_texture)?,
+            occlusion_texture: slot(m.occlusion_texture)?,
+            emission_texture: slot(m.emission_texture)?,
+        })
+    };
+    scene.materials.iter().map(one).collect()
+}
+
+pub(super) fn light(light: &Light) -> shared::Light {
+    match light {
+        Light::Directional { direction, illuminance } => shared::Light {
+            kind: shared::LIGHT_DIRECTIONAL,
+            direction: direction.to_array(),
+            intensity: illuminance.to_array(),
+            ..Default::default()
+        },
+        Light::Point { position, intensity, range } => shared::Light {
+            kind: shared::LIGHT_POINT,
+            position: position.to_array(),
+            intensity: intensity.to_array(),
+            range: range.unwrap_or(0.0),
+            ..Default::default()
+        },
+        Light::Spot { position, direction, intensity, range, inner, outer } => {
+            // KHR_lights_punctual: both folded into one multiply-add; equal angles give a hard edge.
+            let cone_scale = 1.0 / (inner.cos() - outer.cos()).max(1e-3);
+            shared::Light {
+                kind: shared::LIGHT_SPOT,
+                position: position.to_array(),
+                direction: direction.to_array(),
+                intensity: intensity.to_array(),
+                range: range.unwrap_or(0.0),
+                cone_scale,
+                cone_offset: -outer.cos() * cone_scale,
+                ..Default::default()
+            }
+        }
+        Light::Rectangle { centre, half_u, half_v, radiance } => shared::Light {
+            kind: shared::LIGHT_RECTANGLE,
+            position: centre.to_array(),
+            direction: half_u.cross(*half_v).normalize_or_zero().to_array(),
+            intensity: radiance.to_array(),
+            half_u: half_u.to_array(),
+            half_v: half_v.to_array(),
+            ..Default::default()
+        },
+    }
+}
+
+pub(super) fn key_light(lights: &[Light]) -> Option<u32> {
+    let sun = lights.iter().position(|l| matches!(l, Light::Directional { .. }));
+    let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let power = |l: &Light| match l {
+        Light::Directional { illuminance, .. } => luminance(*illuminance),
+        Light::Point { intensity, .. } | Light::Spot { intensity, .. } => luminance(*intensity),
+        Light::Rectangle { half_u, half_v, radiance, .. } => {
+            luminance(*radiance) * half_u.cross(*half_v).length() * 4.0
+        }
+    };
+    let strongest = || (0..lights.len()).max_by(|a, b| power(&lights[*a]).total_cmp(&power(&lights[*b])));
+    sun.or_else(strongest).map(|i| i as u32)
+}
+
+pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
+    let mut draws: Vec<Draw> = scene
+        .instances
+        .iter()
+        .zip(0..)
+        .map(|(i, instance)| {
+            let (mesh, material) = (i.mesh as usize, i.material as usize);
+            let mirrored = i.world_from_object.matrix3.determinant() < 0.0;
+            let cull = match (scene.materials[material].double_sided, mirrored) {
+                (true, _) => Cull::None,
+                (false, false) => Cull::Back,
+                (false, true) => Cull::BackMirrored,
+            };
+            Draw {
+                first_index: (index_offsets[mesh] / 4) as u32,
+                index_count: scene.meshes[mesh].indices.len() as u32,
+                instance,
+                cull,
+                alpha_test: scene.materials[material].alpha != AlphaMode::Opaque,
+            }
+        })
+        .collect();
+    draws.sort_by_key(|d| (d.alpha_test, d.cull as u32, d.instance));
+    draws.into()
+}
