@@ -221,7 +221,6 @@ impl Gpu {
 pub struct CompactedSizes {
     gpu: Gpu,
     pool: vk::QueryPool,
-    count: u32,
 }
 
 impl CompactedSizes {
@@ -237,22 +236,7 @@ impl CompactedSizes {
         let pool = unsafe { gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))?;
         // SAFETY: the pool was just made; hostQueryReset is on.
         unsafe { gpu.raw().reset_query_pool(pool, 0, count.max(1)) };
-        Ok(Self { gpu: gpu.clone(), pool, count })
-    }
-
-    /// The sizes in bytes, once the device is done.
-    ///
-    /// # Errors
-    /// Failing calls.
-    pub fn read(&self) -> Result<Vec<u64>, GpuError> {
-        let mut bytes = vec![0_u64; self.count as usize];
-        if self.count > 0 {
-            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-            // SAFETY: the slice holds as many as are asked for.
-            unsafe { self.gpu.raw().get_query_pool_results(self.pool, 0, &mut bytes, flags) }
-                .map_err(GpuError::call("vkGetQueryPoolResults"))?;
-        }
-        Ok(bytes)
+        Ok(Self { gpu: gpu.clone(), pool })
     }
 
 }
@@ -285,14 +269,19 @@ impl CommandEncoder {
         unsafe { calls.accel.cmd_build_acceleration_structures(self.raw(), &[info], &[&ranges[..]]) };
     }
 
-    /// Notes how small structures can become.
-    pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes) {
+    /// Writes how small structures can become to a buffer: eight bytes each, from `offset` on.
+    pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes, (target, offset): (&Buffer, u64)) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
         let raw: Vec<_> = accels.iter().map(|a| a.raw).collect();
         let kind = vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR;
         // SAFETY: the structures were built with compaction allowed; the pool was reset and has a place for each.
-        unsafe { calls.accel.cmd_write_acceleration_structures_properties(self.raw(), &raw, kind, sizes.pool, 0) };
+        unsafe {
+            calls.accel.cmd_write_acceleration_structures_properties(self.raw(), &raw, kind, sizes.pool, 0);
+            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+            let count = raw.len() as u32;
+            gpu.raw().cmd_copy_query_pool_results(self.raw(), sizes.pool, 0, count, target.raw, offset, 8, flags);
+        }
     }
 
     /// Copies a structure into a smaller one.

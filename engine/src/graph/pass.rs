@@ -145,18 +145,21 @@ impl FrameGraph {
         let end = self.declaration.uses.len() as u32;
         self.declaration.passes[index as usize].uses.end = end;
         let uses = self.declaration.uses_of(index);
-        let (mut attachments, mut copies) = (0, 0);
+        let (mut attachments, mut copies, mut asked) = (0, 0, 0);
         for u in uses {
             // Indices are for drawing, even where nothing but buffers is written.
             attachments += usize::from(u.access.is_attachment() || u.access == Access::Index);
             copies += usize::from(u.access.is_copy());
+            asked += usize::from(u.access == Access::BuildInput);
         }
-        let domain = match (attachments, copies) {
-            (0, 0) => Domain::Compute,
-            (0, _) => Domain::Copy,
+        let domain = match (attachments, copies, asked) {
+            (0, 0, _) => Domain::Compute,
+            (0, _, 0) => Domain::Copy,
+            // What is asked of acceleration structures is copied to a buffer, on queues that build.
+            (0, _, _) => Domain::Compute,
             _ => Domain::Raster,
         };
-        let suspicious = attachments > 1 || (copies > 0 && copies < uses.len());
+        let suspicious = attachments > 1 || (copies > 0 && copies + asked < uses.len());
         self.declaration.passes[index as usize].domain = domain;
         if suspicious {
             let errors = self.check_uses(index);
@@ -186,7 +189,7 @@ impl FrameGraph {
             errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
         }
         let copy = uses.iter().find(|u| u.access.is_copy());
-        let other = uses.iter().find(|u| !u.access.is_copy());
+        let other = uses.iter().find(|u| !u.access.is_copy() && u.access != Access::BuildInput);
         if let (Some(copy), Some(other)) = (copy, other) {
             let (copied, resource) = (name_of(copy), name_of(other));
             errors.push(GraphError::MixedCopy { pass, copied, copy: copy.access, resource, access: other.access });

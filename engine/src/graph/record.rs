@@ -246,14 +246,16 @@ impl Record<'_> {
         self.encoder.build_accel(desc, refit, target, scratch);
     }
 
-    /// Notes how small structures can become that were built to be compacted.
+    /// Writes how small structures can become that were built to be compacted: eight bytes each.
     ///
     /// # Panics
-    /// As [`Record::build_accel`].
-    pub fn compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes) {
+    /// As [`Record::build_accel`], and past the end of the buffer.
+    pub fn compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes, to: CopyTarget) {
         let physical = self.physical;
         let accels: Vec<_> = sources.iter().map(|s| self.driver_in(physical, s.resource, s.pass)).collect();
-        self.encoder.compacted_sizes(&accels, sizes);
+        let target = self.buffer_in(physical, to.resource, to.pass);
+        self.inside(target, 0, 8 * accels.len() as u64);
+        self.encoder.compacted_sizes(&accels, sizes, (&target.buffer, target.offset));
     }
 
     /// Copies a structure into a smaller one.

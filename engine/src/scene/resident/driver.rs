@@ -5,7 +5,7 @@ use crate::gpu::{
     TRIANGLE_GROUP,
 };
 use crate::graph::execute::{Executed, Executor, Imports};
-use crate::graph::{Access, Blas, BufferDesc, Extent, Handle, Queue, Record, WriteHandle};
+use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, Handle, Queue, Record, WriteHandle};
 use crate::scene::Scene;
 use magpie_shaders::Address;
 use magpie_shaders::scene::{INSTANCE_ALPHA_TEST, INSTANCE_DOUBLE_SIDED};
@@ -100,7 +100,10 @@ impl Build<'_> {
         built: Vec<Arc<Accel>>,
         report: &mut AccelerationReport,
     ) -> Result<Vec<Arc<Accel>>, ResidentError> {
-        let sizes = Arc::new(CompactedSizes::new(self.gpu, built.len() as u32)?);
+        let queries = Arc::new(CompactedSizes::new(self.gpu, built.len() as u32)?);
+        let bytes = 8 * built.len() as u64;
+        let answers = Buffer::new(self.gpu, "compacted sizes", bytes, BufferMemory::ReadBack, BufferUse::Storage)?;
+        let answers = Arc::new(answers);
         let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
         let mut sources = Vec::with_capacity(built.len());
         for (at, accel) in built.iter().enumerate() {
@@ -108,14 +111,16 @@ impl Build<'_> {
             let source: Handle<Blas> = g.import_accel(&format!("mesh {at}"), Access::Build, key).read();
             sources.push(source);
         }
-        // What it finds goes to the host and to no resource of the graph: it observes.
-        let answers = sizes.clone();
-        g.weak_pass("acceleration.measure", Queue::Graphics, |p| {
+        let target = g.import_buffer("sizes", BufferDesc::new(bytes), Access::HostRead, imports.buffer(&answers));
+        let sizes = queries.clone(); // the frame lets go of its own before the device is done
+        let asked = g.pass("acceleration.measure", Queue::Graphics, |p| {
             let sources: Vec<_> = sources.iter().map(|s| p.build_input(*s)).collect();
-            ((), move |c: &mut Record<'_>| c.compacted_sizes(&sources, &answers))
+            let (asked, to) = p.copy_to(target);
+            (asked, move |c: &mut Record<'_>| c.compacted_sizes(&sources, &sizes, to))
         });
+        g.leave(asked.read(), Access::HostRead, Domain::Copy);
         executor.run(g, &imports)?;
-        let sizes = sizes.read()?;
+        let sizes: Vec<u64> = bytemuck::pod_collect_to_vec(&answers.contents()[..bytes as usize]);
         let kept = allocate(self.gpu, "bottom levels", &sizes)?;
 
         let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
