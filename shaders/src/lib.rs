@@ -6,6 +6,7 @@
 mod compile;
 mod types;
 
+pub mod acceleration;
 pub mod bench;
 pub mod check;
 pub mod compose;
