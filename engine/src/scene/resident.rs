@@ -1,5 +1,5 @@
 //! A scene on the device: one buffer of tables, one of indices, one of acceleration structures, and the textures.
-use super::{AlphaMode, ColourSpace, Daylight, Light, Material, Mesh, Scene, TextureUse};
+use super::{AlphaMode, ColourSpace, Daylight, Light, Material, Mesh, Scene, TextureUse, single};
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Cull, Gpu, GpuError, Image, ImageUse};
 use crate::graph::execute::{ExecuteError, Executor, Imports};
 use crate::graph::{
@@ -67,7 +67,7 @@ impl ResidentScene {
             .par_iter()
             .map(|m| MeshBvh::build(&m.positions, &m.indices).map_err(|e| e.in_mesh(&m.name)))
             .collect::<Result<_, _>>()?;
-        let placed: Vec<_> = scene.instances.iter().map(|i| (i.world_from_object, i.mesh)).collect();
+        let placed: Vec<_> = scene.instances.iter().map(|i| (single(&i.world_from_object), i.mesh)).collect();
         let top = SceneBvh::build(&placed, &trees)?;
         let mut bvh = Block::default();
         let top_nodes = bvh.add(&top.nodes);
@@ -287,11 +287,12 @@ fn instance(scene: &Scene, instance: &super::Instance) -> shared::Instance {
     let alpha_test = if material.alpha == AlphaMode::Opaque { 0 } else { shared::INSTANCE_ALPHA_TEST };
     let double_sided = if material.double_sided { shared::INSTANCE_DOUBLE_SIDED } else { 0 };
     // The importer keeps no singular instance; a built-in or a user's one that is singular has no inside to trace.
-    let inverse = object_from_world(&instance.world_from_object).unwrap_or(Affine3A::ZERO);
+    let world_from_object = single(&instance.world_from_object);
+    let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
     shared::Instance {
-        world_from_object: rows(&instance.world_from_object),
+        world_from_object: rows(&world_from_object),
         object_from_world: rows(&inverse),
-        previous_world_from_object: rows(&instance.world_from_object),
+        previous_world_from_object: rows(&world_from_object),
         mesh: instance.mesh,
         material: instance.material,
         mask: shared::INSTANCE_MASK_ALL,
@@ -409,6 +410,8 @@ fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
         .instances
         .iter()
         .zip(0..)
+        // Spheres have no triangles to draw.
+        .filter(|(i, _)| !scene.meshes[i.mesh as usize].indices.is_empty())
         .map(|(i, instance)| {
             let (mesh, material) = (i.mesh as usize, i.material as usize);
             let mirrored = i.world_from_object.matrix3.determinant() < 0.0;

@@ -61,7 +61,7 @@ impl Stage {
 
     pub fn put(&mut self, mesh: u32, material: u32, world_from_object: Affine3A) {
         let name = self.scene.meshes[mesh as usize].name.clone();
-        self.scene.instances.push(Instance { name, mesh, material, world_from_object });
+        self.scene.instances.push(Instance::fixed(name, mesh, material, world_from_object));
     }
 
     /// A mesh that is shown once.
