@@ -32,8 +32,7 @@ pub enum Local {
 
 impl Local {
     /// Does nothing.
-    pub const IDENTITY: Self =
-        Self::Trs { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE };
+    pub const IDENTITY: Self = Self::Trs { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE };
 
     /// The transform as a matrix.
     pub fn affine(&self) -> DAffine3 {
@@ -255,7 +254,8 @@ mod tests {
     fn rotations_take_the_short_way_at_an_even_speed() {
         // From none to 90 degrees about y, given as the quaternion of the long way round.
         let s = FRAC_1_SQRT_2 as f32;
-        let turn = channel(Interpolation::Linear, Property::Rotation, &[0.0, 3.0], &[0.0, 0.0, 0.0, 1.0, 0.0, -s, 0.0, -s]);
+        let turn =
+            channel(Interpolation::Linear, Property::Rotation, &[0.0, 3.0], &[0.0, 0.0, 0.0, 1.0, 0.0, -s, 0.0, -s]);
         for degrees in [0.0_f64, 30.0, 60.0, 80.0] {
             let got = turn.rotation(degrees / 30.0);
             let wanted = DQuat::from_rotation_y(degrees.to_radians());
@@ -273,7 +273,8 @@ mod tests {
     fn splines_by_hand() {
         // One number between 0 and 1 over two seconds, leaving at 3 per second and arriving at -1 per second.
         // At half way: 0.5 * 0 + 2 * 0.125 * 3 + 0.5 * 1 + 2 * -0.125 * -1 = 1.5; at a quarter: 0.28125 * 3 + 0.15625 + 0.09375.
-        let spline = channel(Interpolation::CubicSpline, Property::Weights, &[1.0, 3.0], &[9.0, 0.0, 3.0, -1.0, 1.0, 7.0]);
+        let spline =
+            channel(Interpolation::CubicSpline, Property::Weights, &[1.0, 3.0], &[9.0, 0.0, 3.0, -1.0, 1.0, 7.0]);
         assert_eq!(spline.width(), 1);
         let at = |time: f64| {
             let mut out = [0.0];
@@ -296,7 +297,10 @@ mod tests {
             Interpolation::CubicSpline,
             Property::Rotation,
             &[0.0, 1.0],
-            &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+            &[
+                0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0,
+                0.0, 0.0, 0.0, 0.0,
+            ],
         );
         assert!(turn.rotation(0.5).abs_diff_eq(DQuat::from_rotation_y(90_f64.to_radians()), 1e-12));
     }

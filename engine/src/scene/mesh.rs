@@ -234,7 +234,9 @@ mod tests {
     fn bending(uv: [Vec2; 4]) -> Mesh {
         let mut mesh = square(uv);
         let influence = |joint, weight| Influence { joint, weight };
-        mesh.influences = (0..4).flat_map(|i| [influence(i, 0.75), influence(9, 0.25), influence(0, 0.0), influence(0, 0.0)]).collect();
+        mesh.influences = (0..4)
+            .flat_map(|i| [influence(i, 0.75), influence(9, 0.25), influence(0, 0.0), influence(0, 0.0)])
+            .collect();
         mesh.targets = vec![MorphTarget {
             positions: (0..4).map(|i| Vec3::splat(i as f32)).collect(),
             tangents: (0..4).map(|i| Vec3::X * i as f32).collect(),

@@ -102,9 +102,8 @@ fn things(scene: &Scene) -> Vec<Thing<'_>> {
             Some(_) => Cow::Owned(deform(mesh, &pose.joints[i], &pose.weights[i]).positions),
             None => Cow::Borrowed(&mesh.positions[..]),
         };
-        let ball = |s: &super::Sphere| {
-            (world.transform_point3(s.centre.as_dvec3()), world.matrix3 * f64::from(s.radius))
-        };
+        let ball =
+            |s: &super::Sphere| (world.transform_point3(s.centre.as_dvec3()), world.matrix3 * f64::from(s.radius));
         let balls = mesh.spheres.iter().map(ball).filter(|(c, m)| reachable(*c) && m.is_finite()).collect();
         let double_sided = scene.materials[instance.material as usize].double_sided;
         Thing { world, positions, indices: Cow::Borrowed(&mesh.indices), balls, double_sided }
@@ -142,8 +141,7 @@ fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
     let sy = (0.5 * FOV).tan() * FILL;
     let sx = sy * ASPECT;
     let v = DVec3::new;
-    let planes =
-        [v(1.0, 0.0, sx), v(-1.0, 0.0, sx), v(0.0, 1.0, sy), v(0.0, -1.0, sy), DVec3::Z, DVec3::NEG_Z];
+    let planes = [v(1.0, 0.0, sx), v(-1.0, 0.0, sx), v(0.0, 1.0, sy), v(0.0, -1.0, sy), DVec3::Z, DVec3::NEG_Z];
     let mut most = [f64::NEG_INFINITY; 6];
     for thing in things {
         for p in thing.vertices() {

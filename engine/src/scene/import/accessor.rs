@@ -202,9 +202,8 @@ impl<'a> Data<'a> {
     /// Unsigned integers of an accessor whose shape was checked.
     fn integers<const N: usize>(&self, index: usize, component: ComponentType) -> Result<Vec<[u32; N]>, Fault> {
         let accessor = &self.root.accessors[index];
-        let read = |bytes: &[u8]| -> [u32; N] {
-            std::array::from_fn(|c| integer(&bytes[c * component.size()..], component))
-        };
+        let read =
+            |bytes: &[u8]| -> [u32; N] { std::array::from_fn(|c| integer(&bytes[c * component.size()..], component)) };
         let size = component.size() * N;
         let mut all = match accessor.buffer_view {
             Some(view) => {

@@ -136,7 +136,9 @@ fn channel(
 
     let times = times(data, input).of(input_at)?;
     let values = match property {
-        Property::Translation | Property::Scale => data.vectors::<3>(output, Allowed::Float).of(output_at)?.into_flattened(),
+        Property::Translation | Property::Scale => {
+            data.vectors::<3>(output, Allowed::Float).of(output_at)?.into_flattened()
+        }
         Property::Weights => data.vectors::<1>(output, Allowed::Unit).of(output_at)?.into_flattened(),
         Property::Rotation => {
             let rotations = data.vectors::<4>(output, Allowed::Unit).of(output_at)?;

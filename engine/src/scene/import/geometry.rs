@@ -70,8 +70,7 @@ pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)], skinned: 
             let got = format!("{}, where primitive 0 has {wanted}", targets.len());
             return Err(Fault::Value { what: "the number of morph targets", got, wanted: "as many" }).of(element);
         }
-        let tables: usize =
-            targets.iter().map(|t| [t.positions, t.normals, t.tangents].iter().flatten().count()).sum();
+        let tables: usize = targets.iter().map(|t| [t.positions, t.normals, t.tangents].iter().flatten().count()).sum();
         deltas = deltas.saturating_add(own.saturating_mul(tables as u64));
         for (what, got, limit) in [
             ("vertices", vertices, MAX_VERTICES),
