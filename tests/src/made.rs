@@ -9,7 +9,7 @@ pub fn mesh(name: &str, positions: Vec<Vec3>, normals: Vec<Vec3>, indices: Vec<u
     let tangents = normals.iter().map(|n| n.any_orthonormal_vector().extend(1.0)).collect();
     let name = name.to_owned();
     let (uv0, uv1, colours) = (vec![Vec2::ZERO; n], vec![Vec2::ZERO; n], vec![Vec4::ONE; n]);
-    Mesh { name, positions, normals, tangents, uv0, uv1, colours, indices }
+    Mesh { name, positions, normals, tangents, uv0, uv1, colours, indices, ..Mesh::default() }
 }
 
 /// A horizontal square around the origin that faces up.
@@ -53,7 +53,7 @@ pub fn camera(eye: Vec3, target: Vec3) -> Camera {
 /// Adds one instance of a mesh with a material of its own.
 pub fn add(scene: &mut Scene, mesh: Mesh, material: Material, world_from_object: Affine3A) {
     let (m, n) = (scene.materials.len() as u32, scene.meshes.len() as u32);
-    scene.instances.push(Instance { name: mesh.name.clone(), mesh: n, material: m, world_from_object });
+    scene.instances.push(Instance::fixed(mesh.name.clone(), n, m, world_from_object));
     scene.meshes.push(mesh);
     scene.materials.push(material);
 }

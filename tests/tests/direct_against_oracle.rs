@@ -257,7 +257,7 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
 
         if instance == FLOOR || instance == BOARD {
             let placed = scene.instances[instance as usize].world_from_object;
-            let (normal, through) = (placed.matrix3.y_axis.as_dvec3(), placed.translation.as_dvec3());
+            let (normal, through) = (placed.matrix3.y_axis, placed.translation);
             let ray = eye.pixel_ray(i);
             let position = eye.position + ray * ((through - eye.position).dot(normal) / ray.dot(normal));
             let m = &scene.materials[instance as usize];
@@ -297,14 +297,14 @@ fn hidden(scene: &Scene, pixel: &Pixel, light: &Light) -> bool {
         let place = instance.world_from_object;
         let mesh = &scene.meshes[instance.mesh as usize];
         let radius = mesh.positions.iter().map(|p| p.length()).fold(0.0, f32::max);
-        let reach = f64::from(radius * place.matrix3.x_axis.length()) * 1.001;
-        let centre = place.translation.as_dvec3() - origin;
+        let reach = f64::from(radius) * place.matrix3.x_axis.length() * 1.001;
+        let centre = place.translation - origin;
         if centre.cross(to.direction).length() > reach {
             return false;
         }
         mesh.indices.chunks_exact(3).any(|t| {
             let [a, b, c] =
-                [0, 1, 2].map(|k| place.transform_point3(mesh.positions[t[k] as usize]).as_dvec3() - origin);
+                [0, 1, 2].map(|k| place.transform_point3(mesh.positions[t[k] as usize].as_dvec3()) - origin);
             let (u, v) = (b - a, c - a);
             let p = to.direction.cross(v);
             let determinant = u.dot(p);

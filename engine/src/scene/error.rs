@@ -75,6 +75,14 @@ pub enum SceneError {
         /// The key and what is wrong with it.
         reason: String,
     },
+    /// The scene has no such animation.
+    #[error("no animation {name:?}; {}", list(known))]
+    Animation {
+        /// The name or index that was asked for.
+        name: String,
+        /// The names that there are, in order.
+        known: Vec<String>,
+    },
     /// A camera cannot be made from these numbers.
     #[error("camera {name:?}: {reason}")]
     Camera {
@@ -83,6 +91,10 @@ pub enum SceneError {
         /// What is wrong with it.
         reason: String,
     },
+}
+
+fn list(names: &[String]) -> String {
+    if names.is_empty() { "the scene has none".to_owned() } else { format!("the scene has {}", names.join(", ")) }
 }
 
 /// What is wrong with an element of a glTF scene.

@@ -3,10 +3,16 @@ use super::Mesh;
 use glam::{Vec2, Vec3, Vec4};
 
 impl Mesh {
-    /// Least and greatest corner of the positions, object space; `None` without vertices.
+    /// Least and greatest corner of positions and spheres, object space, not deformed; `None` without either.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
-        let first = *self.positions.first()?;
-        Some(self.positions.iter().fold([first; 2], |[lo, hi], p| [lo.min(*p), hi.max(*p)]))
+        let points = self.positions.iter().map(|p| [*p; 2]);
+        let spheres = self.spheres.iter().map(|s| [s.centre - s.radius, s.centre + s.radius]);
+        points.chain(spheres).reduce(|[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
+    }
+
+    /// How many influences each vertex has; 0 without a skin.
+    pub fn influences_per_vertex(&self) -> usize {
+        self.influences.len().checked_div(self.positions.len()).unwrap_or(0)
     }
 
     /// The mesh without shared vertices: three of its own for every triangle.
@@ -14,7 +20,6 @@ impl Mesh {
         fn spread<T: Copy>(table: &mut Vec<T>, indices: &[u32]) {
             *table = indices.iter().map(|i| table[*i as usize]).collect();
         }
-        spread(&mut self.positions, &self.indices);
         spread(&mut self.uv0, &self.indices);
         spread(&mut self.uv1, &self.indices);
         spread(&mut self.colours, &self.indices);
@@ -24,6 +29,17 @@ impl Mesh {
         if !self.tangents.is_empty() {
             spread(&mut self.tangents, &self.indices);
         }
+        let per_vertex = self.influences_per_vertex();
+        if per_vertex > 0 {
+            let of = |i: &u32| &self.influences[*i as usize * per_vertex..][..per_vertex];
+            self.influences = self.indices.iter().flat_map(of).copied().collect();
+        }
+        for table in self.targets.iter_mut().flat_map(|t| [&mut t.positions, &mut t.normals, &mut t.tangents]) {
+            if !table.is_empty() {
+                spread(table, &self.indices);
+            }
+        }
+        spread(&mut self.positions, &self.indices);
         self.indices = (0..self.indices.len() as u32).collect();
     }
 
@@ -93,6 +109,7 @@ impl Mesh {
             .collect();
 
         // The double of a vertex that needs one, 0 where none is.
+        let per_vertex = self.influences_per_vertex();
         let mut double = vec![0_u32; vertices];
         for i in 0..vertices {
             if used[i] == [true, true] && self.positions.len() < u32::MAX as usize {
@@ -102,6 +119,10 @@ impl Mesh {
                 self.uv0.push(self.uv0[i]);
                 self.uv1.push(self.uv1[i]);
                 self.colours.push(self.colours[i]);
+                self.influences.extend_from_within(i * per_vertex..(i + 1) * per_vertex);
+                for table in self.targets.iter_mut().flat_map(|t| [&mut t.positions, &mut t.normals, &mut t.tangents]) {
+                    table.extend(table.get(i).copied());
+                }
             }
         }
         for (t, mirrored) in self.indices.chunks_exact_mut(3).zip(mirrored) {
@@ -172,6 +193,7 @@ fn orthogonal(normal: Vec3, direction: Vec3, mirrored: bool) -> Vec4 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Influence, MorphTarget, Sphere};
 
     /// A unit square in x and y, facing z, with these texture coordinates.
     fn square(uv: [Vec2; 4]) -> Mesh {
@@ -206,6 +228,57 @@ mod tests {
         assert_eq!((mesh.positions.len(), mesh.tangents.len(), mesh.uv1.len()), (6, 6, 6));
         assert_eq!(mesh.indices.len(), 6);
         assert!(mesh.tangents[4].w == -1.0 && mesh.tangents[0].w == 1.0);
+    }
+
+    /// A square whose vertex `i` follows joint `i` and is moved by `i` in its only target, which keeps the normals.
+    fn bending(uv: [Vec2; 4]) -> Mesh {
+        let mut mesh = square(uv);
+        let influence = |joint, weight| Influence { joint, weight };
+        mesh.influences = (0..4)
+            .flat_map(|i| [influence(i, 0.75), influence(9, 0.25), influence(0, 0.0), influence(0, 0.0)])
+            .collect();
+        mesh.targets = vec![MorphTarget {
+            positions: (0..4).map(|i| Vec3::splat(i as f32)).collect(),
+            tangents: (0..4).map(|i| Vec3::X * i as f32).collect(),
+            ..MorphTarget::default()
+        }];
+        mesh
+    }
+
+    /// The vertex of the square that each vertex was made from, by every table.
+    fn assert_origins(mesh: &Mesh, origins: &[u32]) {
+        assert_eq!((mesh.positions.len(), mesh.influences_per_vertex()), (origins.len(), 4));
+        let corners = square([Vec2::ZERO; 4]).positions;
+        let target = &mesh.targets[0];
+        assert!(target.normals.is_empty());
+        assert_eq!((target.positions.len(), target.tangents.len()), (origins.len(), origins.len()));
+        for (i, from) in origins.iter().enumerate() {
+            assert_eq!(mesh.positions[i], corners[*from as usize], "{i}");
+            assert_eq!(mesh.influences[4 * i], Influence { joint: *from, weight: 0.75 }, "{i}");
+            assert_eq!(mesh.influences[4 * i + 1], Influence { joint: 9, weight: 0.25 }, "{i}");
+            assert_eq!(target.positions[i], Vec3::splat(*from as f32), "{i}");
+            assert_eq!(target.tangents[i], Vec3::X * *from as f32, "{i}");
+        }
+    }
+
+    #[test]
+    fn influences_and_targets_follow_their_vertices() {
+        let v = Vec2::new;
+        let mut mesh = bending([v(0.0, 1.0), v(1.0, 1.0), v(1.0, 0.0), v(2.0, 1.0)]);
+        mesh.make_tangents(false);
+        assert_origins(&mesh, &[0, 1, 2, 3, 0, 2]);
+        let mut mesh = bending([Vec2::ZERO; 4]);
+        mesh.flat_normals();
+        assert_origins(&mesh, &[0, 1, 2, 0, 2, 3]);
+    }
+
+    #[test]
+    fn bounds_hold_spheres() {
+        let sphere = |x, radius| Sphere { centre: Vec3::X * x, radius };
+        let mesh = Mesh { spheres: vec![sphere(1.0, 0.5), sphere(-2.0, 1.0)], ..Mesh::default() };
+        assert_eq!(mesh.bounds(), Some([Vec3::new(-3.0, -1.0, -1.0), Vec3::new(1.5, 1.0, 1.0)]));
+        assert_eq!(mesh.influences_per_vertex(), 0);
+        assert_eq!(Mesh::default().bounds(), None);
     }
 
     #[test]

@@ -2,23 +2,30 @@
 //!
 //! Conventions: metres, y up, right-handed, linear Rec.709; a camera looks along its -z.
 
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, Mat3A, Vec2, Vec3, Vec4};
 
+mod animation;
 mod builtin;
 mod camera;
 mod daylight;
+mod deform;
 mod error;
 mod import;
 mod mesh;
+mod pose;
+mod reach;
 mod resident;
 mod supply;
 mod texture;
 
+pub use animation::{Animation, Channel, Interpolation, Local, Node, Property, Skin};
 pub use builtin::{BUILTIN, builtin};
 pub use camera::{Camera, CameraFile};
 pub use daylight::{Daylight, SkyModel};
+pub use deform::{Deformed, deform};
 pub use error::{Fault, SceneError};
 pub use import::load;
+pub use pose::{Animator, Pose};
 pub use resident::{AccelerationReport, ResidentError, ResidentOptions, ResidentScene, SceneHandles};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
@@ -39,21 +46,31 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Samplers.
     pub samplers: Vec<Sampler>,
-    /// Placed meshes.
+    /// What instances, lights and cameras hang on; parents before children.
+    pub nodes: Vec<Node>,
+    /// Joints of skinned instances.
+    pub skins: Vec<Skin>,
+    /// Movements; [`Animator`] plays one.
+    pub animations: Vec<Animation>,
+    /// Placed meshes, in the rest pose.
     pub instances: Vec<Instance>,
-    /// Lights.
+    /// Lights, in the rest pose.
     pub lights: Vec<Light>,
+    /// The node of each light; those beyond the table, or with `None`, stay where they are.
+    pub light_nodes: Vec<Option<u32>>,
     /// Analytic daylight, if the scene has any.
     pub daylight: Option<Daylight>,
-    /// Cameras, the default first.
+    /// Cameras, the default first, in the rest pose.
     pub cameras: Vec<Camera>,
+    /// The node of each camera; those beyond the table, or with `None`, stay where they are.
+    pub camera_nodes: Vec<Option<u32>>,
     /// What was ignored or repaired, one sentence each, for the log.
     pub warnings: Vec<String>,
     /// What it lacked and was given, one sentence each, for the log.
     pub supplied: Vec<String>,
 }
 
-/// Triangles of one material. All vertex tables have the same length.
+/// Triangles of one material, or spheres of one. All vertex tables have the same length.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     /// Name for messages.
@@ -72,6 +89,43 @@ pub struct Mesh {
     pub colours: Vec<Vec4>,
     /// Three per triangle, counter-clockwise from the front.
     pub indices: Vec<u32>,
+    /// What the vertices of a skinned mesh follow: four or eight for each, one vertex after another; empty without a skin.
+    pub influences: Vec<Influence>,
+    /// Morph targets.
+    pub targets: Vec<MorphTarget>,
+    /// Weight of each target where nothing else is said; 0 for those beyond the table.
+    pub weights: Vec<f32>,
+    /// Spheres. A mesh that has any has no vertices and no triangles, and does not deform.
+    pub spheres: Vec<Sphere>,
+}
+
+/// The part that a joint has in a vertex.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Influence {
+    /// Index into [`Skin::joints`].
+    pub joint: u32,
+    /// At least 0; those of a vertex sum to 1.
+    pub weight: f32,
+}
+
+/// What a weight of 1 adds to the vertices. A table is empty where the target does not change the attribute.
+#[derive(Clone, Debug, Default)]
+pub struct MorphTarget {
+    /// Added to positions, object space.
+    pub positions: Vec<Vec3>,
+    /// Added to normals.
+    pub normals: Vec<Vec3>,
+    /// Added to the directions of tangents.
+    pub tangents: Vec<Vec3>,
+}
+
+/// A procedural sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Centre, object space.
+    pub centre: Vec3,
+    /// Radius in object space, above 0.
+    pub radius: f32,
 }
 
 /// A mesh placed in the world.
@@ -83,8 +137,31 @@ pub struct Instance {
     pub mesh: u32,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// World from object.
-    pub world_from_object: Affine3A,
+    /// World from object in the rest pose; that of the node, where there is one.
+    pub world_from_object: DAffine3,
+    /// Index into [`Scene::nodes`]; `None` never moves.
+    pub node: Option<u32>,
+    /// Index into [`Scene::skins`].
+    pub skin: Option<u32>,
+}
+
+impl Instance {
+    /// A mesh that stays where it is put.
+    pub fn fixed(name: impl Into<String>, mesh: u32, material: u32, world_from_object: Affine3A) -> Self {
+        let world_from_object = double(&world_from_object);
+        Self { name: name.into(), mesh, material, world_from_object, node: None, skin: None }
+    }
+}
+
+/// A transform rounded to `f32`.
+pub fn single(m: &DAffine3) -> Affine3A {
+    Affine3A { matrix3: Mat3A::from(m.matrix3.as_mat3()), translation: m.translation.as_vec3().into() }
+}
+
+/// The same transform in `f64`.
+pub fn double(m: &Affine3A) -> DAffine3 {
+    let [x, y, z] = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|c| c.as_dvec3());
+    DAffine3 { matrix3: glam::DMat3::from_cols(x, y, z), translation: m.translation.as_dvec3() }
 }
 
 /// How alpha is read.

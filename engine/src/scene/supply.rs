@@ -1,6 +1,8 @@
 //! What a scene lacks to make a picture: a camera that frames it, a sun, a sky.
-use super::{Camera, Daylight, Light, Material, Scene};
+use super::{Animator, Camera, Daylight, Light, Material, Scene, deform};
+use crate::ray::COORDINATE_LIMIT;
 use glam::{DMat3, DVec3, Vec3};
+use std::borrow::Cow;
 
 /// Aspect ratio that a supplied camera frames for.
 const ASPECT: f64 = 16.0 / 9.0;
@@ -71,55 +73,96 @@ struct View {
     depth: f64,
 }
 
-/// The nearest camera in the direction of one of [`VIEWS`] that has every vertex in its picture.
+/// An instance as it stands at the start of the animation.
+struct Thing<'a> {
+    world: glam::DAffine3,
+    positions: Cow<'a, [Vec3]>,
+    indices: Cow<'a, [u32]>,
+    /// Centres in the world, and world from unit sphere.
+    balls: Vec<(DVec3, DMat3)>,
+    double_sided: bool,
+}
+
+impl Thing<'_> {
+    fn vertices(&self) -> impl Iterator<Item = DVec3> {
+        self.positions.iter().map(|p| self.world.transform_point3(p.as_dvec3())).filter(|p| reachable(*p))
+    }
+}
+
+/// What an animation throws out of the world is not framed.
+fn reachable(p: DVec3) -> bool {
+    p.is_finite() && p.abs().max_element() <= f64::from(COORDINATE_LIMIT)
+}
+
+fn things(scene: &Scene) -> Vec<Thing<'_>> {
+    let pose = Animator::new(scene).pose(0.0);
+    let thing = |(i, instance): (usize, &super::Instance)| {
+        let (mesh, world) = (&scene.meshes[instance.mesh as usize], pose.instances[i]);
+        let positions = match pose.bounds[i] {
+            Some(_) => Cow::Owned(deform(mesh, &pose.joints[i], &pose.weights[i]).positions),
+            None => Cow::Borrowed(&mesh.positions[..]),
+        };
+        let ball =
+            |s: &super::Sphere| (world.transform_point3(s.centre.as_dvec3()), world.matrix3 * f64::from(s.radius));
+        let balls = mesh.spheres.iter().map(ball).filter(|(c, m)| reachable(*c) && m.is_finite()).collect();
+        let double_sided = scene.materials[instance.material as usize].double_sided;
+        Thing { world, positions, indices: Cow::Borrowed(&mesh.indices), balls, double_sided }
+    };
+    scene.instances.iter().enumerate().map(thing).collect()
+}
+
+/// The nearest camera in the direction of one of [`VIEWS`] that has all geometry in its picture.
 fn frame(scene: &Scene) -> Camera {
+    let things = things(scene);
     let mut best: Option<(f64, View)> = None;
     for [azimuth, elevation] in VIEWS {
-        let view = fit(scene, azimuth.to_radians(), elevation.to_radians());
-        let seen = seen(scene, &view);
+        let view = fit(&things, azimuth.to_radians(), elevation.to_radians());
+        let seen = seen(&things, &view);
         let more = if azimuth.abs() > 90.0 { FROM_BEHIND } else { CLEARLY_MORE };
         if best.as_ref().is_none_or(|(most, _)| seen > most * more) {
             best = Some((seen, view));
         }
     }
-    let view = best.map_or_else(|| fit(scene, 0.6, 0.35), |(_, view)| view);
+    let view = best.map_or_else(|| fit(&things, 0.6, 0.35), |(_, view)| view);
     let world_from_camera =
         glam::Affine3A { matrix3: glam::Mat3A::from(view.axes.as_mat3()), translation: view.eye.as_vec3().into() };
     let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
 }
 
-fn vertices(scene: &Scene) -> impl Iterator<Item = DVec3> {
-    scene.instances.iter().flat_map(|instance| {
-        let world = instance.world_from_object;
-        scene.meshes[instance.mesh as usize].positions.iter().map(move |p| world.transform_point3(*p).as_dvec3())
-    })
-}
-
-/// Moves the eye back until all vertices lie within the four planes of the picture. Each plane gives a linear bound: for
-/// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the greatest `q.x + s q.z` counts.
-fn fit(scene: &Scene, azimuth: f64, elevation: f64) -> View {
+/// Moves the eye back until all geometry lies within the four planes of the picture. Each plane gives a linear bound: for
+/// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the greatest `q.x + s q.z` counts. Of an
+/// ellipsoid `c + M u` (`u` in the unit ball), the greatest `f . q` is `f . c + |M^T f|`.
+fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
     let back = DVec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), azimuth.cos() * elevation.cos());
     let right = DVec3::Y.cross(back).normalize();
     let axes = DMat3::from_cols(right, back.cross(right), back);
     let into_camera = axes.transpose();
     let sy = (0.5 * FOV).tan() * FILL;
     let sx = sy * ASPECT;
-    let mut most = [f64::NEG_INFINITY; 5];
-    let mut least_z = f64::INFINITY;
-    for p in vertices(scene) {
-        let q = into_camera * p;
-        let bounds = [q.x + sx * q.z, sx * q.z - q.x, q.y + sy * q.z, sy * q.z - q.y, q.z];
-        for (most, bound) in most.iter_mut().zip(bounds) {
-            *most = most.max(bound);
+    let v = DVec3::new;
+    let planes = [v(1.0, 0.0, sx), v(-1.0, 0.0, sx), v(0.0, 1.0, sy), v(0.0, -1.0, sy), DVec3::Z, DVec3::NEG_Z];
+    let mut most = [f64::NEG_INFINITY; 6];
+    for thing in things {
+        for p in thing.vertices() {
+            let q = into_camera * p;
+            for (most, plane) in most.iter_mut().zip(planes) {
+                *most = most.max(plane.dot(q));
+            }
         }
-        least_z = least_z.min(q.z);
+        for (centre, ball) in &thing.balls {
+            let (q, reach) = (into_camera * *centre, (into_camera * *ball).transpose());
+            for (most, plane) in most.iter_mut().zip(planes) {
+                *most = most.max(plane.dot(q) + (reach * plane).length());
+            }
+        }
     }
+    let [right, left, top, bottom, front, behind] = most;
+    let least_z = -behind;
     if !least_z.is_finite() {
         // Nothing to frame.
         return View { axes, eye: back * 5.0, depth: 5.0 };
     }
-    let [right, left, top, bottom, front] = most;
     let z = (0.5 * (right + left) / sx).max(0.5 * (top + bottom) / sy);
     // A single point, or a flat thing seen from the side, has no extent to stand back from.
     let extent = (front - least_z).max(z - front).max(front.abs() * 1e-6).max(1e-6);
@@ -128,37 +171,42 @@ fn fit(scene: &Scene, azimuth: f64, elevation: f64) -> View {
     View { axes, eye, depth: z - least_z }
 }
 
+/// The faces of an octahedron in a unit sphere, counter-clockwise from outside: enough of a sphere to be counted.
+fn octahedron() -> impl Iterator<Item = [DVec3; 3]> {
+    (0..8).map(|i| {
+        let sign = |bit: usize| if i >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        let [a, b, c] = [DVec3::X * sign(0), DVec3::Y * sign(1), DVec3::Z * sign(2)];
+        if sign(0) * sign(1) * sign(2) > 0.0 { [a, b, c] } else { [a, c, b] }
+    })
+}
+
 /// How much of the scene a view shows: the number of instances of which at least a few pixels are visible.
-fn seen(scene: &Scene, view: &View) -> f64 {
+fn seen(things: &[Thing<'_>], view: &View) -> f64 {
     const ENOUGH: u32 = 3;
     let [width, height] = PROBE;
     let mut nearest = vec![(f64::INFINITY, u32::MAX); width * height];
     let into_camera = view.axes.transpose();
     let scale = height as f64 * 0.5 / (0.5 * FOV).tan();
-    for (id, instance) in scene.instances.iter().enumerate() {
-        let mesh = &scene.meshes[instance.mesh as usize];
-        let world = instance.world_from_object;
-        let culled = !scene.materials[instance.material as usize].double_sided;
-        let turned = world.matrix3.determinant() < 0.0;
-        let corners: Vec<DVec3> = mesh
-            .positions
-            .iter()
-            .map(|p| {
-                let q = into_camera * (world.transform_point3(*p).as_dvec3() - view.eye);
-                let depth = (-q.z).max(1e-9);
-                DVec3::new(width as f64 * 0.5 + q.x / depth * scale, height as f64 * 0.5 + q.y / depth * scale, depth)
-            })
-            .collect();
-        for t in mesh.indices.chunks_exact(3) {
-            let t = [corners[t[0] as usize], corners[t[1] as usize], corners[t[2] as usize]];
-            draw(t, culled, turned, |at, depth| {
+    let corner = |p: DVec3| {
+        let q = into_camera * (p - view.eye);
+        let depth = (-q.z).max(1e-9);
+        DVec3::new(width as f64 * 0.5 + q.x / depth * scale, height as f64 * 0.5 + q.y / depth * scale, depth)
+    };
+    for (id, thing) in things.iter().enumerate() {
+        let turned = thing.world.matrix3.determinant() < 0.0;
+        let corners: Vec<DVec3> =
+            thing.positions.iter().map(|p| corner(thing.world.transform_point3(p.as_dvec3()))).collect();
+        let triangles = thing.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| corners[t[k] as usize]));
+        let balls = thing.balls.iter().flat_map(|(c, m)| octahedron().map(|t| t.map(|p| corner(*c + *m * p))));
+        for t in triangles.chain(balls) {
+            draw(t, !thing.double_sided, turned, |at, depth| {
                 if depth < nearest[at].0 {
                     nearest[at] = (depth, id as u32);
                 }
             });
         }
     }
-    let mut pixels = vec![0_u32; scene.instances.len()];
+    let mut pixels = vec![0_u32; things.len()];
     for (_, id) in nearest {
         if let Some(n) = pixels.get_mut(id as usize) {
             *n += 1;
@@ -194,7 +242,7 @@ fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Instance, Mesh};
+    use crate::scene::{Instance, Mesh, Sphere};
     use glam::{Affine3A, Vec4};
 
     fn cloud(points: Vec<Vec3>) -> Scene {
@@ -205,12 +253,7 @@ mod tests {
             indices: (0..n).flat_map(|i| [i, (i + 1) % n, (i + 2) % n]).collect(),
             ..Mesh::default()
         };
-        let instance = Instance {
-            name: "i".into(),
-            mesh: 0,
-            material: 0,
-            world_from_object: Affine3A::from_scale(Vec3::splat(2.0)),
-        };
+        let instance = Instance::fixed("i", 0, 0, Affine3A::from_scale(Vec3::splat(2.0)));
         Scene { meshes: vec![mesh], instances: vec![instance], ..Scene::default() }
     }
 
@@ -233,13 +276,37 @@ mod tests {
             let camera = &scene.cameras[0];
             let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world();
             let mut most = 0.0_f32;
-            for p in vertices(&scene) {
+            for p in things(&scene)[0].vertices() {
                 let p = clip * p.as_vec3().extend(1.0);
                 assert!(p.w > camera.near, "in front of the near plane: {half} {p}");
                 most = most.max((p.x / p.w).abs()).max((p.y / p.w).abs());
             }
             assert!(most > 0.90 && most < 0.98, "{half}: {most}");
         }
+    }
+
+    #[test]
+    fn spheres_are_framed_to_their_rims() {
+        let mut scene = cloud(Vec::new());
+        let ball = |x: f32, radius| Sphere { centre: Vec3::X * x, radius };
+        scene.meshes[0].spheres = vec![ball(-3.0, 1.0), ball(2.0, 0.5)];
+        scene.instances[0].world_from_object.matrix3.y_axis *= 2.0;
+        supply_missing(&mut scene);
+        let camera = &scene.cameras[0];
+        let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world();
+        let mut most = 0.0_f32;
+        let place = scene.instances[0].world_from_object;
+        for s in &scene.meshes[0].spheres {
+            for i in 0..20_000_u32 {
+                let (y, around) = ((i as f32 + 0.5) / 10_000.0 - 1.0, i as f32 * 2.399_963);
+                let flat = (1.0 - y * y).sqrt();
+                let on = s.centre + s.radius * Vec3::new(flat * around.cos(), y, flat * around.sin());
+                let p = clip * place.transform_point3(on.as_dvec3()).as_vec3().extend(1.0);
+                assert!(p.w > camera.near);
+                most = most.max((p.x / p.w).abs()).max((p.y / p.w).abs());
+            }
+        }
+        assert!(most > 0.90 && most < 0.98, "{most}");
     }
 
     #[test]
@@ -288,7 +355,7 @@ mod tests {
         scene.meshes.push(cloud(corners(Vec3::splat(0.3), Vec3::ZERO)).meshes.remove(0));
         for i in 0..12 {
             let at = Affine3A::from_translation(Vec3::new(i as f32 - 6.0, -4.0, -5.0));
-            scene.instances.push(Instance { name: "small".into(), mesh: 1, material: 0, world_from_object: at });
+            scene.instances.push(Instance::fixed("small", 1, 0, at));
         }
         supply_missing(&mut scene);
         assert!(scene.cameras[0].eye().z < 0.0, "{}", scene.cameras[0].eye());

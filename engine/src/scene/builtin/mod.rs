@@ -1,6 +1,7 @@
 //! Scenes that are made here, so that nothing has to be downloaded to see a picture.
 use super::Scene;
 
+mod carousel;
 mod cornell;
 mod courtyard;
 mod foliage;
@@ -10,6 +11,10 @@ mod stage;
 /// Name and one line on every built-in scene, the default first.
 pub const BUILTIN: &[(&str, &str)] = &[
     ("courtyard", "a small courtyard in the sun: fountain, pergola, arcade, plants; matte, glossy and metal things"),
+    (
+        "carousel",
+        "a small fairground where everything moves, in a loop of 4 s: rigid, skinned and morphing things, spheres, a lamp",
+    ),
     ("cornell", "the Cornell box (Goral et al. 1984) with its area light, 5.5 m wide"),
 ];
 
@@ -17,6 +22,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
 pub fn builtin(name: &str) -> Option<Scene> {
     match name {
         "courtyard" => Some(courtyard::scene()),
+        "carousel" => Some(carousel::scene()),
         "cornell" => Some(cornell::scene()),
         _ => None,
     }

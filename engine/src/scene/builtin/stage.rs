@@ -1,7 +1,8 @@
 //! Puts a scene together.
 use super::shapes::Shape;
-use crate::scene::{Camera, Instance, Material, Scene};
-use glam::{Affine3A, Quat, Vec3, Vec4};
+use crate::scene::animation::rest_worlds;
+use crate::scene::{Animation, Camera, Channel, Instance, Interpolation, Local, Material, Mesh, Node, Property, Scene};
+use glam::{Affine3A, DAffine3, Quat, Vec3, Vec4};
 
 /// A scene being made.
 pub(super) struct Stage {
@@ -39,6 +40,16 @@ pub(super) fn scaled(x: f32, y: f32, z: f32, turn_degrees: f32, scale: f32) -> A
     at(x, y, z, turn_degrees) * Affine3A::from_scale(Vec3::splat(scale))
 }
 
+/// A shape with everything that a mesh has.
+pub(super) fn finish(name: &str, shape: Shape) -> Mesh {
+    let mut mesh = shape.mesh;
+    mesh.name = name.to_owned();
+    mesh.uv1 = mesh.uv0.clone();
+    mesh.colours = vec![Vec4::ONE; mesh.positions.len()];
+    mesh.make_tangents(false);
+    mesh
+}
+
 impl Stage {
     pub fn new(name: &str) -> Self {
         Self { scene: Scene { name: name.to_owned(), ..Scene::default() } }
@@ -50,18 +61,14 @@ impl Stage {
     }
 
     pub fn mesh(&mut self, name: &str, shape: Shape) -> u32 {
-        let mut mesh = shape.mesh;
-        mesh.name = name.to_owned();
-        mesh.uv1 = mesh.uv0.clone();
-        mesh.colours = vec![Vec4::ONE; mesh.positions.len()];
-        mesh.make_tangents(false);
+        let mesh = finish(name, shape);
         self.scene.meshes.push(mesh);
         self.scene.meshes.len() as u32 - 1
     }
 
     pub fn put(&mut self, mesh: u32, material: u32, world_from_object: Affine3A) {
         let name = self.scene.meshes[mesh as usize].name.clone();
-        self.scene.instances.push(Instance { name, mesh, material, world_from_object });
+        self.scene.instances.push(Instance::fixed(name, mesh, material, world_from_object));
     }
 
     /// A mesh that is shown once.
@@ -74,5 +81,49 @@ impl Stage {
     pub fn camera(&mut self, name: &str, eye: [f32; 3], target: [f32; 3], fov_degrees: f32) {
         let camera = Camera::look_at(name, eye.into(), target.into(), Vec3::Y, fov_degrees.to_radians());
         self.scene.cameras.extend(camera.map(|c| Camera { near: 0.05, ..c }));
+    }
+
+    /// Begins an animation, to which channels are added.
+    pub fn animation(&mut self, name: &str) {
+        self.scene.animations.push(Animation { name: name.to_owned(), ..Animation::default() });
+    }
+
+    pub fn node(&mut self, name: &str, parent: Option<u32>, local: Local) -> u32 {
+        self.scene.nodes.push(Node { name: name.to_owned(), parent, local, weights: Vec::new() });
+        self.scene.nodes.len() as u32 - 1
+    }
+
+    /// World from node, in the rest pose.
+    pub fn world(&self, node: u32) -> DAffine3 {
+        rest_worlds(&self.scene.nodes[..=node as usize])[node as usize]
+    }
+
+    /// Adds a channel, from times in seconds and values, to the last animation.
+    pub fn channel(
+        &mut self,
+        node: u32,
+        property: Property,
+        interpolation: Interpolation,
+        (times, values): (Vec<f32>, Vec<f32>),
+    ) {
+        if let Some(animation) = self.scene.animations.last_mut() {
+            animation.duration = times.last().map_or(animation.duration, |t| animation.duration.max(f64::from(*t)));
+            animation.channels.push(Channel { node, property, interpolation, times, values });
+        }
+    }
+
+    /// Shows a mesh at a node.
+    pub fn put_on(&mut self, mesh: u32, material: u32, node: u32) {
+        self.put(mesh, material, Affine3A::IDENTITY);
+        let world_from_object = self.world(node);
+        if let Some(instance) = self.scene.instances.last_mut() {
+            (instance.world_from_object, instance.node) = (world_from_object, Some(node));
+        }
+    }
+
+    /// A mesh that is shown once, at a node.
+    pub fn hang(&mut self, name: &str, shape: Shape, material: u32, node: u32) {
+        let mesh = self.mesh(name, shape);
+        self.put_on(mesh, material, node);
     }
 }

@@ -22,6 +22,10 @@ pub(super) enum Allowed {
     TextureCoordinates,
     /// `f32` and normalised `u8` and `u16`.
     Colour,
+    /// `f32` and normalised 8 and 16 bit integers.
+    Unit,
+    /// `f32`.
+    Float,
 }
 
 impl Allowed {
@@ -32,6 +36,8 @@ impl Allowed {
                 "f32, normalised u8 or u16, or 8 and 16 bit integers with KHR_mesh_quantization"
             }
             Self::Colour => "f32, normalised u8 or u16",
+            Self::Unit => "f32, or normalised 8 and 16 bit integers",
+            Self::Float => "f32",
         }
     }
 
@@ -40,6 +46,8 @@ impl Allowed {
         match component {
             F32 => true,
             U32 => false,
+            _ if self == Self::Float => false,
+            _ if self == Self::Unit => normalised,
             U8 | U16 if normalised && self != Self::Geometry => true,
             I8 | U8 | I16 | U16 => quantised && self != Self::Colour,
         }
@@ -133,8 +141,10 @@ impl<'a> Data<'a> {
     /// Vectors of `N` numbers, as floats, all finite.
     pub fn vectors<const N: usize>(&self, index: usize, allowed: Allowed) -> Result<Vec<[f32; N]>, Fault> {
         let (shape, wanted) = match N {
+            1 => (Type::Scalar, "SCALAR"),
             2 => (Type::Vec2, "VEC2"),
             3 => (Type::Vec3, "VEC3"),
+            16 => (Type::Mat4, "MAT4"),
             _ => (Type::Vec4, "VEC4"),
         };
         let component = self.component(index, shape, wanted)?;
@@ -169,22 +179,41 @@ impl<'a> Data<'a> {
 
     /// Unsigned integers of a scalar accessor.
     pub fn indices(&self, index: usize) -> Result<Vec<u32>, Fault> {
-        const WANTED: &str = "SCALAR of u8, u16 or u32";
-        let component = self.component(index, Type::Scalar, WANTED)?;
+        let component = self.component(index, Type::Scalar, "SCALAR of u8, u16 or u32")?;
         if matches!(component, ComponentType::I8 | ComponentType::I16 | ComponentType::F32) {
-            return Err(Fault::Type { accessor: index, got: format!("Scalar of {component:?}"), wanted: WANTED });
+            let got = format!("Scalar of {component:?}");
+            return Err(Fault::Type { accessor: index, got, wanted: "SCALAR of u8, u16 or u32" });
         }
+        Ok(self.integers::<1>(index, component)?.into_flattened())
+    }
+
+    /// Four joints for each vertex.
+    pub fn joints(&self, index: usize) -> Result<Vec<[u32; 4]>, Fault> {
+        const WANTED: &str = "VEC4 of u8 or u16, not normalised";
+        let component = self.component(index, Type::Vec4, WANTED)?;
+        let normalised = self.root.accessors[index].normalized;
+        if normalised || !matches!(component, ComponentType::U8 | ComponentType::U16) {
+            let got = format!("Vec4 of {}{component:?}", if normalised { "normalised " } else { "" });
+            return Err(Fault::Type { accessor: index, got, wanted: WANTED });
+        }
+        self.integers(index, component)
+    }
+
+    /// Unsigned integers of an accessor whose shape was checked.
+    fn integers<const N: usize>(&self, index: usize, component: ComponentType) -> Result<Vec<[u32; N]>, Fault> {
         let accessor = &self.root.accessors[index];
-        let size = component.size();
+        let read =
+            |bytes: &[u8]| -> [u32; N] { std::array::from_fn(|c| integer(&bytes[c * component.size()..], component)) };
+        let size = component.size() * N;
         let mut all = match accessor.buffer_view {
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |o| o.0);
                 let table = self.table(index, view.value(), offset, accessor.count.0, size, true)?;
-                (0..table.count).map(|i| integer(table.element(i), component)).collect()
+                (0..table.count).map(|i| read(table.element(i))).collect()
             }
-            None => vec![0; accessor.count.0 as usize],
+            None => vec![[0; N]; accessor.count.0 as usize],
         };
-        self.sparse(index, size, |at, bytes| all[at] = integer(bytes, component))?;
+        self.sparse(index, size, |at, bytes| all[at] = read(bytes))?;
         Ok(all)
     }
 

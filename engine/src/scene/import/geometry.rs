@@ -1,8 +1,9 @@
 //! glTF primitives to meshes.
 use super::accessor::{Allowed, Data};
-use super::{Import, MAX_INDICES, MAX_VERTICES, Of, label, refer};
-use crate::scene::Mesh;
+use super::nodes::target_count;
+use super::{Import, MAX_DELTAS, MAX_INDICES, MAX_INFLUENCES, MAX_VERTICES, Of, label, refer, skin};
 use crate::scene::error::Fault;
+use crate::scene::{Influence, Mesh, MorphTarget};
 use glam::{Vec2, Vec3, Vec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -24,10 +25,24 @@ fn place(mesh: usize, primitive: usize, part: &str) -> String {
     format!("mesh {mesh} primitive {primitive}{}{part}", if part.is_empty() { "" } else { " " })
 }
 
-/// Adds up vertices and indices before any is read. A primitive may count for up to three vertices per index (flat
-/// normals), and for three indices per index (strips).
-pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)]) -> Import<()> {
-    let (mut vertices, mut indices) = (0_u64, 0_u64);
+/// The accessors of joints and weights, at most two sets. One without the other is a fault.
+fn joint_sets(primitive: &Primitive) -> Result<Vec<(usize, usize)>, Fault> {
+    let mut sets = Vec::new();
+    for (set, names) in (0..).zip([["JOINTS_0", "WEIGHTS_0"], ["JOINTS_1", "WEIGHTS_1"]]) {
+        match (attribute(primitive, Semantic::Joints(set)), attribute(primitive, Semantic::Weights(set))) {
+            (Some(joints), Some(weights)) => sets.push((joints, weights)),
+            (Some(_), None) => return Err(Fault::Missing(names[1])),
+            (None, Some(_)) => return Err(Fault::Missing(names[0])),
+            (None, None) => break,
+        }
+    }
+    Ok(sets)
+}
+
+/// Adds up vertices, indices, influences and morph deltas before any is read. A primitive may count for up to three vertices
+/// per index (flat normals), and for three indices per index (strips). `skinned` tells which meshes of the file need joints.
+pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)], skinned: &[bool]) -> Import<()> {
+    let (mut vertices, mut indices, mut influences, mut deltas) = (0_u64, 0_u64, 0_u64, 0_u64);
     for (m, p) in primitives {
         let element = || place(*m, *p, "");
         let primitive = &data.root.meshes[*m].primitives[*p];
@@ -42,9 +57,27 @@ pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)]) -> Import
             _ => index_count,
         };
         let flat = attribute(primitive, Semantic::Normals).is_none();
-        vertices = vertices.saturating_add(if flat { count.max(corners) } else { count });
+        let own = if flat { count.max(corners) } else { count };
+        vertices = vertices.saturating_add(own);
         indices = indices.saturating_add(corners);
-        for (what, got, limit) in [("vertices", vertices, MAX_VERTICES), ("indices", indices, MAX_INDICES)] {
+        if skinned[*m] {
+            let sets = joint_sets(primitive).of(element)?.len() as u64;
+            influences = influences.saturating_add(own.saturating_mul(4 * sets));
+        }
+        let targets = primitive.targets.as_deref().unwrap_or_default();
+        let wanted = target_count(&data.root.meshes[*m]);
+        if targets.len() != wanted {
+            let got = format!("{}, where primitive 0 has {wanted}", targets.len());
+            return Err(Fault::Value { what: "the number of morph targets", got, wanted: "as many" }).of(element);
+        }
+        let tables: usize = targets.iter().map(|t| [t.positions, t.normals, t.tangents].iter().flatten().count()).sum();
+        deltas = deltas.saturating_add(own.saturating_mul(tables as u64));
+        for (what, got, limit) in [
+            ("vertices", vertices, MAX_VERTICES),
+            ("indices", indices, MAX_INDICES),
+            ("influences of joints", influences, MAX_INFLUENCES),
+            ("vectors of morph targets", deltas, MAX_DELTAS),
+        ] {
             if got > limit {
                 return Err(Fault::Limit { what, got, limit }).of(element);
             }
@@ -53,8 +86,15 @@ pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)]) -> Import
     Ok(())
 }
 
-/// Reads a primitive; `normal_uv` tells which coordinates the normal map of a material uses. Both indices must be in range.
-pub(super) fn read(data: &Data, m: usize, p: usize, normal_uv: &(dyn Fn(Option<usize>) -> u32 + Sync)) -> Import<Read> {
+/// Reads a primitive; `normal_uv` tells which coordinates the normal map of a material uses, `skinned` whether joints are
+/// read. Both indices must be in range.
+pub(super) fn read(
+    data: &Data,
+    m: usize,
+    p: usize,
+    normal_uv: &(dyn Fn(Option<usize>) -> u32 + Sync),
+    skinned: bool,
+) -> Import<Read> {
     let primitive = &data.root.meshes[m].primitives[p];
     let at = |part: &'static str| move || place(m, p, part);
     let mut notices = Vec::new();
@@ -76,9 +116,6 @@ pub(super) fn read(data: &Data, m: usize, p: usize, normal_uv: &(dyn Fn(Option<u
         Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan => {}
         Mode::Points => return skip("points are not supported"),
         Mode::Lines | Mode::LineLoop | Mode::LineStrip => return skip("lines are not supported"),
-    }
-    if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
-        notices.push(format!("{}: morph targets are not supported: ignored", place(m, p, "")));
     }
 
     let position = attribute(primitive, Semantic::Positions).ok_or(Fault::Missing("POSITION")).of(at(""))?;
@@ -125,6 +162,11 @@ pub(super) fn read(data: &Data, m: usize, p: usize, normal_uv: &(dyn Fn(Option<u
     let name = label(data.root.meshes[m].name.as_deref(), || format!("mesh {m}"));
     let name = if data.root.meshes[m].primitives.len() > 1 { format!("{name}/{p}") } else { name };
     let mut mesh = Mesh { name, positions, uv0, uv1, colours, indices, ..Mesh::default() };
+    if skinned {
+        mesh.influences = influences(data, m, p, count, &mut notices)?;
+    }
+    mesh.targets = targets(data, m, p, count, [normals.is_some(), normals.is_some() && tangents.is_some()])?;
+    mesh.weights = data.root.meshes[m].weights.clone().unwrap_or_default();
     match normals {
         Some(normals) => {
             mesh.normals = normals;
@@ -142,6 +184,42 @@ pub(super) fn read(data: &Data, m: usize, p: usize, normal_uv: &(dyn Fn(Option<u
         mesh.repair_tangents();
     }
     Ok(Read { mesh: Some(mesh), material, notices })
+}
+
+fn influences(data: &Data, m: usize, p: usize, count: usize, notices: &mut Vec<String>) -> Import<Vec<Influence>> {
+    let primitive = &data.root.meshes[m].primitives[p];
+    let sets = joint_sets(primitive).of(|| place(m, p, ""))?;
+    if sets.is_empty() {
+        notices.push(format!("{}: shown with a skin, but has no joints: follows its node", place(m, p, "")));
+        return Ok(Vec::new());
+    }
+    if attribute(primitive, Semantic::Joints(2)).is_some() {
+        notices.push(format!("{}: more than eight joints for a vertex: the others are ignored", place(m, p, "")));
+    }
+    let (influences, loose) = skin::influences(data, &sets, count, &|part| place(m, p, part))?;
+    if loose > 0 {
+        let at = place(m, p, "WEIGHTS_0");
+        notices.push(format!("{at}: {loose} vertices without weights follow their first joint"));
+    }
+    Ok(influences)
+}
+
+/// Morph targets; deltas of normals and of tangents only where the file has what they are added to.
+fn targets(data: &Data, m: usize, p: usize, count: usize, [normals, tangents]: [bool; 2]) -> Import<Vec<MorphTarget>> {
+    let mut all = Vec::new();
+    for (t, from) in data.root.meshes[m].primitives[p].targets.iter().flatten().enumerate() {
+        let deltas = |accessor: Option<gltf::json::Index<_>>, part: &str| match accessor {
+            None => Ok(Vec::new()),
+            Some(a) => vectors(data, a.value(), Allowed::Geometry, Some(count))
+                .of(|| format!("{} target {t} {part}", place(m, p, ""))),
+        };
+        all.push(MorphTarget {
+            positions: deltas(from.positions, "POSITION")?,
+            normals: deltas(from.normals.filter(|_| normals), "NORMAL")?,
+            tangents: deltas(from.tangents.filter(|_| tangents), "TANGENT")?,
+        });
+    }
+    Ok(all)
 }
 
 fn vectors<const N: usize, V: From<[f32; N]>>(

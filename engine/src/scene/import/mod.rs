@@ -8,11 +8,13 @@ use rayon::prelude::*;
 use std::path::Path;
 
 mod accessor;
+mod animation;
 mod file;
 mod geometry;
 mod images;
 mod material;
 mod nodes;
+mod skin;
 #[cfg(test)]
 mod tests;
 
@@ -32,6 +34,16 @@ const MAX_VERTICES: u64 = 1 << 26;
 const MAX_INDICES: u64 = 1 << 28;
 /// Most instances.
 const MAX_INSTANCES: u64 = 1 << 22;
+/// Most influences of joints on vertices (8 bytes each).
+const MAX_INFLUENCES: u64 = 1 << 28;
+/// Most vectors of all morph targets together (12 bytes each).
+const MAX_DELTAS: u64 = 1 << 27;
+/// Most numbers in the keys of all animations together, times and values (4 bytes each).
+const MAX_KEY_NUMBERS: u64 = 1 << 27;
+/// Most joints of one skin: vertices name them with 16 bits.
+const MAX_SKIN_JOINTS: usize = 1 << 16;
+/// Most joints and morph weights of all instances together, each with those of its own (96 and 4 bytes in a pose).
+const MAX_POSED: u64 = 1 << 23;
 
 /// A fault and the element that has it; the file's name is added at the door.
 #[derive(Debug)]
@@ -101,11 +113,6 @@ fn check_extensions(root: &json::Root, path: &Path, notices: &mut Vec<String>) -
     for name in unknown(&root.extensions_used) {
         notices.push(format!("extension {name} is present but not supported: ignored"));
     }
-    for (count, what) in [(root.animations.len(), "animation"), (root.skins.len(), "skin")] {
-        if count > 0 {
-            notices.push(format!("{count} {what}{} ignored: not supported", if count == 1 { "" } else { "s" }));
-        }
-    }
     Ok(())
 }
 
@@ -129,13 +136,18 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
         let primitive_count = refer(&root.meshes, mesh, "mesh").of(|| "scene".to_owned())?.primitives.len();
         primitives.extend((0..primitive_count).map(|p| (mesh, p)));
     }
-    geometry::check_budget(&data, &primitives)?;
+    let mut skinned = vec![false; root.meshes.len()];
+    for shown in placed.shown.iter().filter(|s| s.skin.is_some()) {
+        skinned[shown.mesh] = true;
+    }
+    geometry::check_budget(&data, &primitives, &skinned)?;
+    nodes::check_weights(root, &placed)?;
     let normal_uv = |material: Option<usize>| {
         material.and_then(|m| materials.materials.get(m)).and_then(|m| m.normal_texture).map_or(0, |t| t.uv_set)
     };
     let read: Vec<geometry::Read> = primitives
         .par_iter()
-        .map(|(mesh, primitive)| geometry::read(&data, *mesh, *primitive, &normal_uv))
+        .map(|(mesh, primitive)| geometry::read(&data, *mesh, *primitive, &normal_uv, skinned[*mesh]))
         .collect::<Import<_>>()?;
 
     let mut scene = Scene {
@@ -143,7 +155,10 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
         textures,
         samplers: std::mem::take(&mut materials.samplers),
         lights: std::mem::take(&mut placed.lights),
+        light_nodes: std::mem::take(&mut placed.light_nodes),
         cameras: std::mem::take(&mut placed.cameras),
+        camera_nodes: std::mem::take(&mut placed.camera_nodes),
+        animations: animation::read(&data, &placed, &mut notices)?,
         ..Scene::default()
     };
     let mut first_of_mesh = std::collections::HashMap::new();
@@ -161,12 +176,15 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
     scene.materials = materials.materials;
     let default_material = scene.materials.len() as u32;
     let mut needs_default = scene.materials.is_empty();
-    nodes::place(root, &placed, &mut scene, &mut notices, |mesh, primitive| {
+    let skins = skin::read(&data, &placed, &mut scene.skins, &mut notices)?;
+    scene.nodes = std::mem::take(&mut placed.nodes);
+    nodes::place(root, &placed, &skins, &mut scene, &mut notices, |mesh, primitive| {
         let first = first_of_mesh.get(&mesh)?;
         let (index, material) = (*kept.get(first + primitive)?)?;
         needs_default |= material.is_none();
         Some((index, material.map_or(default_material, |m| m as u32)))
     })?;
+    nodes::check_rest(&scene)?;
     if needs_default {
         scene.materials.push(super::Material::default());
     }

@@ -1,9 +1,10 @@
 //! The node hierarchy: instances, lights and cameras in the world.
-use super::{Import, MAX_INSTANCES, Of, label, refer};
+use super::{Import, MAX_INSTANCES, MAX_POSED, Of, label, refer};
 use crate::scene::camera::{MIN_FOV, NEAR_RANGE};
 use crate::scene::error::Fault;
-use crate::scene::{Camera, Instance, Light, Scene};
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3A, Vec3};
+use crate::scene::pose::good_inverse;
+use crate::scene::{Animator, Camera, Instance, Light, Local, Node, Property, Scene, single};
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json;
 use json::camera::Type as CameraType;
 use json::extensions::scene::khr_lights_punctual::{Light as JsonLight, Type as LightType};
@@ -13,21 +14,27 @@ use std::f32::consts::{FRAC_PI_2, PI};
 /// Deepest level of nested nodes.
 const MAX_DEPTH: usize = 1024;
 /// World coordinates above this, metres, would overflow when squared on the GPU.
-const MAX_COORDINATE: f32 = crate::ray::COORDINATE_LIMIT;
+const MAX_COORDINATE: f64 = crate::ray::COORDINATE_LIMIT as f64;
 
 /// A node that shows a mesh.
 pub(super) struct Shown {
-    node: usize,
+    pub node: usize,
     pub mesh: usize,
-    world: Affine3A,
+    pub skin: Option<usize>,
+    world: DAffine3,
 }
 
 /// What the nodes of the scene hold.
 #[derive(Default)]
 pub(super) struct Placed {
+    pub nodes: Vec<Node>,
+    /// The place in `nodes` of each node of the file; `None` for those outside the scene.
+    pub places: Vec<Option<u32>>,
     pub shown: Vec<Shown>,
     pub lights: Vec<Light>,
+    pub light_nodes: Vec<Option<u32>>,
     pub cameras: Vec<Camera>,
+    pub camera_nodes: Vec<Option<u32>>,
 }
 
 /// Walks the default scene (else the first, else all nodes without a parent), parents first, in the order of the file.
@@ -56,39 +63,48 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
         None => (0..root.nodes.len()).filter(|n| parents[*n].is_none()).collect(),
     };
 
-    let mut placed = Placed::default();
-    let mut stack: Vec<(usize, DAffine3, usize)> =
-        roots.into_iter().rev().map(|n| (n, DAffine3::IDENTITY, 1)).collect();
-    while let Some((index, parent, depth)) = stack.pop() {
+    let mut placed = Placed { places: vec![None; root.nodes.len()], ..Placed::default() };
+    let mut stack: Vec<(usize, Option<u32>, DAffine3, usize)> =
+        roots.into_iter().rev().map(|n| (n, None, DAffine3::IDENTITY, 1)).collect();
+    while let Some((index, parent, from_parent, depth)) = stack.pop() {
         let element = || format!("node {index}");
         if depth > MAX_DEPTH {
             return Err(Fault::Depth { limit: MAX_DEPTH }).of(element);
         }
         let node = &root.nodes[index];
-        let world = parent * local(node).of(element)?;
-        let single =
-            Affine3A { matrix3: Mat3A::from(world.matrix3.as_mat3()), translation: world.translation.as_vec3().into() };
-        if !single.is_finite() {
+        let local = local(node).of(element)?;
+        let world = from_parent * local.affine();
+        let rounded = single(&world);
+        if !rounded.is_finite() {
             return Err(Fault::NotFinite { at: 0 }).of(|| format!("node {index} world transform"));
         }
+        let here = Some(placed.nodes.len() as u32);
+        placed.places[index] = here;
+        let name = label(node.name.as_deref(), element);
+        let weights = node.weights.clone().unwrap_or_default();
+        placed.nodes.push(Node { name, parent, local, weights });
         if let Some(mesh) = node.mesh {
             refer(&root.meshes, mesh.value(), "mesh").of(element)?;
-            placed.shown.push(Shown { node: index, mesh: mesh.value(), world: single });
+            let skin = node.skin.map(|s| s.value());
+            placed.shown.push(Shown { node: index, mesh: mesh.value(), skin, world });
         }
         if let Some(camera) = node.camera {
             let camera = camera.value();
             let from = refer(&root.cameras, camera, "camera").of(element)?;
-            placed.cameras.extend(camera_at(from, camera, node, &single, notices).of(|| format!("camera {camera}"))?);
+            let camera = camera_at(from, camera, node, &rounded, notices).of(|| format!("camera {camera}"))?;
+            placed.camera_nodes.extend(camera.is_some().then_some(here));
+            placed.cameras.extend(camera);
         }
         if let Some(light) = node.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref()) {
             let lights = root.extensions.as_ref().and_then(|e| e.khr_lights_punctual.as_ref());
             let lights = lights.map_or(&[][..], |l| &l.lights);
             let light = light.light.value();
             let from = refer(lights, light, "light").of(element)?;
-            placed.lights.push(light_at(from, &single).of(|| format!("light {light}"))?);
+            placed.lights.push(light_at(from, &rounded).of(|| format!("light {light}"))?);
+            placed.light_nodes.push(here);
         }
         let children = node.children.iter().flatten().rev();
-        stack.extend(children.map(|c| (c.value(), world, depth + 1)));
+        stack.extend(children.map(|c| (c.value(), here, world, depth + 1)));
     }
     Ok(placed)
 }
@@ -122,7 +138,7 @@ fn check_tree(root: &json::Root) -> Import<Vec<Option<usize>>> {
     }
 }
 
-fn local(node: &json::Node) -> Result<DAffine3, Fault> {
+fn local(node: &json::Node) -> Result<Local, Fault> {
     let finite = |values: &[f32], what: &'static str| {
         if values.iter().all(|v| v.is_finite()) {
             Ok(())
@@ -137,7 +153,7 @@ fn local(node: &json::Node) -> Result<DAffine3, Fault> {
             return Err(Fault::Value { what: "the last row of matrix", got, wanted: "[0, 0, 0, 1]" });
         }
         let m = DMat4::from_cols_array(&m.map(f64::from));
-        return Ok(DAffine3 { matrix3: DMat3::from_mat4(m), translation: m.w_axis.truncate() });
+        return Ok(Local::Matrix(DAffine3 { matrix3: DMat3::from_mat4(m), translation: m.w_axis.truncate() }));
     }
     let translation = node.translation.unwrap_or_default();
     let scale = node.scale.unwrap_or([1.0; 3]);
@@ -150,11 +166,11 @@ fn local(node: &json::Node) -> Result<DAffine3, Fault> {
     if rotation.length() < 1e-6 {
         return Err(Fault::Value { what: "rotation", got: rotation.to_string(), wanted: "a unit quaternion" });
     }
-    Ok(DAffine3::from_scale_rotation_translation(
-        DVec3::from_array(scale.map(f64::from)),
-        rotation.normalize(),
-        DVec3::from_array(translation.map(f64::from)),
-    ))
+    Ok(Local::Trs {
+        translation: DVec3::from_array(translation.map(f64::from)),
+        rotation: rotation.normalize(),
+        scale: DVec3::from_array(scale.map(f64::from)),
+    })
 }
 
 fn camera_at(
@@ -227,42 +243,122 @@ fn light_at(from: &JsonLight, world: &Affine3A) -> Result<Light, Fault> {
     }
 }
 
+/// How many morph targets a mesh of the file has.
+pub(super) fn target_count(mesh: &json::Mesh) -> usize {
+    mesh.primitives.first().and_then(|p| p.targets.as_ref()).map_or(0, Vec::len)
+}
+
+/// Checks the morph weights of the nodes and meshes that are shown.
+pub(super) fn check_weights(root: &json::Root, placed: &Placed) -> Import<()> {
+    for shown in &placed.shown {
+        let mesh = &root.meshes[shown.mesh];
+        let of_mesh = (mesh.weights.as_deref(), format!("mesh {}", shown.mesh));
+        let of_node = (root.nodes[shown.node].weights.as_deref(), format!("node {}", shown.node));
+        for (weights, element) in [of_mesh, of_node] {
+            let weights = weights.unwrap_or_default();
+            let targets = target_count(mesh);
+            if !weights.is_empty() && weights.len() != targets {
+                let got = format!("{} for {targets} morph targets", weights.len());
+                return Err(Fault::Value { what: "the number of weights", got, wanted: "one for each" }).of(|| element);
+            }
+            if let Some(at) = weights.iter().position(|w| !w.is_finite()) {
+                return Err(Fault::NotFinite { at }).of(|| format!("{element} weights"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Nodes that some animation moves, themselves or through an ancestor.
+fn moving(scene: &Scene) -> Vec<bool> {
+    let mut moving = vec![false; scene.nodes.len()];
+    let channels = scene.animations.iter().flat_map(|a| &a.channels);
+    for channel in channels.filter(|c| c.property != Property::Weights) {
+        moving[channel.node as usize] = true;
+    }
+    for i in 0..moving.len() {
+        moving[i] |= scene.nodes[i].parent.is_some_and(|p| moving[p as usize]);
+    }
+    moving
+}
+
 /// Adds an instance for every primitive of every node that shows a mesh; `find` gives mesh and material of a primitive that
-/// was kept.
+/// was kept, `skins` the places of the skins.
 pub(super) fn place(
     root: &json::Root,
     placed: &Placed,
+    skins: &[Option<u32>],
     scene: &mut Scene,
     notices: &mut Vec<String>,
     mut find: impl FnMut(usize, usize) -> Option<(u32, u32)>,
 ) -> Import<()> {
-    let total: u64 = placed.shown.iter().map(|s| root.meshes[s.mesh].primitives.len() as u64).sum();
-    if total > MAX_INSTANCES {
-        let limit = MAX_INSTANCES;
-        return Err(Fault::Limit { what: "instances", got: total, limit }).of(|| "scene".to_owned());
+    let (mut total, mut posed) = (0_u64, 0_u64);
+    for shown in &placed.shown {
+        let mesh = &root.meshes[shown.mesh];
+        let joints = shown.skin.map_or(0, |s| root.skins[s].joints.len()) + target_count(mesh);
+        total += mesh.primitives.len() as u64;
+        posed = posed.saturating_add((mesh.primitives.len() as u64).saturating_mul(joints as u64));
+    }
+    for (what, got, limit) in
+        [("instances", total, MAX_INSTANCES), ("joints and morph weights of all instances", posed, MAX_POSED)]
+    {
+        if got > limit {
+            return Err(Fault::Limit { what, got, limit }).of(|| "scene".to_owned());
+        }
     }
     let bounds: Vec<_> = scene.meshes.iter().map(|m| m.bounds().unwrap_or_default()).collect();
+    let most_joint: Vec<_> = scene.meshes.iter().map(|m| m.influences.iter().map(|i| i.joint).max()).collect();
+    let moving = moving(scene);
     for shown in &placed.shown {
         let name = label(root.nodes[shown.node].name.as_deref(), || format!("node {}", shown.node));
-        let inverse = shown.world.inverse();
-        if shown.world.matrix3.determinant() == 0.0 || !inverse.is_finite() {
+        let node = placed.places[shown.node];
+        let skin = shown.skin.and_then(|s| skins[s]);
+        let rounded = single(&shown.world);
+        let singular = rounded.matrix3.determinant() == 0.0 || !rounded.inverse().is_finite();
+        // What moves may have an inverse in other poses. A skin takes no notice of its node.
+        let unfit = singular && !node.is_some_and(|n| moving[n as usize]);
+        if unfit && skin.is_none() {
             notices.push(format!("node {} ({name}) has a singular transform: skipped", shown.node));
             continue;
         }
         for primitive in 0..root.meshes[shown.mesh].primitives.len() {
             let Some((mesh, material)) = find(shown.mesh, primitive) else { continue };
-            let [lo, hi] = bounds[mesh as usize];
-            for corner in 0..8 {
-                let pick = |axis: usize| if corner >> axis & 1 == 0 { lo[axis] } else { hi[axis] };
-                let p = shown.world.transform_point3(Vec3::new(pick(0), pick(1), pick(2)));
-                if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
-                    let (got, wanted) = (p.to_string(), "at most 1e12 metres");
-                    return Err(Fault::Value { what: "a world coordinate", got, wanted })
-                        .of(|| format!("node {}", shown.node));
+            let skin = skin.filter(|_| most_joint[mesh as usize].is_some());
+            match (skin, most_joint[mesh as usize]) {
+                (Some(skin), Some(joint)) => {
+                    let element = || format!("node {} mesh {} primitive {primitive} JOINTS", shown.node, shown.mesh);
+                    refer(&scene.skins[skin as usize].joints, joint as usize, "joint").of(element)?;
                 }
+                _ if unfit => continue,
+                _ => in_range(&shown.world, bounds[mesh as usize]).of(|| format!("node {}", shown.node))?,
             }
-            let instance = Instance { name: name.clone(), mesh, material, world_from_object: shown.world };
+            let bent_at_origin = skin.is_some() && good_inverse(&shown.world).is_none();
+            let world_from_object = if bent_at_origin { DAffine3::IDENTITY } else { shown.world };
+            let instance = Instance { name: name.clone(), mesh, material, world_from_object, node, skin };
             scene.instances.push(instance);
+        }
+    }
+    Ok(())
+}
+
+fn in_range(world: &DAffine3, [lo, hi]: [Vec3; 2]) -> Result<(), Fault> {
+    for corner in 0..8 {
+        let pick = |axis: usize| f64::from(if corner >> axis & 1 == 0 { lo[axis] } else { hi[axis] });
+        let p = world.transform_point3(DVec3::new(pick(0), pick(1), pick(2)));
+        if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
+            let (got, wanted) = (p.as_vec3().to_string(), "at most 1e12 metres");
+            return Err(Fault::Value { what: "a world coordinate", got, wanted });
+        }
+    }
+    Ok(())
+}
+
+/// Checks where what deforms is in the rest pose.
+pub(super) fn check_rest(scene: &Scene) -> Import<()> {
+    let pose = Animator::still(scene).pose(0.0);
+    for ((instance, world), bounds) in scene.instances.iter().zip(&pose.instances).zip(&pose.bounds) {
+        if let Some(bounds) = bounds {
+            in_range(world, *bounds).of(|| format!("node {} in the rest pose", instance.name))?;
         }
     }
     Ok(())

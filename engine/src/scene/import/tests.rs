@@ -1,7 +1,7 @@
 //! Good and bad files, made here.
 use super::*;
 use crate::scene::{AlphaMode, ColourSpace, Light, supply_missing};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f32::consts::FRAC_1_SQRT_2;
@@ -132,8 +132,8 @@ fn a_good_file_is_read_whole() {
     assert_eq!((mesh.positions.len(), mesh.indices.len()), (4, 6));
     assert!(mesh.tangents.iter().all(|t| t.abs_diff_eq(Vec4::new(1.0, 0.0, 0.0, 1.0), 1e-6)));
     assert!(mesh.colours.iter().all(|c| *c == Vec4::ONE));
-    let moved = scene.instances[0].world_from_object.transform_point3(Vec3::ZERO);
-    assert!(moved.abs_diff_eq(Vec3::new(3.0, 2.0, -1.0), 1e-5), "{moved}");
+    let moved = scene.instances[0].world_from_object.transform_point3(DVec3::ZERO);
+    assert!(moved.abs_diff_eq(DVec3::new(3.0, 2.0, -1.0), 1e-5), "{moved}");
     let material = &scene.materials[0];
     assert_eq!(material.emission, Vec3::new(4.0, 2.0, 0.0));
     assert_eq!((material.metalness, material.roughness, material.double_sided), (0.25, 0.5, true));

@@ -4,7 +4,7 @@ use super::{AccelerationReport, ResidentError};
 use crate::gpu::{Buffer, BufferUse, Gpu};
 use crate::graph::execute::Executor;
 use crate::ray::{MeshBvh, SceneBvh};
-use crate::scene::Scene;
+use crate::scene::{Scene, single};
 use magpie_shaders::Address;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ impl Software {
             .collect::<Result<_, _>>()?;
         report.bottom_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let placed: Vec<_> = scene.instances.iter().map(|i| (i.world_from_object, i.mesh)).collect();
+        let placed: Vec<_> = scene.instances.iter().map(|i| (single(&i.world_from_object), i.mesh)).collect();
         let top = SceneBvh::build(&placed, &trees)?;
         report.top_ms = start.elapsed().as_secs_f64() * 1e3;
 

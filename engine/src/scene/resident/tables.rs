@@ -2,7 +2,7 @@
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
 use crate::ray::object_from_world;
-use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
+use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse, single};
 use glam::{Affine3A, Vec3};
 use magpie_shaders::scene as shared;
 use magpie_shaders::{SampledImage, SamplerId};
@@ -30,11 +30,12 @@ pub(super) fn instance(scene: &Scene, instance: &Instance) -> shared::Instance {
     let alpha_test = if material.alpha == AlphaMode::Opaque { 0 } else { shared::INSTANCE_ALPHA_TEST };
     let double_sided = if material.double_sided { shared::INSTANCE_DOUBLE_SIDED } else { 0 };
     // The importer keeps no singular instance; a built-in or a user's one that is singular has no inside to trace.
-    let inverse = object_from_world(&instance.world_from_object).unwrap_or(Affine3A::ZERO);
+    let world_from_object = single(&instance.world_from_object);
+    let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
     shared::Instance {
-        world_from_object: rows(&instance.world_from_object),
+        world_from_object: rows(&world_from_object),
         object_from_world: rows(&inverse),
-        previous_world_from_object: rows(&instance.world_from_object),
+        previous_world_from_object: rows(&world_from_object),
         mesh: instance.mesh,
         material: instance.material,
         mask: shared::INSTANCE_MASK_ALL,
@@ -152,6 +153,8 @@ pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
         .instances
         .iter()
         .zip(0..)
+        // Spheres have no triangles to draw.
+        .filter(|(i, _)| !scene.meshes[i.mesh as usize].indices.is_empty())
         .map(|(i, instance)| {
             let (mesh, material) = (i.mesh as usize, i.material as usize);
             let mirrored = i.world_from_object.matrix3.determinant() < 0.0;

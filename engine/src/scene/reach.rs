@@ -1,0 +1,87 @@
+//! How far a mesh can reach in a pose: a box from a few boxes instead of all vertices.
+use super::Mesh;
+use crate::ray::Bounds;
+use glam::{DAffine3, DVec3, Vec3};
+
+/// What the rounding of a shader may add, relative to the sum of the magnitudes that it adds up: one unit roundoff of `f32`
+/// for each product and sum of eight blended matrices and their use on a point, with some to spare.
+const ROUNDING: f64 = 32.0 / (1_u64 << 24) as f64;
+
+/// The boxes of a mesh that its deformations are bounded by.
+#[derive(Clone, Debug)]
+pub(super) struct Reach {
+    /// Around all vertices.
+    whole: Bounds,
+    /// Joints with influence, and the box around the vertices that each has some weight in.
+    joints: Vec<(u32, Bounds)>,
+    /// Least and greatest delta of each morph target.
+    targets: Vec<Bounds>,
+}
+
+impl Reach {
+    pub fn of(mesh: &Mesh) -> Self {
+        let per_vertex = mesh.influences_per_vertex();
+        let most = mesh.influences.iter().map(|i| i.joint + 1).max().unwrap_or(0);
+        let mut boxes = vec![Bounds::EMPTY; most as usize];
+        for (p, influences) in mesh.positions.iter().zip(mesh.influences.chunks(per_vertex.max(1))) {
+            for influence in influences.iter().filter(|i| i.weight != 0.0) {
+                let joint = &mut boxes[influence.joint as usize];
+                *joint = joint.union(Bounds { min: *p, max: *p });
+            }
+        }
+        Self {
+            whole: Bounds::of_points(&mesh.positions),
+            joints: (0..).zip(boxes).filter(|(_, b)| !b.is_empty()).collect(),
+            targets: mesh.targets.iter().map(|t| Bounds::of_points(&t.positions)).collect(),
+        }
+    }
+
+    /// A box around every vertex as [`deform`](super::deform) places it; `None` for a mesh without vertices. Not a number where
+    /// a joint or weight is not.
+    ///
+    /// Weights sum to 1, so a skinned vertex lies between its images under each of its joints, and in the box around the images
+    /// of their boxes. Each of these boxes is first widened by the weighted extremes of the morph targets.
+    pub fn bounds(&self, joints: &[DAffine3], weights: &[f32]) -> Option<[Vec3; 2]> {
+        if self.whole.is_empty() {
+            return None;
+        }
+        let (mut least, mut most) = (DVec3::ZERO, DVec3::ZERO);
+        let mut sound = true;
+        for (target, weight) in self.targets.iter().zip(weights).filter(|(t, _)| !t.is_empty()) {
+            let weight = f64::from(*weight);
+            let (a, b) = (target.min.as_dvec3() * weight, target.max.as_dvec3() * weight);
+            least += a.min(b);
+            most += a.max(b);
+            sound &= weight.is_finite();
+        }
+        let mut all: Option<[DVec3; 2]> = None;
+        let mut add = |joint: &DAffine3, shape: &Bounds| {
+            let (lower, upper) = (shape.min.as_dvec3() + least, shape.max.as_dvec3() + most);
+            let moved = around(joint, lower, upper);
+            all = Some(all.map_or(moved, |[lo, hi]| [lo.min(moved[0]), hi.max(moved[1])]));
+        };
+        if joints.is_empty() || self.joints.is_empty() {
+            add(&DAffine3::IDENTITY, &self.whole);
+        } else {
+            for (joint, shape) in &self.joints {
+                sound &= joints[*joint as usize].is_finite();
+                add(&joints[*joint as usize], shape);
+            }
+        }
+        let all = if sound { all } else { Some([DVec3::NAN; 2]) };
+        all.map(|[lo, hi]| [lo.as_vec3().map(f32::next_down), hi.as_vec3().map(f32::next_up)])
+    }
+}
+
+/// The box around the image of a box (Arvo 1990), widened by [`ROUNDING`].
+fn around(m: &DAffine3, lower: DVec3, upper: DVec3) -> [DVec3; 2] {
+    let (mut min, mut max, mut size) = (m.translation, m.translation, m.translation.abs());
+    for axis in 0..3 {
+        let column = m.matrix3.col(axis);
+        let (a, b) = (column * lower[axis], column * upper[axis]);
+        min += a.min(b);
+        max += a.max(b);
+        size += a.abs().max(b.abs());
+    }
+    [min - ROUNDING * size, max + ROUNDING * size]
+}
