@@ -1,5 +1,5 @@
 //! The view of a frame: the camera, and what an effect may ask about the scene without looking at the GPU.
-use crate::gpu::{self, BufferMemory, BufferUse, Gpu, GpuError};
+use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
 use crate::scene::{Camera, ResidentScene};
@@ -37,40 +37,6 @@ pub struct ViewDesc<'a> {
     pub previous_clip_from_world: Option<Mat4>,
 }
 
-/// Memory of the block that shaders know a view by, from frame to frame. Frames do not overlap, so one is enough.
-pub struct ViewBlock {
-    gpu: Gpu,
-    buffer: Arc<gpu::Buffer>,
-}
-
-impl ViewBlock {
-    /// Memory for one view.
-    ///
-    /// # Errors
-    /// [`GpuError::OutOfMemory`].
-    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        Ok(Self { gpu: gpu.clone(), buffer: Arc::new(Self::buffer(gpu)?) })
-    }
-
-    fn buffer(gpu: &Gpu) -> Result<gpu::Buffer, GpuError> {
-        gpu::Buffer::new(gpu, "view", BLOCK_BYTES, BufferMemory::Upload, BufferUse::Storage)
-    }
-
-    fn write(&mut self, block: &shared::View) -> Result<&Arc<gpu::Buffer>, GpuError> {
-        let bytes = bytemuck::bytes_of(block);
-        match Arc::get_mut(&mut self.buffer) {
-            Some(buffer) => buffer.write(0, bytes)?,
-            None => {
-                // Imports of an earlier frame hold it still: that frame keeps what it was declared with.
-                let mut buffer = Self::buffer(&self.gpu)?;
-                buffer.write(0, bytes)?;
-                self.buffer = Arc::new(buffer);
-            }
-        }
-        Ok(&self.buffer)
-    }
-}
-
 const BLOCK_BYTES: u64 = size_of::<shared::View>() as u64;
 
 impl ViewDesc<'_> {
@@ -89,7 +55,7 @@ impl ViewDesc<'_> {
     /// [`GpuError::OutOfMemory`], where an earlier frame's imports still hold that memory.
     pub fn declare(
         &self,
-        block: &mut ViewBlock,
+        block: &mut Staging,
         scene: &ResidentScene,
         g: &mut FrameGraph,
         imports: &mut Imports,
@@ -110,7 +76,7 @@ impl ViewDesc<'_> {
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or_default(),
         };
-        let key = imports.buffer(block.write(&contents)?);
+        let key = imports.buffer(block.write(bytemuck::bytes_of(&contents))?);
         Ok(View {
             block: g.import_buffer("view", BufferDesc::new(BLOCK_BYTES), Access::BufferRead, key).read(),
             frame: self.frame,

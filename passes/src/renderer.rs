@@ -2,7 +2,7 @@
 use crate::frame::{Stages, frame};
 use crate::slots::Slots;
 use magpie::config::{Config, ConfigError};
-use magpie::frame::{ViewBlock, ViewDesc};
+use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
@@ -100,7 +100,7 @@ pub struct Renderer {
     slots: Slots,
     config: Config,
     stages: Stages,
-    view: ViewBlock,
+    view: magpie::gpu::Staging,
     scan: Option<Scan>,
     trail: Trail,
     poisons: Vec<Poison>,
@@ -168,7 +168,7 @@ impl Renderer {
             stages: Stages::new(&Build { gpu, rays: options.rays }, slots, config)?,
             slots: slots.clone(),
             config: config.clone(),
-            view: ViewBlock::new(gpu)?,
+            view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
             scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?,
             trail: Trail::default(),

@@ -23,11 +23,12 @@ void skin(Deformer mesh, uint vertex, inout vec3 position, inout vec3 normal, in
     }
     position = transform_point(rows, position);
     tangent = transform_vector(rows, tangent);
-    // A normal goes by the cofactors, which are the inverse transpose up to a factor, and exist where there is no inverse.
+    // A normal goes by the cofactors: the inverse transpose times the determinant. They exist where there is no inverse, and where
+    // the blend mirrors, they turn the normal with the winding.
     vec3 x = rows[0].xyz;
     vec3 y = rows[1].xyz;
     vec3 z = rows[2].xyz;
-    normal = vec3(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal)) * handedness(rows);
+    normal = vec3(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
 }
 
 void main() {
@@ -54,6 +55,7 @@ void main() {
 
     // Where two poses cancel a direction out, that of the file stays.
     attributes.normal = safe_normalize(normal, attributes.normal);
+    tangent -= dot(tangent, attributes.normal) * attributes.normal;
     attributes.tangent.xyz = safe_normalize(tangent, attributes.tangent.xyz);
     Positions now = Positions(mesh.positions);
     Positions(mesh.previous_positions).at[vertex] = params.first != 0u ? position : now.at[vertex];

@@ -1,7 +1,7 @@
 //! Frames of a test's own, run with every check, and the images and buffers that a test wants to see.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
-use magpie::frame::{View, ViewBlock, ViewDesc};
+use magpie::frame::{View, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, RayKernel};
 use magpie::graph::check::{Finding, Poison, Scan, Trail, Unscanned};
 use magpie::graph::execute::{Executed, Executor, Imports};
@@ -195,7 +195,7 @@ impl Shot<'_> {
     pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
         let Self { scene, camera, extent } = *self;
         let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous_clip_from_world: None };
-        let view = desc.declare(&mut ViewBlock::new(gpu)?, scene, g, &mut imports.borrow_mut())?;
+        let view = desc.declare(&mut magpie::gpu::Staging::new(gpu, "view"), scene, g, &mut imports.borrow_mut())?;
         let s = scene.import(g, &mut imports.borrow_mut());
         Ok((view, s))
     }

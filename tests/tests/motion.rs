@@ -1,7 +1,7 @@
 //! Motion vectors of a moving camera, against a projection in double precision.
 use anyhow::Result;
 use magpie::config::Config;
-use magpie::frame::{ViewBlock, ViewDesc};
+use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
 use magpie::scene::{Camera, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::Build;
@@ -30,7 +30,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
     let previous = desc(before, None).clip_from_world();
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:depth"];
     let ran = bench.run(EXTENT, &wanted, |g, imports| {
-        let mut block = ViewBlock::new(&gpu)?;
+        let mut block = magpie::gpu::Staging::new(&gpu, "view");
         let view = desc(now, Some(previous)).declare(&mut block, &resident, g, &mut imports.borrow_mut())?;
         let s = resident.import(g, &mut imports.borrow_mut());
         let scene = s;

@@ -22,6 +22,7 @@ mod pipeline_cache;
 mod query;
 mod ray_pipeline;
 mod rays;
+mod staging;
 mod submit;
 
 pub use accel::{Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, CompactedSizes};
@@ -40,4 +41,5 @@ pub use pipeline::{Kernel, RasterDesc, RasterKernel};
 pub(crate) use query::{Statistics, Timestamps};
 pub use ray_pipeline::{RayKernel, RayPipeline, SPHERE_GROUP, TRIANGLE_GROUP};
 pub use rays::RayChoice;
+pub use staging::Staging;
 pub(crate) use submit::Submission;

@@ -1,0 +1,216 @@
+//! Skinned and morphing meshes on the device: every instance that deforms has vertices of its own, made anew each frame.
+use super::block::Block;
+use super::{Geometry, ResidentError};
+use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, Staging};
+use crate::graph::execute::{Executor, Imports};
+use crate::graph::{Access, Buffer as GraphBuffer, BufferDesc, FrameGraph, Handle, Queue, Record};
+use crate::scene::{Animator, Mesh, Pose, Scene, single};
+use magpie_shaders::acceleration::{
+    DEFORM_GROUP, DeformJob, DeformParams, Deformer, Influence, JointMatrix, MorphDelta,
+};
+use magpie_shaders::scene::VertexAttributes;
+use magpie_shaders::{ACCELERATION_DEFORM_COMP, Address};
+use std::sync::Arc;
+
+/// Workgroups in one direction that every device has.
+const MOST_GROUPS: u32 = 65535;
+
+/// Every instance that deforms.
+pub(super) struct Deformation {
+    kernel: Kernel,
+    /// Vertices as they are now.
+    memory: Arc<Buffer>,
+    /// What vertices are made from.
+    sources: Arc<Buffer>,
+    deformers: Address,
+    jobs: Address,
+    job_count: u32,
+    staging: Staging,
+    pub meshes: Vec<Deforming>,
+    /// The device has vertices of some pose.
+    made: bool,
+}
+
+/// An instance that deforms, as a mesh of its own.
+pub(super) struct Deforming {
+    pub instance: usize,
+    /// The mesh that it comes from.
+    pub mesh: usize,
+    pub positions: Address,
+    pub previous_positions: Address,
+    pub attributes: Address,
+}
+
+impl Deformation {
+    /// Uploads what vertices are made from; `None` where nothing deforms.
+    pub fn new(
+        gpu: &Gpu,
+        executor: &mut Executor,
+        animator: &Animator,
+        geometry: &Geometry<'_>,
+    ) -> Result<Option<Self>, ResidentError> {
+        let scene = geometry.scene;
+        let instances: Vec<usize> = (0..scene.instances.len()).filter(|i| animator.deforms(*i)).collect();
+        if instances.is_empty() {
+            return Ok(None);
+        }
+        // Vertices to come.
+        let (mut bytes, mut places) = (0_u64, Vec::new());
+        for &instance in &instances {
+            let count = scene.meshes[scene.instances[instance].mesh as usize].positions.len() as u64;
+            let mut take = |size: usize| {
+                let at = bytes;
+                bytes = (bytes + count * size as u64).next_multiple_of(16);
+                at
+            };
+            places.push([take(12), take(12), take(size_of::<VertexAttributes>())]);
+        }
+        let memory =
+            Arc::new(Buffer::new(gpu, "deforming vertices", bytes, BufferMemory::Device, BufferUse::Storage)?);
+        let meshes: Vec<Deforming> = instances
+            .iter()
+            .zip(&places)
+            .map(|(&instance, place)| {
+                let [positions, previous_positions, attributes] = place.map(|o| memory.address().offset(o));
+                let mesh = scene.instances[instance].mesh as usize;
+                Deforming { instance, mesh, positions, previous_positions, attributes }
+            })
+            .collect();
+
+        // What they are made from; instances of one mesh share it. Addresses follow once the base is known.
+        let mut block = Block::default();
+        let mut shared: Vec<Option<[u64; 2]>> = vec![None; scene.meshes.len()];
+        for deforming in &meshes {
+            let mesh = &scene.meshes[deforming.mesh];
+            let of = &mut shared[deforming.mesh];
+            if of.is_none() {
+                *of = Some([block.add(&influences(mesh)), block.add(&deltas(mesh))]);
+            }
+        }
+        let deformer_table = block.add(&vec![Deformer::default(); meshes.len()]);
+        let jobs = jobs(scene, &meshes);
+        let job_table = block.add(&jobs);
+        let sources = block.buffer(gpu, "deformation", BufferUse::Storage)?;
+        let base = sources.address();
+        let (mut first_joint, mut first_weight) = (0, 0);
+        let pose = animator.pose(0.0);
+        let deformers: Vec<Deformer> = meshes
+            .iter()
+            .map(|d| {
+                let mesh = &scene.meshes[d.mesh];
+                let [influences, targets] = shared[d.mesh].unwrap_or_default().map(|o| base.offset(o));
+                let joints = pose.joints[d.instance].len() as u32;
+                let weights = pose.weights[d.instance].len() as u32;
+                let made = Deformer {
+                    source_positions: geometry.meshes[d.mesh].positions,
+                    source_attributes: geometry.meshes[d.mesh].attributes,
+                    influences,
+                    targets,
+                    positions: d.positions,
+                    previous_positions: d.previous_positions,
+                    attributes: d.attributes,
+                    vertex_count: mesh.positions.len() as u32,
+                    influence_count: if joints == 0 { 0 } else { mesh.influences_per_vertex() as u32 },
+                    target_count: weights,
+                    first_joint,
+                    first_weight,
+                };
+                first_joint += joints;
+                first_weight += weights;
+                made
+            })
+            .collect();
+        block.put(deformer_table, &deformers);
+        block.copy_to(gpu, executor, &sources)?;
+        Ok(Some(Self {
+            kernel: gpu.kernel(&ACCELERATION_DEFORM_COMP)?,
+            memory,
+            deformers: base.offset(deformer_table),
+            jobs: base.offset(job_table),
+            job_count: jobs.len() as u32,
+            sources,
+            staging: Staging::new(gpu, "pose"),
+            meshes,
+            made: false,
+        }))
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> u64 {
+        self.memory.bytes() + self.sources.bytes()
+    }
+
+    /// Adds the pass that makes the vertices of a pose, where they may have changed. Says whether it did.
+    pub fn declare(
+        &mut self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        pose: &Pose,
+        (animated, cut): (bool, bool),
+        vertices: Handle<GraphBuffer>,
+    ) -> Result<(Handle<GraphBuffer>, bool), GpuError> {
+        let desc = BufferDesc::new(self.memory.bytes());
+        let memory = g.import_buffer("scene.deforming", desc, Access::BufferRead, imports.buffer(&self.memory));
+        if self.made && !animated {
+            return Ok((memory.read(), false));
+        }
+        let first = cut || !std::mem::replace(&mut self.made, true);
+
+        let mut block = Block::default();
+        let of = |d: &Deforming| pose.joints[d.instance].iter().map(|j| JointMatrix { rows: super::tables::rows(&single(j)) });
+        let joints: Vec<JointMatrix> = self.meshes.iter().flat_map(of).collect();
+        let weights: Vec<f32> = self.meshes.iter().flat_map(|d| pose.weights[d.instance].iter().copied()).collect();
+        let (joint_table, weight_table) = (block.add(&joints), block.add(&weights));
+        let staged = self.staging.write(&block.0)?;
+        let address = staged.address();
+        let staged = imports.buffer(staged);
+        let posed = g.import_buffer("scene.pose", BufferDesc::new(block.0.len() as u64), Access::CopyRead, staged);
+        let sources = imports.buffer(&self.sources);
+        let desc = BufferDesc::new(self.sources.bytes());
+        let sources = g.import_buffer("scene.deformers", desc, Access::CopyWrite, sources);
+
+        let params = DeformParams {
+            deformers: self.deformers,
+            jobs: self.jobs,
+            joints: address.offset(joint_table),
+            weights: address.offset(weight_table),
+            job_count: self.job_count,
+            first: first.into(),
+        };
+        let kernel = self.kernel;
+        let across = self.job_count.min(MOST_GROUPS);
+        let groups = [across, self.job_count.div_ceil(across), 1];
+        let memory = g.pass("acceleration.deform", Queue::Graphics, |p| {
+            p.read(posed.read());
+            p.read(sources.read());
+            p.read(vertices);
+            let (memory, _) = p.write_buffer(memory);
+            (memory, move |c: &mut Record<'_>| c.dispatch_groups(kernel, &params, groups))
+        });
+        Ok((memory.read(), true))
+    }
+}
+
+fn influences(mesh: &Mesh) -> Vec<Influence> {
+    mesh.influences.iter().map(|i| Influence { joint: i.joint, weight: i.weight }).collect()
+}
+
+/// Every vertex of the first target, then of the next; zeros where a target leaves an attribute alone.
+fn deltas(mesh: &Mesh) -> Vec<MorphDelta> {
+    let count = mesh.positions.len();
+    let of = |table: &[glam::Vec3], i: usize| table.get(i).copied().unwrap_or_default().to_array();
+    let one = |target: &crate::scene::MorphTarget, i: usize| MorphDelta {
+        position: of(&target.positions, i),
+        normal: of(&target.normals, i),
+        tangent: of(&target.tangents, i),
+    };
+    mesh.targets.iter().flat_map(|t| (0..count).map(move |i| one(t, i))).collect()
+}
+
+fn jobs(scene: &Scene, meshes: &[Deforming]) -> Vec<DeformJob> {
+    let of = |(deformer, d): (u32, &Deforming)| {
+        let count = scene.meshes[d.mesh].positions.len() as u32;
+        (0..count.div_ceil(DEFORM_GROUP)).map(move |group| DeformJob { deformer, first: group * DEFORM_GROUP })
+    };
+    (0..).zip(meshes).flat_map(of).collect()
+}

@@ -1,0 +1,172 @@
+//! What may change from frame to frame: where instances and lights are. The device has it in one buffer, behind the scene's root.
+use super::block::Block;
+use super::tables::{light, rows};
+use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Staging};
+use crate::graph::execute::Imports;
+use crate::graph::{Access, Buffer as GraphBuffer, BufferDesc, FrameGraph, Handle, Queue, Record};
+use crate::ray::object_from_world;
+use crate::scene::{Animator, Light, Pose, single};
+use glam::{Affine3A, DAffine3, DVec3};
+use magpie_shaders::Address;
+use magpie_shaders::scene as shared;
+use std::sync::Arc;
+
+/// Which moment a frame shows, and from where numbers are counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// Seconds since the scene began.
+    pub time: f64,
+    /// The world point that is the origin on the device: near the eye, so that what is near keeps its digits. Metres.
+    pub origin: DVec3,
+    /// This frame has nothing to do with the one before: nothing moves in it.
+    pub cut: bool,
+}
+
+/// Where everything is, in the frame at hand and one frame before.
+pub(super) struct State {
+    animator: Animator,
+    pub pose: Pose,
+    previous: Vec<DAffine3>,
+    pub origin: DVec3,
+    /// What the device has is not what the frame needs.
+    stale: bool,
+    /// The last frame moved: one more is needed to say that nothing does.
+    moved: bool,
+    root: shared::Scene,
+    /// Mesh, material, mask and flags of each instance.
+    fixed: Vec<shared::Instance>,
+    pub memory: Arc<Buffer>,
+    staging: Staging,
+    instances: u64,
+    lights: u64,
+}
+
+impl State {
+    /// Room for the tables. `root` lacks the addresses that are made here.
+    pub fn new(
+        gpu: &Gpu,
+        animator: Animator,
+        fixed: Vec<shared::Instance>,
+        mut root: shared::Scene,
+    ) -> Result<Self, GpuError> {
+        let pose = animator.pose(0.0);
+        let mut block = Block::default();
+        block.add(&[shared::Scene::default()]);
+        let instances = block.add(&fixed);
+        let lights = block.add(&vec![shared::Light::default(); pose.lights.len()]);
+        let memory = block.buffer(gpu, "scene state", BufferUse::Storage)?;
+        root.instances = memory.address().offset(instances);
+        root.lights = memory.address().offset(lights);
+        root.instance_count = fixed.len() as u32;
+        root.light_count = pose.lights.len() as u32;
+        Ok(Self {
+            animator,
+            previous: pose.instances.clone(),
+            pose,
+            origin: DVec3::ZERO,
+            stale: true,
+            moved: false,
+            root,
+            fixed,
+            memory,
+            staging: Staging::new(gpu, "scene state"),
+            instances,
+            lights,
+        })
+    }
+
+    /// Address of the root.
+    pub fn root(&self) -> Address {
+        self.memory.address()
+    }
+
+    /// Whether anything ever moves.
+    pub fn is_animated(&self) -> bool {
+        self.animator.is_animated()
+    }
+
+    /// The animation.
+    pub fn animator(&self) -> &Animator {
+        &self.animator
+    }
+
+    /// Goes to another moment. Says whether what rays see has changed.
+    pub fn go(&mut self, moment: &Moment) -> bool {
+        let animated = self.animator.is_animated();
+        let shifted = self.origin != moment.origin;
+        self.origin = moment.origin;
+        let before = if animated {
+            let pose = self.animator.pose(moment.time);
+            std::mem::replace(&mut self.pose, pose).instances
+        } else {
+            self.pose.instances.clone()
+        };
+        let changed = animated && before != self.pose.instances;
+        let was_stale = self.stale;
+        self.previous = if moment.cut { self.pose.instances.clone() } else { before };
+        // One frame after the last movement the tables are written once more, with nothing in motion.
+        self.stale |= animated || shifted || self.moved;
+        self.moved = changed && !moment.cut;
+        was_stale || shifted || changed
+    }
+
+    /// World from object of an instance, counted from the origin.
+    pub fn placed(&self, instance: usize) -> Affine3A {
+        single(&shift(&self.pose.instances[instance], self.origin))
+    }
+
+    /// An instance as shaders read it.
+    pub fn instance(&self, index: usize) -> shared::Instance {
+        let world_from_object = self.placed(index);
+        // One whose transform is singular has no inside to trace.
+        let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
+        shared::Instance {
+            world_from_object: rows(&world_from_object),
+            object_from_world: rows(&inverse),
+            previous_world_from_object: rows(&single(&shift(&self.previous[index], self.origin))),
+            ..self.fixed[index]
+        }
+    }
+
+    /// Brings the tables into a frame; where they have changed, with a pass that copies them.
+    pub fn declare(&mut self, g: &mut FrameGraph, imports: &mut Imports) -> Result<Handle<GraphBuffer>, GpuError> {
+        let bytes = self.memory.bytes();
+        let state =
+            g.import_buffer("scene.state", BufferDesc::new(bytes), Access::BufferRead, imports.buffer(&self.memory));
+        if !std::mem::take(&mut self.stale) {
+            return Ok(state.read());
+        }
+        let mut block = Block::default();
+        block.add(&[self.root]);
+        let instances: Vec<_> = (0..self.fixed.len()).map(|i| self.instance(i)).collect();
+        debug_assert_eq!(block.add(&instances), self.instances);
+        let lights: Vec<_> = self.pose.lights.iter().map(|l| light(&moved(l, -self.origin))).collect();
+        debug_assert_eq!(block.add(&lights), self.lights);
+        let staged = imports.buffer(self.staging.write(&block.0)?);
+        let length = block.0.len() as u64;
+        let staged = g.import_buffer("scene.staged", BufferDesc::new(length), Access::CopyRead, staged);
+        let state = g.pass("scene.update", Queue::Graphics, |p| {
+            let from = p.copy_from(staged.read());
+            let (state, to) = p.copy_to(state);
+            (state, move |c: &mut Record<'_>| c.copy_buffer(from, 0, to, 0, length))
+        });
+        Ok(state.read())
+    }
+}
+
+/// A transform counted from another origin.
+pub(super) fn shift(world: &DAffine3, origin: DVec3) -> DAffine3 {
+    DAffine3 { matrix3: world.matrix3, translation: world.translation - origin }
+}
+
+/// A light moved by an offset.
+fn moved(light: &Light, by: DVec3) -> Light {
+    let at = |p: &glam::Vec3| (p.as_dvec3() + by).as_vec3();
+    let mut light = light.clone();
+    match &mut light {
+        Light::Directional { .. } => {}
+        Light::Point { position, .. } | Light::Spot { position, .. } => *position = at(position),
+        Light::Rectangle { centre, .. } => *centre = at(centre),
+    }
+    light
+}
