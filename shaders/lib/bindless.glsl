@@ -22,6 +22,8 @@ layout(set = 0, binding = 2) uniform sampler samplers[];
 
 // Three floats each: the positions of a mesh.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer PositionBuffer { vec3 at[]; };
+// The positions of a mesh of spheres: centre and radius.
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer SphereBuffer { vec4 at[]; };
 // Corners of a mesh's triangles.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer TriangleBuffer { uvec3 at[]; };
 // Indices and other plain words.

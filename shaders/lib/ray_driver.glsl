@@ -3,9 +3,6 @@
 #define LIB_RAY_DRIVER_GLSL
 #include "lib/ray_types.glsl"
 
-// Spheres of a mesh: centre and radius.
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer SphereBuffer { vec4 at[]; };
-
 // The ray's flags in the driver's words. Culling of spheres is left to the shader that meets them.
 uint driver_flags(Ray ray)
 {

@@ -5,109 +5,159 @@
 #include "lib/intersect.glsl"
 #include "lib/ray_types.glsl"
 
+// The tables of the trees lie so that a device with wide loads can use them.
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NodeTable { BvhNode at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer PrimitiveTable { BvhPrimitive at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer PlacedTable { BvhInstance at[]; };
+
+// For a map of where rays are dear: nodes visited and primitives tested by this invocation so far, on both levels.
+#ifdef RAYS_STEPS
+uvec2 ray_steps = uvec2(0u);
+#define COUNT_NODE ray_steps.x++
+#define COUNT_PRIMITIVE ray_steps.y++
+#else
+#define COUNT_NODE
+#define COUNT_PRIMITIVE
+#endif
+
 // Groups, as in Ylitie et al. 2017. A node group: x is the first inner child, y has the hits in bits 24 to 31, in the order of
 // the visit, and the mask of inner children in bits 0 to 7. A primitive group: x is the first primitive, y the hits in
-// bits 0 to 23. Triangles are tested at once; instances and nodes that must wait go on the stack, whose size the tree was
-// checked against when it was built.
+// bits 0 to 23.
+//
+// One turn of the loop visits a node, tests the triangles it leads to, and enters an instance or takes a group from the stack. Groups
+// of nodes that must wait go on the stack, the newest in `top`: most are taken back in the next turns, and a private array is slow
+// memory everywhere. Instances that must wait need no stack, as only one group of them is open at a time. The trees were checked
+// against the size of the stack when they were built.
 bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
 {
     Scene tables = scene.at[0];
     const uint NODE_HITS = 0xff000000u;
     const uvec2 ROOT = uvec2(0u, 0x80000000u);
+    const uvec2 NOTHING = uvec2(0u);
     hit = Hit(ray.t_max, NO_HIT, NO_HIT, vec2(0.0), false);
     uvec2 stack[TRAVERSAL_STACK];
-    uint height = 0u;
+    uint height = 0u;     // of the stack, with `top`
+    uvec2 top = NOTHING;  // stands for stack[height - 1] where it is something
     uvec2 nodes_left = ROOT;
+    uvec2 instances = NOTHING;
 
     // The level that is being walked: the scene, or the mesh of `instance`.
     BoxRay world_ray = box_ray(ray.origin, ray.direction);
-    BoxRay box_level_ray = world_ray;
-    BvhNodeBuffer nodes = BvhNodeBuffer(tables.tlas_nodes);
+    BoxRay level_ray = world_ray;
+    NodeTable nodes = NodeTable(tables.tlas_nodes);
     uint instance = NO_HIT;
     uint mesh_height = 0u;  // height of the stack when the mesh was entered
-    vec3 mesh_ray_origin = ray.origin;
-    vec3 mesh_ray_direction = ray.direction;
-    TriangleRay mesh_ray = triangle_ray(ray.origin, ray.direction);
-    BvhTriangleBuffer triangles;
-    uint flags = 0u;  // of the instance
+    TriangleRay mesh_ray = TriangleRay(vec3(0.0), 0u, vec3(0.0));
+    vec3 mesh_direction = vec3(0.0);
+    PrimitiveTable mesh_primitives;
+    uvec2 positions = uvec2(0u);  // address
+    uint flags = 0u;              // of the instance
 
     while (true) {
-        uvec2 primitives = uvec2(0u);
+        uvec2 primitives = NOTHING;
         if ((nodes_left.y & NODE_HITS) != 0u) {
             uint bit = uint(findMSB(nodes_left.y));
             nodes_left.y &= ~(1u << bit);
             if ((nodes_left.y & NODE_HITS) != 0u) {
-                stack[height++] = nodes_left;
+                if (top.y != 0u) {
+                    stack[height - 1u] = top;
+                }
+                top = nodes_left;
+                height++;
             }
-            uint slot = (bit - 24u) ^ box_level_ray.octant;
+            uint slot = (bit - 24u) ^ level_ray.octant;
             uint before = uint(bitCount(nodes_left.y & ((1u << slot) - 1u)));
             BvhNode node = nodes.at[nodes_left.x + before];
-            uint hits = hit_children(node, box_level_ray, ray.t_min, hit.t);
+            COUNT_NODE;
+            uint hits = hit_children(node, level_ray, ray.t_min, hit.t);
             nodes_left = uvec2(node.child_base, (hits & NODE_HITS) | (node.exponents_and_mask >> 24));
             primitives = uvec2(node.primitive_base, hits & ~NODE_HITS);
-        } else {
-            // Instances that waited on the stack.
-            primitives = nodes_left;
-            nodes_left.y = 0u;
+            if (instance == NO_HIT) {
+                instances = primitives;
+                primitives = NOTHING;
+            }
         }
 
         while (primitives.y != 0u) {
             uint bit = uint(findLSB(primitives.y));
             primitives.y &= primitives.y - 1u;
-            uint index = primitives.x + bit;
-            if (instance == NO_HIT) {
-                uint candidate = WordBuffer(tables.tlas_instances).at[index];
-                Instance placed = InstanceBuffer(tables.instances).at[candidate];
-                if ((placed.mask & ray.mask) == 0u) {
-                    continue;
-                }
-                // Into an instance. The rest of this node waits, its other instances on top.
-                if ((nodes_left.y & NODE_HITS) != 0u) {
-                    stack[height++] = nodes_left;
-                }
-                if (primitives.y != 0u) {
-                    stack[height++] = primitives;
-                }
-                mesh_height = height;
-                instance = candidate;
-                vec4 rows[3] = placed.object_from_world;
-                vec4 from = vec4(ray.origin, 1.0);
-                vec4 along = vec4(ray.direction, 0.0);
-                mesh_ray_origin = vec3(dot(rows[0], from), dot(rows[1], from), dot(rows[2], from));
-                mesh_ray_direction = vec3(dot(rows[0], along), dot(rows[1], along), dot(rows[2], along));
-                box_level_ray = box_ray(mesh_ray_origin, mesh_ray_direction);
-                mesh_ray = triangle_ray(mesh_ray_origin, mesh_ray_direction);
-                MeshBuffer meshes = MeshBuffer(tables.meshes);
-                nodes = BvhNodeBuffer(meshes.at[placed.mesh].nodes);
-                triangles = BvhTriangleBuffer(meshes.at[placed.mesh].triangles);
-                flags = placed.flags;
-                nodes_left = ROOT;
-                break;
-            }
-            BvhTriangle candidate = triangles.at[index];
+            BvhPrimitive candidate = mesh_primitives.at[primitives.x + bit];
+            COUNT_PRIMITIVE;
             SurfaceHit found;
-            bool met = (flags & INSTANCE_SPHERES) != 0u
-                ? hit_sphere(mesh_ray_origin, mesh_ray_direction, candidate.v0, candidate.v1.x, ray.t_min, hit.t, found)
-                : hit_triangle(mesh_ray, candidate.v0, candidate.v1, candidate.v2, ray.t_min, hit.t, found);
-            if (met && !is_culled(ray, flags, found.front)
-                && ((flags & INSTANCE_ALPHA_TEST) == 0u || alpha_passes(scene, instance, candidate.triangle, found.barycentric))) {
-                hit = Hit(found.t, instance, candidate.triangle, found.barycentric, found.front);
+            bool met;
+            if ((flags & INSTANCE_SPHERES) != 0u) {
+                vec4 sphere = SphereBuffer(positions).at[candidate.primitive];
+                met = hit_sphere(mesh_ray.origin, mesh_direction, sphere.xyz, sphere.w, ray.t_min, hit.t, found);
+            } else {
+                PositionBuffer corners = PositionBuffer(positions);
+                met = hit_triangle(mesh_ray, corners.at[candidate.corners.x], corners.at[candidate.corners.y],
+                    corners.at[candidate.corners.z], ray.t_min, hit.t, found);
+            }
+            met = met && !is_culled(ray, flags, found.front);
+            if (met && (flags & INSTANCE_ALPHA_TEST) != 0u) {
+                met = alpha_passes(scene, instance, candidate.primitive, found.barycentric);
+            }
+            if (met) {
+                hit = Hit(found.t, instance, candidate.primitive, found.barycentric, found.front);
                 if (any_hit) {
-                    return true;
+                    break;
                 }
             }
         }
+        if (any_hit && hit.instance != NO_HIT) {
+            break;
+        }
 
-        if ((nodes_left.y & NODE_HITS) == 0u) {
-            if (instance != NO_HIT && height == mesh_height) {
-                instance = NO_HIT;
-                nodes = BvhNodeBuffer(tables.tlas_nodes);
-                box_level_ray = world_ray;
+        bool level_done = (nodes_left.y & NODE_HITS) == 0u;
+        if (level_done && instance != NO_HIT && height == mesh_height) {
+            instance = NO_HIT;
+            nodes = NodeTable(tables.tlas_nodes);
+            level_ray = world_ray;
+        }
+        if (instance == NO_HIT && instances.y != 0u) {
+            if (!level_done) {
+                // The node's inner children wait until its instances are done.
+                if (top.y != 0u) {
+                    stack[height - 1u] = top;
+                }
+                top = nodes_left;
+                height++;
+                nodes_left = NOTHING;
             }
+            uint bit = uint(findLSB(instances.y));
+            instances.y &= instances.y - 1u;
+            BvhInstance candidate = PlacedTable(tables.tlas_instances).at[instances.x + bit];
+            if (meets_box(world_ray, candidate.min, candidate.max, ray.t_min, hit.t)) {
+                Instance placed = InstanceBuffer(tables.instances).at[candidate.instance];
+                if ((placed.mask & ray.mask) != 0u) {
+                    instance = candidate.instance;
+                    mesh_height = height;
+                    vec4 rows[3] = placed.object_from_world;
+                    vec4 from = vec4(ray.origin, 1.0);
+                    vec4 along = vec4(ray.direction, 0.0);
+                    vec3 mesh_origin = vec3(dot(rows[0], from), dot(rows[1], from), dot(rows[2], from));
+                    mesh_direction = vec3(dot(rows[0], along), dot(rows[1], along), dot(rows[2], along));
+                    level_ray = box_ray(mesh_origin, mesh_direction);
+                    mesh_ray = triangle_ray(mesh_origin, mesh_direction);
+                    MeshBuffer meshes = MeshBuffer(tables.meshes);
+                    nodes = NodeTable(meshes.at[placed.mesh].nodes);
+                    mesh_primitives = PrimitiveTable(meshes.at[placed.mesh].primitives);
+                    positions = meshes.at[placed.mesh].positions;
+                    flags = placed.flags;
+                    nodes_left = ROOT;
+                }
+            }
+        } else if (level_done) {
             if (height == 0u) {
                 break;
             }
-            nodes_left = stack[--height];
+            height--;
+            if (top.y != 0u) {
+                nodes_left = top;
+                top = NOTHING;
+            } else {
+                nodes_left = stack[height];
+            }
         }
     }
     return hit.instance != NO_HIT;

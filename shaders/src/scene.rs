@@ -45,7 +45,7 @@ pub struct Scene {
     pub tlas: Address,
     /// Top-level CWBVH: [`BvhNode`] table; zero where the driver traces.
     pub tlas_nodes: Address,
-    /// Instance index of each top-level primitive, in the order of the tree (`u32`).
+    /// [`BvhInstance`] of each top-level primitive, in the order of the tree.
     pub tlas_instances: Address,
     /// How many instances there are.
     pub instance_count: u32,
@@ -89,8 +89,8 @@ pub struct Mesh {
     pub indices: Address,
     /// [`BvhNode`] table, root first.
     pub nodes: Address,
-    /// [`BvhTriangle`] table in the order of the tree.
-    pub triangles: Address,
+    /// [`BvhPrimitive`] table in the order of the tree.
+    pub primitives: Address,
     /// How many triangles or spheres.
     pub primitive_count: u32,
 }
@@ -139,18 +139,31 @@ pub struct BvhNode {
     pub max_z: [u32; 2],
 }
 
-/// A triangle as traversal reads it.
+/// A triangle or sphere as traversal reads it. Corners and spheres lie in the table at [`Mesh::positions`], which raster reads as well.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct BvhTriangle {
-    /// First corner, object space.
-    pub v0: [f32; 3],
-    /// Second corner.
-    pub v1: [f32; 3],
-    /// Third corner.
-    pub v2: [f32; 3],
-    /// Index of the triangle in the mesh's index table.
-    pub triangle: u32,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct BvhPrimitive {
+    /// Vertices of a triangle; zero for a sphere.
+    pub corners: [u32; 3],
+    /// Index of the triangle in the mesh's index table, or of the sphere.
+    pub primitive: u32,
+}
+
+/// An instance as traversal meets it, in world space.
+///
+/// The boxes of a compressed node are up to a 255th of the node too large. In here is the whole box, which is cheaper to test than
+/// it is to enter an instance for nothing.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct BvhInstance {
+    /// Lower corner of its bounds, metres.
+    pub min: [f32; 3],
+    /// Index in the scene's instances.
+    pub instance: u32,
+    /// Upper corner.
+    pub max: [f32; 3],
+    /// Nothing: it makes 32 bytes, two loads of 16.
+    pub unused: u32,
 }
 
 /// A texture with its sampler and coordinates (KHR_texture_transform).

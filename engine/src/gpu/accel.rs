@@ -105,7 +105,11 @@ impl Accel {
     /// [`GpuError::MissingExtension`] where the driver has none, and failing calls.
     pub fn new(gpu: &Gpu, buffer: &Arc<Buffer>, offset: u64, bytes: u64, top: bool) -> Result<Self, GpuError> {
         let calls = gpu.0.ray_calls()?;
-        let kind = if top { vk::AccelerationStructureTypeKHR::TOP_LEVEL } else { vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL };
+        let kind = if top {
+            vk::AccelerationStructureTypeKHR::TOP_LEVEL
+        } else {
+            vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL
+        };
         let info =
             vk::AccelerationStructureCreateInfoKHR::default().buffer(buffer.raw).offset(offset).size(bytes).ty(kind);
         // SAFETY: the buffer was made for acceleration structures, and lives as long as this one.
@@ -189,7 +193,8 @@ fn build_info(desc: &AccelDesc, top: bool) -> vk::AccelerationStructureBuildGeom
     if desc.compact {
         flags |= Flags::ALLOW_COMPACTION;
     }
-    let kind = if top { vk::AccelerationStructureTypeKHR::TOP_LEVEL } else { vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL };
+    let kind =
+        if top { vk::AccelerationStructureTypeKHR::TOP_LEVEL } else { vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL };
     vk::AccelerationStructureBuildGeometryInfoKHR::default().ty(kind).flags(flags)
 }
 
@@ -238,7 +243,6 @@ impl CompactedSizes {
         unsafe { gpu.raw().reset_query_pool(pool, 0, count.max(1)) };
         Ok(Self { gpu: gpu.clone(), pool })
     }
-
 }
 
 impl Drop for CompactedSizes {

@@ -115,7 +115,10 @@ impl Gpu {
         }
         let read = vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR;
         let builds = scope.stages.contains(vk::PipelineStageFlags2::ACCELERATION_STRUCTURE_BUILD_KHR);
-        if scope.access.contains(read) && !support.query && (!builds || scope.stages.contains(vk::PipelineStageFlags2::COMPUTE_SHADER)) {
+        if scope.access.contains(read)
+            && !support.query
+            && (!builds || scope.stages.contains(vk::PipelineStageFlags2::COMPUTE_SHADER))
+        {
             scope.access &= !read;
             scope.access |= if support.accel { vk::AccessFlags2::MEMORY_READ } else { vk::AccessFlags2::NONE };
         }

@@ -111,7 +111,9 @@ impl Buffer {
     /// Failing calls.
     pub(crate) fn over(gpu: &Gpu, name: &str, heap: &Arc<Heap>) -> Result<Self, GpuError> {
         let device = gpu.raw();
-        let info = vk::BufferCreateInfo::default().size(heap.bytes().max(4)).usage(EVERYTHING | gpu.0.ray_support.buffer_usage());
+        let info = vk::BufferCreateInfo::default()
+            .size(heap.bytes().max(4))
+            .usage(EVERYTHING | gpu.0.ray_support.buffer_usage());
         let info = shared(info, &gpu.0.families);
         // SAFETY: `info` is complete; the device is alive as long as `gpu`.
         let raw = unsafe { device.create_buffer(&info, None) }.map_err(GpuError::call("vkCreateBuffer"))?;

@@ -10,8 +10,8 @@ use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
 use super::submit::{Lane, Timeline};
 use crate::graph::Queue;
 use ash::{amd, ext, vk};
-use magpie_shaders::Rays;
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
+use magpie_shaders::Rays;
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -144,7 +144,8 @@ impl Gpu {
         wanted.core.draw_indirect_first_instance = optional.draw_indirect_first_instance;
         wanted.core.pipeline_statistics_query = optional.pipeline_statistics_query;
         let open = |support: RaySupport| {
-            let names: Vec<_> = extensions.iter().copied().chain(support.extensions().iter().map(|n| n.as_ptr())).collect();
+            let names: Vec<_> =
+                extensions.iter().copied().chain(support.extensions().iter().map(|n| n.as_ptr())).collect();
             let mut features = RayFeatures::new(support);
             let info = vk::DeviceCreateInfo::default()
                 .queue_create_infos(&queues)

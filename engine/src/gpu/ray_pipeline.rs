@@ -104,7 +104,8 @@ impl Gpu {
             return Ok(RayPipeline { index, table });
         }
         let calls = self.0.ray_calls()?;
-        let missing = || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
+        let missing =
+            || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
         let calls = calls.pipeline.as_ref().ok_or_else(missing)?;
 
         // Stages, in the order of their indices.
@@ -170,10 +171,9 @@ impl Gpu {
         let (stride, base) = (handle.next_multiple_of(u64::from(support.handle_align)), u64::from(support.base_align));
         let count = GROUPS.iter().sum::<u64>();
         // SAFETY: the pipeline has this many groups, and the answer this many handles.
-        let handles = unsafe {
-            calls.get_ray_tracing_shader_group_handles(pipeline, 0, count as u32, (count * handle) as usize)
-        }
-        .map_err(GpuError::call("vkGetRayTracingShaderGroupHandlesKHR"))?;
+        let handles =
+            unsafe { calls.get_ray_tracing_shader_group_handles(pipeline, 0, count as u32, (count * handle) as usize) }
+                .map_err(GpuError::call("vkGetRayTracingShaderGroupHandlesKHR"))?;
         let sizes = GROUPS.map(|groups| (groups * stride).next_multiple_of(base));
         let bytes = sizes.iter().sum::<u64>() + base;
         let mut memory = Buffer::new(self, name, bytes, BufferMemory::Upload, BufferUse::Storage)?;

@@ -8,11 +8,13 @@ use magpie_shaders::{Address, SampledImage, StorageImage};
 use super::{
     desc::Extent,
     token::{
-        BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken, IndirectToken, SampleToken,
-        ScratchToken, StorageToken, TraceToken,
+        BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,
+        IndirectToken, SampleToken, ScratchToken, StorageToken, TraceToken,
     },
 };
-use crate::gpu::{self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel};
+use crate::gpu::{
+    self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel,
+};
 
 /// The object behind a resource of the declaration.
 #[derive(Clone)]
@@ -414,7 +416,9 @@ impl Record<'_> {
         self.own(pass);
         match &physical[resource as usize] {
             Physical::Image(image) => image,
-            Physical::Buffer(_) | Physical::Accel(_) | Physical::Unused => self.misuse(&format!("resource {resource} is no image")),
+            Physical::Buffer(_) | Physical::Accel(_) | Physical::Unused => {
+                self.misuse(&format!("resource {resource} is no image"))
+            }
         }
     }
 

@@ -58,6 +58,52 @@ pub(super) fn fit(nodes: &mut [BvhNode], primitives: &[Bounds]) -> Bounds {
     bounds.first().copied().unwrap_or_default()
 }
 
+/// The nodes of a tree by depth.
+///
+/// One workgroup can fit a tree anew level by level, with a barrier between: all children of a level's nodes are done by then. A
+/// node's box is the union of its leaves' boxes, read from the positions, and of its inner children's boxes, which must be kept
+/// exactly (six `f32` per node) until the level above has read them: boxes decoded from a child's grid hold it as well, but grow at every level.
+///
+/// In `f32` a box is quantised outwards like this, per axis, with `size = max - min` of the node: the cell is the least power of two,
+/// from 2^-60 on, with `size * (1 + 2^-20) <= 255 * cell`; a child's planes are `floor((child.min - min) / cell * (1 - 2^-21))` and
+/// `ceil((child.max - min) / cell * (1 + 2^-21))`, the latter at least 1 where `child.max > min`. The division is exact but for
+/// underflow; difference and product are off by 2^-24 each, which the factor outweighs; and the first rule keeps the planes under 256.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Levels {
+    /// Indices of all nodes, the deepest level first, the root last; ascending within a level.
+    pub nodes: Vec<u32>,
+    /// Where each level begins in `nodes`, and where the last one ends: one more than there are levels.
+    pub offsets: Vec<u32>,
+}
+
+/// Sorts nodes, each of which comes before its children, by depth.
+pub(super) fn levels(nodes: &[BvhNode]) -> Levels {
+    let mut depths = vec![0_usize; nodes.len()];
+    let mut counts = Vec::new();
+    for index in 0..nodes.len() {
+        let depth = depths[index];
+        counts.resize(counts.len().max(depth + 1), 0_u32);
+        counts[depth] += 1;
+        for child in children(&nodes[index]) {
+            if let Child::Node(node) = child {
+                depths[node] = depth + 1;
+            }
+        }
+    }
+    let mut offsets = vec![0];
+    offsets.extend(counts.iter().rev().scan(0, |end, count| {
+        *end += count;
+        Some(*end)
+    }));
+    let mut next: Vec<u32> = offsets[..counts.len()].iter().rev().copied().collect();
+    let mut order = vec![0; nodes.len()];
+    for (node, depth) in (0..).zip(depths) {
+        order[next[depth] as usize] = node;
+        next[depth] += 1;
+    }
+    Levels { nodes: order, offsets }
+}
+
 /// Finest grid: cells of 2^-60. Below that, a cell times the inverse of a small direction would fade to nothing.
 const FINEST: i32 = -60;
 
@@ -92,16 +138,13 @@ fn quantise(node: &mut BvhNode, bounds: Bounds, children: &[Bounds; 8]) {
 /// Stack entries that a walk of this tree needs at most.
 ///
 /// On the way to an inner child, its siblings wait as one entry. `below` gives, for a primitive, what a walk of the tree behind it
-/// needs, or `None` where there is none (a triangle); on the way into it, the other primitives of the node wait as one entry, its
-/// inner children as another.
+/// needs, or `None` where there is none (a triangle); on the way into it, the inner children of the node wait as one entry.
 pub(super) fn stack_need(nodes: &[BvhNode], below: impl Fn(usize) -> Option<u32>) -> u32 {
     let mut needs = vec![0; nodes.len()];
     for index in (0..nodes.len()).rev() {
         let slots = children(&nodes[index]);
         let inner = slots.iter().filter(|c| matches!(c, Child::Node(_))).count();
-        let leaves: usize = slots.iter().map(|c| if let Child::Primitives(r) = c { r.len() } else { 0 }).sum();
-        let waiting = u32::from(inner > 0) + u32::from(leaves > 1);
-        let of_primitive = |p: usize| below(p).map_or(0, |need| waiting + need);
+        let of_primitive = |p: usize| below(p).map_or(0, |need| u32::from(inner > 0) + need);
         needs[index] = slots
             .into_iter()
             .map(|child| match child {

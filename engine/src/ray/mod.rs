@@ -7,10 +7,12 @@ mod bounds;
 mod cwbvh;
 mod fit;
 mod split;
+mod top;
 
 pub use bounds::Bounds;
-pub use cwbvh::{MeshBvh, SceneBvh, object_from_world};
-pub use fit::{Child, children};
+pub use cwbvh::MeshBvh;
+pub use fit::{Child, Levels, children};
+pub use top::{Placement, SceneBvh, object_from_world, placements};
 
 /// Largest coordinate that a tree takes, in either level: products of three of them still fit `f32` in the triangle test.
 pub const COORDINATE_LIMIT: f32 = 1e12;
@@ -46,6 +48,18 @@ pub enum RayError {
         vertex: usize,
         /// Its position, object space.
         position: [f32; 3],
+    },
+    /// A sphere that is not finite, has a negative radius, or reaches too far out.
+    #[error(
+        "sphere {sphere} has its centre at {centre:?} and radius {radius}; the radius must not be negative, and no coordinate of the sphere over {COORDINATE_LIMIT:e}"
+    )]
+    Sphere {
+        /// Index of the sphere.
+        sphere: usize,
+        /// Its centre, object space.
+        centre: [f32; 3],
+        /// Its radius.
+        radius: f32,
     },
     /// More primitives than a tree can number.
     #[error("{count} primitives; a tree takes at most {PRIMITIVE_LIMIT}")]

@@ -16,42 +16,61 @@ const BINS: usize = 16;
 /// From this depth on, nodes are split in equal halves.
 const BALANCED_FROM: u32 = 40;
 
-/// Primitives `first..first + count` of the order, to become the subtree at `node`.
-struct Task {
-    node: usize,
-    first: usize,
-    count: usize,
-    depth: u32,
-}
+/// Subtrees of more primitives than this are built side by side.
+const PARALLEL_FROM: usize = 4096;
 
-/// Binary tree over these boxes, one primitive per leaf. Deterministic.
+/// Binary tree over these boxes, one primitive per leaf, children after their parent. Deterministic, on however many cores.
 pub(super) fn binary_tree(boxes: &[Bounds]) -> Bvh2 {
     let mut tree = Bvh2::default();
     if boxes.is_empty() {
         return tree;
     }
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut nodes = Vec::with_capacity(2 * boxes.len() - 1);
-    nodes.push(Bvh2Node::default());
-    let mut tasks = vec![Task { node: 0, first: 0, count: boxes.len(), depth: 0 }];
-    while let Some(Task { node, first, count, depth }) = tasks.pop() {
-        let part = &mut order[first..first + count];
-        let bounds = part.iter().fold(Bounds::EMPTY, |b, &i| b.union(boxes[i as usize]));
-        let aabb = Aabb::new(bounds.min.into(), bounds.max.into());
-        if count == 1 {
-            nodes[node] = Bvh2Node::new(aabb, 1, first as u32);
-            continue;
-        }
-        let left = split(part, boxes, depth);
-        let child = nodes.len();
-        nodes[node] = Bvh2Node::new(aabb, 0, child as u32);
-        nodes.resize(child + 2, Bvh2Node::default());
-        tasks.push(Task { node: child + 1, first: first + left, count: count - left, depth: depth + 1 });
-        tasks.push(Task { node: child, first, count: left, depth: depth + 1 });
-    }
-    tree.nodes = nodes;
+    let mut pairs = vec![[Bvh2Node::default(); 2]; boxes.len() - 1];
+    let root = Part { first: 0, first_pair: 0, depth: 0 }.build(&mut order, &mut pairs, boxes);
+    tree.nodes = std::iter::once(root).chain(pairs.into_iter().flatten()).collect();
     tree.primitive_indices = order;
     tree
+}
+
+/// A subtree to be made. As it has one pair of nodes fewer than primitives, its place among the pairs is known beforehand.
+struct Part {
+    /// Its first primitive in the order.
+    first: usize,
+    /// Its first pair of siblings.
+    first_pair: usize,
+    depth: u32,
+}
+
+impl Part {
+    /// Orders the part's primitives, fills its pairs, and gives its root.
+    fn build(self, order: &mut [u32], pairs: &mut [[Bvh2Node; 2]], boxes: &[Bounds]) -> Bvh2Node {
+        let bounds = order.iter().fold(Bounds::EMPTY, |b, &i| b.union(boxes[i as usize]));
+        let aabb = Aabb::new(bounds.min.into(), bounds.max.into());
+        let Some((pair, pairs)) = pairs.split_first_mut() else {
+            return Bvh2Node::new(aabb, 1, self.first as u32);
+        };
+        let count = order.len();
+        let left = split(order, boxes, self.depth);
+        let (left_order, right_order) = order.split_at_mut(left);
+        let (left_pairs, right_pairs) = pairs.split_at_mut(left - 1);
+        let (first, first_pair, depth) = (self.first, self.first_pair + 1, self.depth + 1);
+        let (to_left, to_right) =
+            (Part { first, first_pair, depth }, Part { first: first + left, first_pair: first_pair + left - 1, depth });
+        let make_left = || to_left.build(left_order, left_pairs, boxes);
+        let make_right = || to_right.build(right_order, right_pairs, boxes);
+        let made = if count > PARALLEL_FROM {
+            rayon::join(make_left, make_right)
+        } else {
+            one_after_the_other(make_left, make_right)
+        };
+        *pair = made.into();
+        Bvh2Node::new(aabb, 0, (1 + 2 * self.first_pair) as u32)
+    }
+}
+
+fn one_after_the_other<A, B>(a: impl FnOnce() -> A, b: impl FnOnce() -> B) -> (A, B) {
+    (a(), b())
 }
 
 /// Orders `part` so that its first `n` primitives go to the left; gives `n`, at least 1 and less than its length.

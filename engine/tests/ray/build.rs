@@ -2,8 +2,10 @@
 use crate::oracle::Soup;
 use crate::shapes::{Random, cube, random_soup, sphere};
 use glam::{Affine3A, Mat3, Quat, Vec3};
-use magpie::ray::{Bounds, COORDINATE_LIMIT, Child, MeshBvh, RayError, SceneBvh, children, object_from_world};
-use magpie_shaders::scene::BvhNode;
+use magpie::ray::{
+    Bounds, COORDINATE_LIMIT, Child, MeshBvh, Placement, RayError, SceneBvh, children, object_from_world, placements,
+};
+use magpie_shaders::scene::{BvhNode, BvhPrimitive};
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
 use obvhs::triangle::Triangle;
@@ -61,8 +63,16 @@ fn check(nodes: &[BvhNode], primitives: &[Bounds]) -> Bounds {
     bounds[0]
 }
 
-fn boxes(bvh: &MeshBvh) -> Vec<Bounds> {
-    bvh.triangles.iter().map(|t| Bounds::of_points(&[t.v0, t.v1, t.v2].map(Vec3::from))).collect()
+fn corners(soup: &Soup, primitive: &BvhPrimitive) -> [Vec3; 3] {
+    primitive.corners.map(|i| soup.positions[i as usize])
+}
+
+fn boxes(bvh: &MeshBvh, soup: &Soup) -> Vec<Bounds> {
+    bvh.primitives.iter().map(|p| Bounds::of_points(&corners(soup, p))).collect()
+}
+
+fn top(instances: &[(Affine3A, u32)], meshes: &[MeshBvh]) -> Result<SceneBvh, RayError> {
+    SceneBvh::build(&placements(instances, meshes)?)
 }
 
 #[test]
@@ -73,8 +83,8 @@ fn boxes_hold_what_is_below_them() {
             let mut soup = random_soup(&mut random, 500);
             soup.positions.iter_mut().for_each(|p| *p = (*p + shift) * scale * 1e-3);
             let bvh = build(&soup);
-            assert_eq!(check(&bvh.nodes, &boxes(&bvh)), bvh.bounds);
-            assert_eq!(bvh.triangles.len(), 500);
+            assert_eq!(check(&bvh.nodes, &boxes(&bvh, &soup)), bvh.bounds);
+            assert_eq!(bvh.primitives.len(), 500);
         }
     }
 }
@@ -86,11 +96,11 @@ fn obvhs_finds_the_trees_valid() {
         [random_soup(&mut random, 1), random_soup(&mut random, 3), random_soup(&mut random, 5000), cube(), sphere(20)];
     for soup in soups {
         let bvh = build(&soup);
-        let triangles: Vec<_> = bvh
-            .triangles
-            .iter()
-            .map(|t| Triangle { v0: Vec3::from(t.v0).into(), v1: Vec3::from(t.v1).into(), v2: Vec3::from(t.v2).into() })
-            .collect();
+        let triangle = |p: &BvhPrimitive| {
+            let [v0, v1, v2] = corners(&soup, p).map(Into::into);
+            Triangle { v0, v1, v2 }
+        };
+        let triangles: Vec<_> = bvh.primitives.iter().map(triangle).collect();
         let tree = CwBvh {
             nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(),
             primitive_indices: (0..triangles.len() as u32).collect(),
@@ -107,10 +117,9 @@ fn obvhs_finds_the_trees_valid() {
 fn the_order_of_the_tree_keeps_each_triangle() {
     let soup = sphere(9);
     let bvh = build(&soup);
-    let mut numbers: Vec<_> = bvh.triangles.iter().map(|t| t.triangle as usize).collect();
-    for t in &bvh.triangles {
-        let corners = [0, 1, 2].map(|c| soup.positions[soup.indices[3 * t.triangle as usize + c] as usize].to_array());
-        assert_eq!([t.v0, t.v1, t.v2], corners);
+    let mut numbers: Vec<_> = bvh.primitives.iter().map(|p| p.primitive as usize).collect();
+    for p in &bvh.primitives {
+        assert_eq!(p.corners, soup.indices.as_chunks::<3>().0[p.primitive as usize]);
     }
     numbers.sort_unstable();
     assert!(numbers.into_iter().eq(0..soup.indices.len() / 3));
@@ -130,8 +139,8 @@ fn awkward_rows_are_built_quickly_and_stay_shallow() {
     for (name, soup) in shapes {
         let start = Instant::now();
         let bvh = build(&soup);
-        check(&bvh.nodes, &boxes(&bvh));
-        assert_eq!(bvh.triangles.len(), soup.indices.len() / 3, "{name}");
+        check(&bvh.nodes, &boxes(&bvh, &soup));
+        assert_eq!(bvh.primitives.len(), soup.indices.len() / 3, "{name}");
         assert!(bvh.stack <= 24, "{name} needs {} entries", bvh.stack);
         assert!(start.elapsed() < Duration::from_secs(5), "{name} took {:?}", start.elapsed());
     }
@@ -156,6 +165,16 @@ fn world_boxes_hold_moved_corners() {
     assert!(Bounds::EMPTY.transformed(&Affine3A::IDENTITY).is_empty());
 }
 
+/// The box of each instance in the tree, which must be the one that the walk tests.
+fn world_boxes(scene: &SceneBvh, mesh: &MeshBvh, instances: &[(Affine3A, u32)]) -> Vec<Bounds> {
+    let world = |i: &magpie_shaders::scene::BvhInstance| {
+        let bounds = mesh.bounds.transformed(&instances[i.instance as usize].0);
+        assert_eq!((bounds.min.to_array(), bounds.max.to_array()), (i.min, i.max));
+        bounds
+    };
+    scene.instances.iter().map(world).collect()
+}
+
 #[test]
 fn the_scene_tree_leaves_out_what_no_ray_hits() {
     let meshes = [build(&cube()), build(&Soup { positions: Vec::new(), indices: Vec::new() })];
@@ -163,12 +182,10 @@ fn the_scene_tree_leaves_out_what_no_ray_hits() {
     let turned = Affine3A::from_rotation_translation(Quat::from_rotation_y(1.0), Vec3::X);
     let mut instances = vec![(turned, 0), (turned, 1), (flat, 0), (Affine3A::from_scale(Vec3::splat(-2.0)), 0)];
     instances.extend(std::iter::repeat_n((turned, 0), 5000));
-    let scene = SceneBvh::build(&instances, &meshes).unwrap();
+    let scene = top(&instances, &meshes).unwrap();
     assert_eq!(scene.flat, [2]);
-    let boxes: Vec<_> =
-        scene.instances.iter().map(|&i| meshes[0].bounds.transformed(&instances[i as usize].0)).collect();
-    assert_eq!(check(&scene.nodes, &boxes), scene.bounds);
-    let mut order = scene.instances.clone();
+    assert_eq!(check(&scene.nodes, &world_boxes(&scene, &meshes[0], &instances)), scene.bounds);
+    let mut order: Vec<_> = scene.instances.iter().map(|i| i.instance).collect();
     order.sort_unstable();
     assert!(order.into_iter().eq((0..5004).filter(|i| ![1, 2].contains(i))));
     assert!((meshes[0].stack + 1..=24).contains(&scene.stack), "{}", scene.stack);
@@ -216,7 +233,7 @@ fn bad_meshes_are_refused_by_name() {
 #[test]
 fn bad_instances_are_refused_by_number() {
     let meshes = [build(&cube())];
-    let refuse = |place, mesh| SceneBvh::build(&[(Affine3A::IDENTITY, 0), (place, mesh)], &meshes).unwrap_err();
+    let refuse = |place, mesh| top(&[(Affine3A::IDENTITY, 0), (place, mesh)], &meshes).unwrap_err();
     assert_eq!(refuse(Affine3A::IDENTITY, 1), RayError::Mesh { instance: 1, mesh: 1, meshes: 1 });
     for place in [
         Affine3A::from_translation(Vec3::new(0.0, f32::NAN, 0.0)),
@@ -232,8 +249,8 @@ fn two_levels_too_deep_for_the_stack_are_refused() {
     let mut meshes = vec![build(&cube())];
     meshes[0].stack = magpie_shaders::scene::TRAVERSAL_STACK - 1;
     let instances: Vec<_> = (0..200).map(|i| (Affine3A::from_translation(3.0 * i as f32 * Vec3::X), 0)).collect();
-    assert!(SceneBvh::build(&instances[..1], &meshes).is_ok());
-    let error = SceneBvh::build(&instances, &meshes).unwrap_err();
+    assert!(top(&instances[..1], &meshes).is_ok());
+    let error = top(&instances, &meshes).unwrap_err();
     assert!(matches!(error, RayError::Stack { needed: 49.., limit: 48 }), "{error}");
 }
 
@@ -242,5 +259,101 @@ fn building_twice_gives_the_same_bytes() {
     let soup = random_soup(&mut Random(14), 3000);
     let (a, b) = (build(&soup), build(&soup));
     assert_eq!(bytemuck::cast_slice::<_, u8>(&a.nodes), bytemuck::cast_slice::<_, u8>(&b.nodes));
-    assert_eq!(bytemuck::cast_slice::<_, u8>(&a.triangles), bytemuck::cast_slice::<_, u8>(&b.triangles));
+    assert_eq!(a.primitives, b.primitives);
+}
+
+#[test]
+fn levels_list_each_node_once_children_first() {
+    for soup in [random_soup(&mut Random(15), 4000), cube(), Soup { positions: Vec::new(), indices: Vec::new() }] {
+        let bvh = build(&soup);
+        let levels = bvh.levels();
+        let mut level_of = vec![usize::MAX; bvh.nodes.len()];
+        for (level, ends) in levels.offsets.windows(2).enumerate() {
+            for &node in &levels.nodes[ends[0] as usize..ends[1] as usize] {
+                assert_eq!(level_of[node as usize], usize::MAX, "node {node} twice");
+                level_of[node as usize] = level;
+            }
+        }
+        assert_eq!(levels.nodes.last(), Some(&0));
+        assert_eq!(levels.offsets.last(), Some(&(bvh.nodes.len() as u32)));
+        for (at, node) in bvh.nodes.iter().enumerate() {
+            for child in children(node) {
+                if let Child::Node(child) = child {
+                    assert_eq!(level_of[child] + 1, level_of[at], "node {at} and its child {child}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_refit_holds_moved_instances_and_keeps_the_shape() {
+    let mut random = Random(16);
+    let meshes = [build(&cube())];
+    let place = |v: Vec3, s: f32| (Affine3A::from_scale_rotation_translation(Vec3::splat(s), Quat::IDENTITY, v), 0);
+    let mut instances: Vec<_> = (0..3000).map(|_| place(40.0 * random.vector(), 1.0)).collect();
+    let mut scene = top(&instances, &meshes).unwrap();
+    let shape = |s: &SceneBvh| {
+        let nodes: Vec<_> = s.nodes.iter().map(|n| (n.child_base, n.primitive_base, n.meta)).collect();
+        (nodes, s.instances.iter().map(|i| i.instance).collect::<Vec<_>>())
+    };
+    let before = shape(&scene);
+    for step in 0..5 {
+        instances.iter_mut().for_each(|i| i.0.translation += glam::Vec3A::from(random.vector()));
+        scene.refit(&placements(&instances, &meshes).unwrap()).unwrap();
+        assert_eq!(shape(&scene), before, "step {step}");
+        assert_eq!(check(&scene.nodes, &world_boxes(&scene, &meshes[0], &instances)), scene.bounds);
+    }
+
+    // One loses its inverse, another comes in: as if built.
+    instances[7] = place(Vec3::ONE, 0.0);
+    instances.push(place(Vec3::ZERO, 2.0));
+    let placed = placements(&instances, &meshes).unwrap();
+    scene.refit(&placed).unwrap();
+    let built = SceneBvh::build(&placed).unwrap();
+    assert_eq!((shape(&scene), &scene.flat, scene.stack), (shape(&built), &vec![7], built.stack));
+
+    // A bad one is refused, and the tree stays.
+    let mut bad = placed;
+    bad[3].world_from_object.translation.x = f32::NAN;
+    assert!(matches!(scene.refit(&bad).unwrap_err(), RayError::Instance { instance: 3, .. }));
+    assert_eq!(shape(&scene), shape(&built));
+}
+
+#[test]
+fn a_refit_notices_a_mesh_that_needs_more_stack() {
+    let place = |x: f32| Affine3A::from_translation(x * Vec3::X);
+    let bounds = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
+    let mut placed: Vec<_> =
+        (0..50).map(|i| Placement { world_from_object: place(2.0 * i as f32), bounds, stack: 3 }).collect();
+    let mut scene = SceneBvh::build(&placed).unwrap();
+    assert!((3..8).contains(&scene.stack), "{}", scene.stack);
+    placed[20].stack = 99;
+    assert!(matches!(scene.refit(&placed).unwrap_err(), RayError::Stack { needed: 99.., limit: 48 }));
+}
+
+#[test]
+fn spheres_are_held_and_bad_ones_refused() {
+    let mut random = Random(17);
+    let spheres: Vec<_> = (0..500).map(|_| (1e3 * random.vector(), random.range(1e-4, 50.0))).collect();
+    let bvh = MeshBvh::build_spheres(&spheres).unwrap();
+    let around = |p: &BvhPrimitive| {
+        let (centre, radius) = spheres[p.primitive as usize];
+        let (c, r) = (centre.as_dvec3(), f64::from(radius));
+        // The nearest f32 inside of the exact box.
+        Bounds { min: (c - r).as_vec3().map(f32::next_up), max: (c + r).as_vec3().map(f32::next_down) }
+    };
+    check(&bvh.nodes, &bvh.primitives.iter().map(around).collect::<Vec<_>>());
+    assert_eq!(bvh.primitives.len(), 500);
+    assert!(MeshBvh::build_spheres(&[(Vec3::ONE, 0.0)]).unwrap().primitives.is_empty());
+    for (centre, radius) in [
+        (Vec3::NAN, 1.0),
+        (Vec3::ONE, f32::NAN),
+        (Vec3::ONE, -1.0),
+        (Vec3::ZERO, f32::INFINITY),
+        (Vec3::splat(1e12), 1e11),
+    ] {
+        let error = MeshBvh::build_spheres(&[(Vec3::ZERO, 1.0), (centre, radius)]).unwrap_err();
+        assert!(matches!(error, RayError::Sphere { sphere: 1, .. }), "{error}");
+    }
 }

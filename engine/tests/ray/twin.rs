@@ -1,13 +1,14 @@
-//! `shaders/lib/ray.glsl` and `shaders/lib/intersect.glsl`, line by line in Rust, on the same packed tables. Alpha is left out.
+//! `shaders/lib/ray_software.glsl` and `shaders/lib/intersect.glsl`, line by line in Rust, on the same packed tables. Alpha is left out.
 use glam::{Affine3A, UVec2, Vec3, Vec3Swizzles};
 use magpie::ray::{MeshBvh, SceneBvh, object_from_world};
-use magpie_shaders::scene::{BvhNode, BvhTriangle, TRAVERSAL_STACK};
+use magpie_shaders::scene::{BvhNode, TRAVERSAL_STACK};
 
 pub const NO_HIT: u32 = u32::MAX;
 const SMALLEST_COMPONENT: f32 = 1e-20;
 const BOX_ROUNDING: f32 = 9.536_743e-7;
 const NODE_HITS: u32 = 0xff00_0000;
 const ROOT: UVec2 = UVec2::new(0, 0x8000_0000);
+const NOTHING: UVec2 = UVec2::ZERO;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
@@ -21,7 +22,7 @@ pub struct Ray {
 pub struct Hit {
     pub t: f32,
     pub instance: u32,
-    pub triangle: u32,
+    pub primitive: u32,
     pub barycentric: [f32; 2],
     pub front: bool,
 }
@@ -30,7 +31,8 @@ pub struct Hit {
 #[derive(Default)]
 pub struct Work {
     pub nodes: u32,
-    pub triangles: u32,
+    pub primitives: u32,
+    pub instances: u32,
     pub stack: u32,
 }
 
@@ -108,54 +110,94 @@ fn hit_children(node: &BvhNode, ray: &BoxRay, t_min: f32, t_max: f32) -> u32 {
     hits
 }
 
-fn hit_triangle(ray: &TriangleRay, triangle: &BvhTriangle, t_min: f32, t_max: f32) -> Option<(f32, [f32; 2], bool)> {
-    let [a, b, c] =
-        [triangle.v0, triangle.v1, triangle.v2].map(|corner| axis_to_z(Vec3::from(corner) - ray.origin, ray.axis));
+fn meets_box(ray: &BoxRay, lower: Vec3, upper: Vec3, t_min: f32, t_max: f32) -> bool {
+    let (a, b) = ((lower - ray.origin) * ray.inverse, (upper - ray.origin) * ray.inverse);
+    let slack = BOX_ROUNDING * a.abs().max(b.abs());
+    let (near, far) = (a.min(b) - slack, a.max(b) + slack);
+    assert!(!near.is_nan() && !far.is_nan(), "near {near} far {far}");
+    near.max_element().max(t_min) <= far.min_element().min(t_max)
+}
+
+fn hit_triangle(ray: &TriangleRay, corners: [Vec3; 3], t_min: f32, t_max: f32) -> Option<(f32, [f32; 2], bool)> {
+    let [a, b, c] = corners.map(|corner| axis_to_z(corner - ray.origin, ray.axis));
     let [p, q, r] = [a, b, c].map(|corner| corner.xy() - ray.shear.xy() * corner.z);
     let u = r.x * q.y - r.y * q.x;
     let v = p.x * r.y - p.y * r.x;
     let w = q.x * p.y - q.y * p.x;
-    if u.min(v.min(w)) < 0.0 && u.max(v.max(w)) > 0.0 {
-        return None;
-    }
+    let inside = !(u.min(v.min(w)) < 0.0 && u.max(v.max(w)) > 0.0);
     let determinant = u + v + w;
-    if !matches!(determinant.abs(), d if d >= f32::MIN_POSITIVE) {
+    let has_area = determinant.abs() >= f32::MIN_POSITIVE;
+    let t = ray.shear.z * (u * a.z + v * b.z + w * c.z) / determinant;
+    (inside && has_area && t > t_min && t < t_max)
+        .then(|| (t, [v / determinant, w / determinant], (determinant > 0.0) == (ray.shear.z > 0.0)))
+}
+
+fn hit_sphere(
+    origin: Vec3,
+    direction: Vec3,
+    (centre, radius): (Vec3, f32),
+    t_min: f32,
+    t_max: f32,
+) -> Option<(f32, [f32; 2], bool)> {
+    let f = origin - centre;
+    let a = direction.dot(direction);
+    let b = -f.dot(direction);
+    let beside = f + (b / a) * direction;
+    let discriminant = radius * radius - beside.dot(beside);
+    if !matches!(discriminant, d if d >= 0.0) {
         return None;
     }
-    let t = ray.shear.z * (u * a.z + v * b.z + w * c.z) / determinant;
-    (t > t_min && t < t_max)
-        .then(|| (t, [v / determinant, w / determinant], (determinant > 0.0) == (ray.shear.z > 0.0)))
+    let c = f.dot(f) - radius * radius;
+    let q = b + if b < 0.0 { -1.0 } else { 1.0 } * (a * discriminant).sqrt();
+    let (first, second) = (c / q, q / a);
+    let (near, far) = (first.min(second), first.max(second));
+    let outside = near > t_min && near < t_max;
+    let t = if outside { near } else { far };
+    (t > t_min && t < t_max).then_some((t, [0.0; 2], outside))
+}
+
+/// What a mesh's table of positions holds.
+pub enum Shapes<'a> {
+    Triangles(&'a [Vec3]),
+    Spheres(&'a [(Vec3, f32)]),
 }
 
 /// Everything that the shader reaches through `Scene`.
 pub struct Tables<'a> {
     pub scene: &'a SceneBvh,
     pub meshes: &'a [MeshBvh],
+    pub shapes: &'a [Shapes<'a>],
     pub instances: &'a [(Affine3A, u32)],
 }
 
 impl Tables<'_> {
     pub fn trace(&self, ray: &Ray, any_hit: bool, work: &mut Work) -> Hit {
-        let mut hit = Hit { t: ray.t_max, instance: NO_HIT, triangle: NO_HIT, barycentric: [0.0; 2], front: false };
-        let mut stack = [UVec2::ZERO; TRAVERSAL_STACK as usize];
+        let mut hit = Hit { t: ray.t_max, instance: NO_HIT, primitive: NO_HIT, barycentric: [0.0; 2], front: false };
+        let mut stack = [NOTHING; TRAVERSAL_STACK as usize];
         let mut height = 0;
+        let mut top = NOTHING;
         let mut nodes_left = ROOT;
+        let mut instances = NOTHING;
 
         let world_ray = box_ray(ray.origin, ray.direction);
         let mut level_ray = world_ray;
         let mut nodes = &self.scene.nodes;
         let mut instance = NO_HIT;
         let mut mesh_height = 0;
-        let mut mesh_ray = triangle_ray(ray.origin, ray.direction);
-        let mut triangles = &Vec::new();
+        let mut mesh_ray = TriangleRay { origin: Vec3::ZERO, axis: 0, shear: Vec3::ZERO };
+        let mut mesh_direction = Vec3::ZERO;
+        let mut mesh = usize::MAX;
 
         loop {
-            let mut primitives;
+            let mut primitives = NOTHING;
             if nodes_left.y & NODE_HITS != 0 {
                 let bit = 31 - nodes_left.y.leading_zeros();
                 nodes_left.y &= !(1 << bit);
                 if nodes_left.y & NODE_HITS != 0 {
-                    stack[height] = nodes_left;
+                    if top.y != 0 {
+                        stack[height - 1] = top;
+                    }
+                    top = nodes_left;
                     height += 1;
                 }
                 let slot = (bit - 24) ^ level_ray.octant;
@@ -165,60 +207,84 @@ impl Tables<'_> {
                 let hits = hit_children(node, &level_ray, ray.t_min, hit.t);
                 nodes_left = UVec2::new(node.child_base, (hits & NODE_HITS) | (node.exponents_and_mask >> 24));
                 primitives = UVec2::new(node.primitive_base, hits & !NODE_HITS);
-            } else {
-                primitives = nodes_left;
-                nodes_left.y = 0;
+                if instance == NO_HIT {
+                    instances = primitives;
+                    primitives = NOTHING;
+                }
             }
 
             while primitives.y != 0 {
                 let bit = primitives.y.trailing_zeros();
                 primitives.y &= primitives.y - 1;
-                let index = (primitives.x + bit) as usize;
-                if instance == NO_HIT {
-                    if nodes_left.y & NODE_HITS != 0 {
-                        stack[height] = nodes_left;
-                        height += 1;
+                let candidate = &self.meshes[mesh].primitives[(primitives.x + bit) as usize];
+                work.primitives += 1;
+                let found = match self.shapes[mesh] {
+                    Shapes::Spheres(spheres) => {
+                        let sphere = spheres[candidate.primitive as usize];
+                        hit_sphere(mesh_ray.origin, mesh_direction, sphere, ray.t_min, hit.t)
                     }
-                    if primitives.y != 0 {
-                        stack[height] = primitives;
-                        height += 1;
+                    Shapes::Triangles(positions) => {
+                        let corners = candidate.corners.map(|corner| positions[corner as usize]);
+                        hit_triangle(&mesh_ray, corners, ray.t_min, hit.t)
                     }
-                    mesh_height = height;
-                    instance = self.scene.instances[index];
-                    let (world_from_object, mesh) = self.instances[instance as usize];
-                    let inverse = object_from_world(&world_from_object).unwrap();
-                    let origin = inverse.transform_point3(ray.origin);
-                    let direction = inverse.transform_vector3(ray.direction);
-                    level_ray = box_ray(origin, direction);
-                    mesh_ray = triangle_ray(origin, direction);
-                    nodes = &self.meshes[mesh as usize].nodes;
-                    triangles = &self.meshes[mesh as usize].triangles;
-                    nodes_left = ROOT;
-                    break;
-                }
-                let candidate = &triangles[index];
-                work.triangles += 1;
-                if let Some((t, barycentric, front)) = hit_triangle(&mesh_ray, candidate, ray.t_min, hit.t) {
-                    hit = Hit { t, instance, triangle: candidate.triangle, barycentric, front };
+                };
+                if let Some((t, barycentric, front)) = found {
+                    hit = Hit { t, instance, primitive: candidate.primitive, barycentric, front };
                     if any_hit {
-                        return hit;
+                        break;
                     }
                 }
             }
-            work.stack = work.stack.max(height as u32);
+            if any_hit && hit.instance != NO_HIT {
+                break;
+            }
 
-            if nodes_left.y & NODE_HITS == 0 {
-                if instance != NO_HIT && height == mesh_height {
-                    instance = NO_HIT;
-                    nodes = &self.scene.nodes;
-                    level_ray = world_ray;
+            let level_done = nodes_left.y & NODE_HITS == 0;
+            if level_done && instance != NO_HIT && height == mesh_height {
+                instance = NO_HIT;
+                nodes = &self.scene.nodes;
+                level_ray = world_ray;
+            }
+            if instance == NO_HIT && instances.y != 0 {
+                if !level_done {
+                    if top.y != 0 {
+                        stack[height - 1] = top;
+                    }
+                    top = nodes_left;
+                    height += 1;
+                    nodes_left = NOTHING;
                 }
+                let bit = instances.y.trailing_zeros();
+                instances.y &= instances.y - 1;
+                let candidate = &self.scene.instances[(instances.x + bit) as usize];
+                let (lower, upper) = (candidate.min.into(), candidate.max.into());
+                if meets_box(&world_ray, lower, upper, ray.t_min, hit.t) {
+                    instance = candidate.instance;
+                    mesh_height = height;
+                    work.instances += 1;
+                    let (world_from_object, mesh_index) = self.instances[instance as usize];
+                    let inverse = object_from_world(&world_from_object).unwrap();
+                    let mesh_origin = inverse.transform_point3(ray.origin);
+                    mesh_direction = inverse.transform_vector3(ray.direction);
+                    level_ray = box_ray(mesh_origin, mesh_direction);
+                    mesh_ray = triangle_ray(mesh_origin, mesh_direction);
+                    mesh = mesh_index as usize;
+                    nodes = &self.meshes[mesh].nodes;
+                    nodes_left = ROOT;
+                }
+            } else if level_done {
                 if height == 0 {
                     break;
                 }
                 height -= 1;
-                nodes_left = stack[height];
+                if top.y != 0 {
+                    nodes_left = top;
+                    top = NOTHING;
+                } else {
+                    nodes_left = stack[height];
+                }
             }
+            work.stack = work.stack.max(height as u32);
         }
         hit
     }

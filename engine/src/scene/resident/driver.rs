@@ -29,7 +29,8 @@ impl Driver {
         compaction: bool,
         report: &mut AccelerationReport,
     ) -> Result<Self, ResidentError> {
-        let descs: Vec<AccelDesc> = (0..geometry.scene.meshes.len()).map(|m| bottom_desc(geometry, m, compaction)).collect();
+        let descs: Vec<AccelDesc> =
+            (0..geometry.scene.meshes.len()).map(|m| bottom_desc(geometry, m, compaction)).collect();
         let mut bottom = Vec::with_capacity(descs.len());
         for batch in descs.chunks(BATCH) {
             let build = Build { gpu, geometry, first: bottom.len(), batch };
@@ -63,9 +64,12 @@ struct Build<'a> {
 
 impl Build<'_> {
     /// One pass per mesh. They need nothing of each other, but take turns in the same working memory.
-    fn build(&self, executor: &mut Executor, report: &mut AccelerationReport) -> Result<Vec<Arc<Accel>>, ResidentError> {
-        let sizes: Vec<AccelSizes> =
-            self.batch.iter().map(|d| self.gpu.accel_sizes(d)).collect::<Result<_, _>>()?;
+    fn build(
+        &self,
+        executor: &mut Executor,
+        report: &mut AccelerationReport,
+    ) -> Result<Vec<Arc<Accel>>, ResidentError> {
+        let sizes: Vec<AccelSizes> = self.batch.iter().map(|d| self.gpu.accel_sizes(d)).collect::<Result<_, _>>()?;
         let bytes: Vec<u64> = sizes.iter().map(|s| s.bytes).collect();
         let accels = allocate(self.gpu, "bottom levels", &bytes)?;
 
@@ -171,7 +175,8 @@ fn build_top(
     if count >= AccelInstance::LIMIT as usize {
         return Err(ResidentError::Limit { what: "instances", count, limit: AccelInstance::LIMIT });
     }
-    let table: Vec<_> = scene.instances.iter().zip(0..).map(|(i, index)| top_instance(scene, i, index, bottom)).collect();
+    let table: Vec<_> =
+        scene.instances.iter().zip(0..).map(|(i, index)| top_instance(scene, i, index, bottom)).collect();
     let bytes = (table.len() * size_of::<AccelInstance>()) as u64;
     let mut instances = Buffer::new(gpu, "top level instances", bytes, BufferMemory::Upload, BufferUse::Storage)?;
     instances.write(0, bytemuck::cast_slice(&table))?;
@@ -183,7 +188,8 @@ fn build_top(
     let top = Arc::new(Accel::alone(gpu, "top level", sizes.bytes, true)?);
     report.top_bytes = top.bytes();
     let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
-    let input = g.import_buffer("instances", BufferDesc::new(instances.bytes()), Access::CopyRead, imports.buffer(&instances));
+    let input =
+        g.import_buffer("instances", BufferDesc::new(instances.bytes()), Access::CopyRead, imports.buffer(&instances));
     let target = g.import_accel::<crate::graph::Tlas>("tlas", Access::Build, imports.accel(&top, Address::default()));
     let built = g.pass("acceleration.top", Queue::Graphics, |p| {
         p.build_input(input.read());

@@ -147,18 +147,14 @@ impl ResidentScene {
         let index_offsets: Vec<_> = scene.meshes.iter().map(|m| indices.add(&m.indices)).collect();
         let indices = indices.upload(gpu, &mut executor, "scene indices", BufferUse::Index)?;
         let mut vertices = Block::default();
-        let vertex_offsets: Vec<_> = scene
-            .meshes
-            .iter()
-            .map(|m| (vertices.add(&m.positions), vertices.add(&tables::attributes(m))))
-            .collect();
+        let vertex_offsets: Vec<_> =
+            scene.meshes.iter().map(|m| (vertices.add(&m.positions), vertices.add(&tables::attributes(m)))).collect();
         let vertices = vertices.upload(gpu, &mut executor, "scene vertices", BufferUse::Storage)?;
         let places = vertex_offsets.iter().zip(&index_offsets);
         let place = |((positions, _), indexed): (&(u64, u64), &u64)| {
             (vertices.address().offset(*positions), indices.address().offset(*indexed))
         };
-        let geometry =
-            Geometry { scene, vertices: &vertices, indices: &indices, meshes: places.map(place).collect() };
+        let geometry = Geometry { scene, vertices: &vertices, indices: &indices, meshes: places.map(place).collect() };
 
         // Acceleration structures.
         let mut report = AccelerationReport::default();
@@ -184,14 +180,14 @@ impl ResidentScene {
         let meshes: Vec<_> = (0..scene.meshes.len())
             .map(|i| {
                 let (positions, indices) = geometry.meshes[i];
-                let (nodes, triangles) = acceleration.mesh(i);
+                let (nodes, primitives) = acceleration.mesh(i);
                 shared::Mesh {
                     positions,
                     previous_positions: positions,
                     attributes: vertices.address().offset(vertex_offsets[i].1),
                     indices,
                     nodes,
-                    triangles,
+                    primitives,
                     primitive_count: (scene.meshes[i].indices.len() / 3) as u32,
                 }
             })

@@ -7,7 +7,11 @@ use crate::graph::{Access, BufferDesc, Domain, Extent, Format, ImageDesc, ImageS
 use crate::scene::{ColourSpace, Scene};
 use std::sync::Arc;
 
-pub(super) fn upload_textures(gpu: &Gpu, executor: &mut Executor, scene: &Scene) -> Result<Vec<Arc<Image>>, ResidentError> {
+pub(super) fn upload_textures(
+    gpu: &Gpu,
+    executor: &mut Executor,
+    scene: &Scene,
+) -> Result<Vec<Arc<Image>>, ResidentError> {
     let usage = ImageUse { sampled: true, ..Default::default() };
     let mut images = Vec::with_capacity(scene.textures.len());
     for texture in &scene.textures {
@@ -40,4 +44,3 @@ pub(super) fn upload_textures(gpu: &Gpu, executor: &mut Executor, scene: &Scene)
     }
     Ok(images)
 }
-
