@@ -6,6 +6,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f32::consts::FRAC_1_SQRT_2;
 
+mod motion;
+
 /// Bytes of a 2x1 PNG.
 fn png() -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
