@@ -95,7 +95,7 @@ fn main() -> anyhow::Result<()> {
     let scene = magpie::scene::builtin("courtyard").ok_or_else(|| anyhow::anyhow!("no such scene"))?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
-    let frame = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
+    let frame = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
     let result = renderer.frame(frame)?.ok_or_else(|| anyhow::anyhow!("a size of zero shows nothing"))?;
     for pass in &result.sample.passes {
         println!("{:24} {:8.3} ms", pass.name, pass.gpu_ns.unwrap_or(0) as f64 / 1e6);

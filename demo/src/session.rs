@@ -112,11 +112,12 @@ impl Session {
     pub(crate) fn frame(
         &mut self,
         camera: &Camera,
+        time: f64,
         view: Option<&ViewName>,
         read_back: bool,
     ) -> Result<FrameResult, Failure> {
         let view = view.map(|v| (v.pass.as_str(), v.output.as_str()));
-        let frame = self.renderer.frame(FrameRequest { camera, view, read_back }).map_err(failure)?;
+        let frame = self.renderer.frame(FrameRequest { camera, time, view, read_back }).map_err(failure)?;
         frame.ok_or_else(|| Failure::bad("a size of zero shows nothing".to_owned()))
     }
 

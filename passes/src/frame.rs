@@ -1,15 +1,17 @@
 //! The whole frame on one screen: read this first.
 use crate::slots::Slots;
 use crate::stages::{
-    ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, SceneHandles,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, SceneHandles,
     ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
 use magpie::prelude::*;
+use magpie::scene::ResidentError;
 use magpie::stage::{Build, Filled, StageError};
 
 /// One implementation in every slot.
 pub struct Stages {
+    acceleration: Filled<AccelerationIn, Result<SceneHandles, ResidentError>>,
     gbuffer: Filled<GBufferIn, GBuffer>,
     shadows: Filled<ShadowIn, ShadowOut>,
     direct: Filled<DirectIn, DirectOut>,
@@ -30,7 +32,16 @@ pub struct FrameOut {
 }
 
 /// Declares the frame. Data flow is ordinary Rust: outputs of one stage are inputs of the next.
-pub fn frame(stages: &mut Stages, g: &mut FrameGraph, view: &View, scene: SceneHandles) -> FrameOut {
+///
+/// # Errors
+/// [`ResidentError`] where the scene could not be brought up to date.
+pub fn frame(
+    stages: &mut Stages,
+    g: &mut FrameGraph,
+    view: &View,
+    scene: AccelerationIn,
+) -> Result<FrameOut, ResidentError> {
+    let scene = stages.acceleration.add(g, view, scene)?;
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer });
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
@@ -39,7 +50,7 @@ pub fn frame(stages: &mut Stages, g: &mut FrameGraph, view: &View, scene: SceneH
     let lit = stages.compose.add(g, view, ComposeIn { direct, gi, reflections });
     let radiance = stages.sky.add(g, view, SkyIn { depth: gbuffer.depth, lit });
     let post = stages.post.add(g, view, PostIn { colour: radiance });
-    FrameOut { radiance, display: post.display }
+    Ok(FrameOut { radiance, display: post.display })
 }
 
 impl Stages {
@@ -49,6 +60,7 @@ impl Stages {
     /// [`StageError`] for an unknown name or setting, or a pipeline that cannot be made.
     pub fn new(build: &Build<'_>, slots: &Slots, config: &Config) -> Result<Self, StageError> {
         Ok(Self {
+            acceleration: slots.acceleration.from_config(build, config)?,
             gbuffer: slots.gbuffer.from_config(build, config)?,
             shadows: slots.shadows.from_config(build, config)?,
             direct: slots.direct.from_config(build, config)?,
@@ -68,6 +80,7 @@ impl Stages {
     pub fn configure(&mut self, build: &Build<'_>, slots: &Slots, config: &Config) -> Result<(), StageError> {
         // Everything is made before anything takes its place.
         let changes = [
+            slots.acceleration.change(&mut self.acceleration, build, config)?,
             slots.gbuffer.change(&mut self.gbuffer, build, config)?,
             slots.shadows.change(&mut self.shadows, build, config)?,
             slots.direct.change(&mut self.direct, build, config)?,

@@ -17,7 +17,7 @@
 //! magpie::scene::supply_missing(&mut scene); // a camera, a sun and a sky, where the file has none
 //! let options = RenderOptions { width: 1280, height: 720, seed: 0, check: false, ..RenderOptions::default() };
 //! let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
-//! let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+//! let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true })?;
 //! if let Some(frame) = frame {
 //!     println!("{:?}", frame.sample.passes); // times, draws, rays of every pass
 //! } // None while the size is zero
@@ -25,6 +25,7 @@
 //! # }
 //! ```
 
+mod acceleration;
 mod compose;
 mod direct;
 pub mod frame;

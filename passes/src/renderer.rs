@@ -12,7 +12,8 @@ use magpie::graph::{
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, ResidentError, ResidentOptions, ResidentScene, Scene};
+use crate::stages::AccelerationIn;
+use magpie::scene::{Camera, Moment, ResidentError, ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie::stage::{Build, StageError};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -40,6 +41,8 @@ pub struct RenderOptions {
 pub struct FrameRequest<'a> {
     /// From where.
     pub camera: &'a Camera,
+    /// Which moment of the scene's animation, seconds.
+    pub time: f64,
     /// An image to read back instead of the frame's own: the pass and its output.
     pub view: Option<(&'a str, &'a str)>,
     /// Bring the images to the host.
@@ -96,7 +99,7 @@ pub enum RenderError {
 pub struct Renderer {
     gpu: Gpu,
     executor: Executor,
-    scene: ResidentScene,
+    scene: SharedScene,
     slots: Slots,
     config: Config,
     stages: Stages,
@@ -170,7 +173,7 @@ impl Renderer {
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?,
+            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?.shared(),
             trail: Trail::default(),
             poisons: Vec::new(),
             options,
@@ -279,8 +282,11 @@ impl Renderer {
             seed: self.options.seed,
             previous_clip_from_world: self.previous_clip_from_world,
         };
-        let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?;
-        let scene = self.scene.import(&mut g, &mut imports.borrow_mut());
+        let cut = self.previous_clip_from_world.is_none();
+        self.scene.borrow_mut().go(&Moment { time: request.time, cut, ..Default::default() });
+        let view = desc.declare(&mut self.view, &self.scene.borrow(), &mut g, &mut imports.borrow_mut())?;
+        let (scene, camera) = (self.scene.clone(), request.camera.clone());
+        let scene = AccelerationIn { scene, imports: imports.clone(), camera };
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
 
@@ -311,7 +317,7 @@ impl Renderer {
             }
         });
 
-        let out = frame(&mut self.stages, &mut g, &view, scene);
+        let out = frame(&mut self.stages, &mut g, &view, scene)?;
         match request.view {
             Some((pass, output)) => {
                 let image = g.find(pass, output)?;
@@ -333,8 +339,8 @@ impl Renderer {
         }
         sample.declare_ns = declare_ns;
         sample.cpu_ns += declare_ns;
-        sample.memory.scene_bytes = self.scene.scene_bytes();
-        sample.memory.acceleration_bytes = self.scene.acceleration_bytes();
+        sample.memory.scene_bytes = self.scene.borrow().scene_bytes();
+        sample.memory.acceleration_bytes = self.scene.borrow().acceleration_bytes();
         let mut findings = Vec::new();
         if let Some(scanned) = scan {
             findings = scanned.findings();

@@ -1,16 +1,19 @@
 //! The implementations that come with Magpie. A user adds others with [`Stage::register`].
 use crate::stages::{
-    ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, ShadowIn, ShadowOut,
-    SkyIn,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, ShadowIn, ShadowOut,
+    SceneHandles, SkyIn,
 };
-use crate::{compose, direct, gbuffer, gi, post, reflections, shadows, sky};
+use crate::{acceleration, compose, direct, gbuffer, gi, post, reflections, shadows, sky};
 use magpie::config::Catalogue;
 use magpie::prelude::*;
+use magpie::scene::ResidentError;
 use magpie::stage::{SlotInfo, Stage};
 
 /// Every slot of the frame with all that can fill it.
 #[derive(Clone, Debug)]
 pub struct Slots {
+    /// The scene as rays see it.
+    pub acceleration: Stage<AccelerationIn, Result<SceneHandles, ResidentError>>,
     /// What the camera sees first.
     pub gbuffer: Stage<GBufferIn, GBuffer>,
     /// Where the key light is hidden.
@@ -32,6 +35,7 @@ pub struct Slots {
 impl Default for Slots {
     fn default() -> Self {
         Self {
+            acceleration: acceleration::stage(),
             gbuffer: gbuffer::stage(),
             shadows: shadows::stage(),
             direct: direct::stage(),
@@ -48,6 +52,7 @@ impl Slots {
     /// Describes every slot, in the order of the frame.
     pub fn infos(&self) -> Vec<SlotInfo> {
         let infos = [
+            self.acceleration.info(),
             self.gbuffer.info(),
             self.shadows.info(),
             self.direct.info(),

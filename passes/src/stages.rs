@@ -1,6 +1,21 @@
 //! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
 use magpie::graph::{Handle, Image, WriteHandle};
 pub use magpie::scene::SceneHandles;
+use magpie::graph::execute::Imports;
+use magpie::scene::{Camera, SharedScene};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+/// Slot `acceleration`.
+#[derive(Clone)]
+pub struct AccelerationIn {
+    /// The scene, gone to the moment that the frame shows.
+    pub scene: SharedScene,
+    /// Objects of the frame at hand.
+    pub imports: Rc<RefCell<Imports>>,
+    /// From where the frame is seen.
+    pub camera: Camera,
+}
 
 /// What the camera sees first, one value per pixel.
 #[derive(Clone, Copy, Debug)]

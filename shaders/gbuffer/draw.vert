@@ -35,7 +35,8 @@ void main() {
     gl_Position = clip;
     from_eye = world - view.at[0].eye;
     clip_now = clip.xyw;
-    vec3 world_before = transform_point(instance.previous_world_from_object, position);
+    vec3 position_before = PositionBuffer(mesh.at[instance.mesh].previous_positions).at[gl_VertexIndex];
+    vec3 world_before = transform_point(instance.previous_world_from_object, position_before);
     clip_before = (view.at[0].previous_clip_from_world * vec4(world_before, 1.0)).xyw;
 
     vec3 world_normal = transform_normal(instance.object_from_world, attributes.normal);

@@ -109,12 +109,10 @@ pub struct RefitParams {
 pub struct RefitJob {
     /// [`BvhNode`](super::scene::BvhNode) table.
     pub nodes: Address,
-    /// [`BvhTriangle`](super::scene::BvhTriangle) table.
-    pub triangles: Address,
+    /// [`BvhPrimitive`](super::scene::BvhPrimitive) table.
+    pub primitives: Address,
     /// Positions now.
     pub positions: Address,
-    /// Corners of the triangles, three `u32` each.
-    pub indices: Address,
     /// [`NodeBox`] table, one per node: working memory.
     pub boxes: Address,
     /// Indices of nodes, the deepest level first.

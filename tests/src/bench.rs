@@ -2,14 +2,14 @@
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::frame::{View, ViewDesc};
-use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, RayKernel};
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, RayKernel, Staging};
 use magpie::graph::check::{Finding, Poison, Scan, Trail, Unscanned};
 use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, ResidentScene};
-use magpie_passes::frame::frame;
-use magpie_passes::stages::SceneHandles;
+use magpie::scene::{Camera, Policy, SharedScene};
+use magpie_passes::frame::{FrameOut, frame};
+use magpie_passes::stages::{AccelerationIn, SceneHandles};
 use magpie_passes::{Slots, Stages};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -33,7 +33,7 @@ pub struct Bench {
 #[derive(Clone, Copy)]
 pub struct Shot<'a> {
     /// The scene on the device.
-    pub scene: &'a ResidentScene,
+    pub scene: &'a SharedScene,
     /// The camera.
     pub camera: &'a Camera,
     /// Pixels.
@@ -182,8 +182,7 @@ impl Bench {
         let gpu = self.gpu.clone();
         self.run(shot.extent, wanted, |g, imports| {
             first(g);
-            let (view, scene) = shot.declare(&gpu, g, imports)?;
-            let out = frame(&mut stages, g, &view, scene);
+            let out = shot.frame(&gpu, &mut stages, g, imports)?;
             g.output(out.display);
             Ok(())
         })
@@ -191,13 +190,26 @@ impl Bench {
 }
 
 impl Shot<'_> {
-    /// Brings camera and scene into a frame.
-    pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
+    /// Brings the camera into a frame.
+    pub fn view(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<View> {
         let Self { scene, camera, extent } = *self;
         let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous_clip_from_world: None };
-        let view = desc.declare(&mut magpie::gpu::Staging::new(gpu, "view"), scene, g, &mut imports.borrow_mut())?;
-        let s = scene.import(g, &mut imports.borrow_mut());
-        Ok((view, s))
+        Ok(desc.declare(&mut Staging::new(gpu, "view"), &scene.borrow(), g, &mut imports.borrow_mut())?)
+    }
+
+    /// Declares the whole frame.
+    pub fn frame(&self, gpu: &Gpu, stages: &mut Stages, g: &mut FrameGraph, imports: &Shared) -> Result<FrameOut> {
+        let view = self.view(gpu, g, imports)?;
+        let (scene, camera) = (self.scene.clone(), self.camera.clone());
+        Ok(frame(stages, g, &view, AccelerationIn { scene, imports: imports.clone(), camera })?)
+    }
+
+    /// Brings camera and scene into a frame.
+    pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
+        let view = self.view(gpu, g, imports)?;
+        let policy = Policy::default();
+        let scene = self.scene.borrow_mut().declare(g, &mut imports.borrow_mut(), Some(self.camera), &policy)?;
+        Ok((view, scene))
     }
 }
 

@@ -62,7 +62,7 @@ pub fn render(
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, options)?;
     for frame in 1.. {
         let read_back = frame == frames;
-        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view, read_back })?;
+        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back })?;
         let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "frame {frame}: {}", result.findings[0]);
         if read_back {

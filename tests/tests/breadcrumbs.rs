@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Trail};
 use magpie::graph::{Extent, Plan, Queue, Switches};
-use magpie::scene::{ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_tests::bench::{Bench, Shot};
 use magpie_tests::harness::{builtin, config, gpu};
 
@@ -14,7 +14,7 @@ fn options(queues: u8, breadcrumbs: bool) -> ExecuteOptions {
     ExecuteOptions { switches, breadcrumbs, ..ExecuteOptions::default() }
 }
 
-fn frame(bench: &mut Bench, scene: &Scene, resident: &ResidentScene) -> Result<Executed> {
+fn frame(bench: &mut Bench, scene: &Scene, resident: &SharedScene) -> Result<Executed> {
     let shot = Shot { scene: resident, camera: &scene.cameras[0], extent: EXTENT };
     Ok(bench.frame(shot, &config(&[])?, &[])?.clean()?.executed)
 }
@@ -42,7 +42,7 @@ fn expected(ran: &Executed, stop: usize) -> Vec<Trail> {
 fn every_pass_of_a_whole_frame_leaves_its_crumbs() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
     let mut bench = Bench::new(&gpu)?;
     for queues in [1, 3] {
         bench.executor.set_options(options(queues, true));
@@ -63,7 +63,7 @@ fn every_pass_of_a_whole_frame_leaves_its_crumbs() -> Result<()> {
 fn a_frame_that_stops_names_the_pass_whichever_it_is() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
     let mut bench = Bench::new(&gpu)?;
     for queues in [1, 3] {
         bench.executor.set_options(options(queues, true));
@@ -92,7 +92,7 @@ fn a_frame_that_stops_names_the_pass_whichever_it_is() -> Result<()> {
 fn a_loss_without_crumbs_says_how_to_lay_them() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
     let mut bench = Bench::new(&gpu)?;
     bench.executor.set_options(ExecuteOptions { measure: false, ..options(1, false) });
     bench.executor.lose_device_in("gbuffer.draw");

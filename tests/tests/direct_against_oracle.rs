@@ -118,7 +118,7 @@ fn rgb(v: &[f32; 4]) -> DVec3 {
 }
 
 fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
-    let resident = ResidentScene::new(&bench.gpu, scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&bench.gpu, scene, ResidentOptions::default())?.shared();
     let camera = &scene.cameras[0];
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();
@@ -141,8 +141,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     ];
     let ran = bench
         .run(EXTENT, &wanted, |g, imports| {
-            let (view, handles) = shot.declare(&gpu, g, imports)?;
-            frame(&mut stages, g, &view, handles);
+            shot.frame(&gpu, &mut stages, g, imports)?;
             let source = g.find("gbuffer.draw", "base_colour")?;
             g.pass("test.decoded", Queue::Graphics, |p| {
                 let source = p.sample(source);

@@ -283,14 +283,14 @@ fn the_scan_finds_nan_and_infinity_and_nothing_later_hides_them() -> Result<()> 
 fn shadow_rays(scene: &Scene) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let extent = Extent::new(203, 117);
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent };
     let wanted = ["gbuffer.draw:depth", "gbuffer.draw:normal", "shadows.trace:visibility"];
     let ran = bench.frame(shot, &config(&[])?, &wanted)?.clean()?;
     let [depth, normal, visibility] = [ran.values(wanted[0])?, ran.values(wanted[1])?, ran.values(wanted[2])?];
     let eye = Eye::new(&scene.cameras[0], extent);
-    let Some(light) = resident.key_light().map(|i| &scene.lights[i as usize]) else { bail!("no light") };
+    let Some(light) = resident.borrow().key_light().map(|i| &scene.lights[i as usize]) else { bail!("no light") };
     let (mut sure, mut unsure, mut seen) = (0_u64, 0_u64, 0_u64);
     for i in 0..depth.len() {
         if depth[i][0] == 0.0 {
@@ -336,7 +336,7 @@ fn no_light_means_no_shadow_pass_and_no_ray() -> Result<()> {
     let mut bench = Bench::new(&gpu)?;
     let mut dark = builtin("cornell")?;
     dark.lights.clear();
-    let resident = ResidentScene::new(&gpu, &dark, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &dark, ResidentOptions::default())?.shared();
     let shot = Shot { scene: &resident, camera: &dark.cameras[0], extent: Extent::new(64, 64) };
     let ran = bench.frame(shot, &config(&[])?, &["direct.shade:radiance", "gbuffer.draw:emission"])?.clean()?;
     ensure!(ran.rays("shadows.trace").is_err(), "the shadow pass ran");

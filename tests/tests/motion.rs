@@ -3,7 +3,7 @@ use anyhow::Result;
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
-use magpie::scene::{Camera, ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{Policy, Camera, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::Build;
 use magpie_passes::Slots;
 use magpie_passes::stages::GBufferIn;
@@ -16,7 +16,7 @@ const EXTENT: Extent = Extent { width: 240, height: 135 };
 /// Largest error of the motion, pixels, and how many pixels moved by more than one.
 fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
-    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let mut gbuffer = Slots::default()
         .gbuffer
         .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
@@ -31,9 +31,8 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:depth"];
     let ran = bench.run(EXTENT, &wanted, |g, imports| {
         let mut block = magpie::gpu::Staging::new(&gpu, "view");
-        let view = desc(now, Some(previous)).declare(&mut block, &resident, g, &mut imports.borrow_mut())?;
-        let s = resident.import(g, &mut imports.borrow_mut());
-        let scene = s;
+        let view = desc(now, Some(previous)).declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
+        let scene = resident.borrow_mut().declare(g, &mut imports.borrow_mut(), None, &Policy::default())?;
         let motion = gbuffer.add(g, &view, GBufferIn { scene }).motion;
         g.output(motion);
         Ok(())

@@ -72,7 +72,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
     let scene = builtin("courtyard")?;
-    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: Extent::new(SIZE[0], SIZE[1]) };
     let config = config(&[])?;
     let clean = bench.frame(shot, &config, &[])?.clean()?;
@@ -198,7 +198,7 @@ fn one_that_shows_two_frames_later() -> Result<()> {
             if frame == 1 {
                 renderer.poison(poison("reflections.make", "one.next", Place::pixel(x, y), Bad::Nan));
             }
-            let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
+            let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
             let result = renderer.frame(request)?.context("no frame")?;
             let seen = not_finite(&result.images.context("no image")?.linear);
             let expected = if frame == 3 { vec![(y * SIZE[0] + x) as usize] } else { Vec::new() };
@@ -269,7 +269,7 @@ fn the_scan_changes_no_picture() -> Result<()> {
             let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
             let mut bytes = Vec::new();
             for _ in 0..3 {
-                let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: true };
+                let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
                 let result = renderer.frame(request)?.context("no frame")?;
                 ensure!(result.findings.is_empty(), "{}", result.findings[0]);
                 let scans = result.sample.passes.iter().filter(|p| p.name.starts_with("check.")).count();
@@ -300,7 +300,7 @@ fn what_the_scan_costs() -> Result<()> {
     // Of the same frames, so that both suffer alike from whatever else the machine does.
     let (mut scans, mut others) = (Vec::new(), Vec::new());
     for frame in 0..11 {
-        let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
         let result = renderer.frame(request)?.context("no frame")?;
         let (scan, other): (Vec<_>, Vec<_>) = result.sample.passes.iter().partition(|p| p.name.starts_with("check."));
         let ms =

@@ -18,7 +18,7 @@ fn display(slots: &Slots, config: &Config) -> Result<Option<(Vec<u8>, Vec<String
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: WIDTH, height: HEIGHT, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, slots, config, options)?;
-    let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: true })?;
+    let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true })?;
     let result = result.context("a size of zero")?;
     ensure!(result.findings.is_empty(), "{}", result.findings[0]);
     let display = result.images.and_then(|i| i.display).context("no picture")?;

@@ -19,7 +19,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use magpie::config::Config;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{AlphaMode, Camera, ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{AlphaMode, Camera, ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_passes::Slots;
 use magpie_passes::stages::GBufferIn;
 use magpie_shaders::{Address, StorageImage};
@@ -100,7 +100,7 @@ struct Both {
     closest: u64,
 }
 
-fn look(bench: &mut Bench, scene: &ResidentScene, camera: &Camera) -> Result<Both> {
+fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera) -> Result<Both> {
     let kernel = bench.ray_kernel("raster_against_rays.ray", GLSL, magpie::prelude::Rays::Software)?;
     let gpu = bench.gpu.clone();
     let mut gbuffer = Slots::default()
@@ -295,7 +295,7 @@ fn diorama() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let Some(scene) = asset("pica_pica_mini_diorama/scene.gltf")? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
     for camera in &scene.cameras {
         let both = look(&mut bench, &resident, camera)?;
         let seen = both.rays.iter().filter(|s| s.instance > 0).count();
@@ -322,7 +322,7 @@ fn courtyard() -> Result<()> {
         for sampler in &mut scene.samplers {
             sampler.mips = mips;
         }
-        let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
+        let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
         for camera in &scene.cameras {
             let both = look(&mut bench, &resident, camera)?;
             let label = format!("courtyard, {}, {}", camera.name, if mips { "mips" } else { "no mips" });

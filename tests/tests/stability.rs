@@ -18,7 +18,7 @@ const VISIBILITY: &str = "shadows.trace:visibility";
 
 fn run(scene: &Scene, wanted: &[&str]) -> Result<Option<Ran>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
-    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?;
+    let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: EXTENT };
     Bench::new(&gpu)?.frame(shot, &config(&[])?, wanted)?.clean().map(Some)
 }

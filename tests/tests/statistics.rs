@@ -97,7 +97,7 @@ fn the_frame_counts_its_pixels_and_triangles() -> Result<()> {
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &Config::default(), options)?;
     renderer.set_execution(ExecuteOptions { statistics: true, ..renderer.execution() });
-    let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back: false })?;
+    let frame = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false })?;
     let frame = frame.context("a size of zero")?.sample;
     let pixels = u64::from(SIZE[0] * SIZE[1]);
 

@@ -112,7 +112,7 @@ impl Run {
     }
 
     fn frame(&mut self, read_back: bool) -> Result<Option<ReadBack>> {
-        let result = self.renderer.frame(FrameRequest { camera: &self.scene.cameras[0], view: None, read_back })?;
+        let result = self.renderer.frame(FrameRequest { camera: &self.scene.cameras[0], time: 0.0, view: None, read_back })?;
         self.gpu.check_validation()?;
         Ok(result.and_then(|r| r.images))
     }
@@ -227,7 +227,7 @@ fn nothing_moves_in_a_cut() -> Result<()> {
     let mut there = here.clone();
     there.world_from_camera.translation += glam::Vec3A::new(0.05, 0.02, -0.1);
     let motion = |run: &mut Run, camera: &Camera| -> Result<usize> {
-        let request = FrameRequest { camera, view: Some(("gbuffer.draw", "motion")), read_back: true };
+        let request = FrameRequest { camera, time: 0.0, view: Some(("gbuffer.draw", "motion")), read_back: true };
         let result = run.renderer.frame(request)?.and_then(|r| r.images).context("no motion")?;
         run.gpu.check_validation()?;
         Ok(result.linear.values().iter().filter(|v| v[0] != 0.0 || v[1] != 0.0).count())
@@ -239,7 +239,7 @@ fn nothing_moves_in_a_cut() -> Result<()> {
     ensure!(motion(&mut run, &here)? == 0, "a cut moves");
     // A frame of no pixels is none: what moves, moves from the last frame that was shown.
     run.renderer.resize(0, 0);
-    let nothing = run.renderer.frame(FrameRequest { camera: &here, view: None, read_back: true })?;
+    let nothing = run.renderer.frame(FrameRequest { camera: &here, time: 0.0, view: None, read_back: true })?;
     ensure!(nothing.is_none(), "an image of no pixels");
     run.renderer.resize(SIZE[0], SIZE[1]);
     ensure!(motion(&mut run, &there)? == moved, "it moves otherwise after it was minimised");
@@ -276,7 +276,7 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
         for _ in 0..SETTLE {
             run.frame(false)?;
         }
-        let request = FrameRequest { camera: &run.scene.cameras[0], view: None, read_back: false };
+        let request = FrameRequest { camera: &run.scene.cameras[0], time: 0.0, view: None, read_back: false };
         let result = run.renderer.frame(request)?.context("a size of zero")?;
         run.gpu.check_validation()?;
         Ok((image, run.in_use()?, result.sample.memory))
@@ -304,6 +304,7 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
             }
             kind => {
                 let result = run.renderer.frame(FrameRequest {
+                    time: 0.0,
                     camera: &run.scene.cameras[0],
                     view: None,
                     read_back: kind == 7,

@@ -16,7 +16,7 @@ fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Res
     let mut images = None;
     for frame in 1..=FRAMES {
         let read_back = frame == FRAMES;
-        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], view: None, read_back })?;
+        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back })?;
         let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         images = result.images;

@@ -9,7 +9,7 @@ fn frames(size: [u32; 2], count: usize) -> Result<Option<Vec<FrameSample>>> {
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: size[0], height: size[1], seed: 0, check: false, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
-    let request = FrameRequest { camera: &scene.cameras[0], view: None, read_back: false };
+    let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
     let samples =
         (0..count).map(|_| Ok(renderer.frame(request)?.context("a size of zero")?.sample)).collect::<Result<_>>()?;
     gpu.check_validation()?;

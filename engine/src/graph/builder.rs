@@ -80,6 +80,12 @@ impl PassBuilder<'_> {
         (self.change(accel, Access::Build, Part::ALL), token)
     }
 
+    /// Copies to an acceleration structure that is plain memory.
+    pub fn copy_to_accel<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, CopyTarget) {
+        let token = CopyTarget { resource: accel.at.id, pass: self.pass };
+        (self.change(accel, Access::CopyWrite, Part::ALL), token)
+    }
+
     /// Writes the nodes of an acceleration structure in a shader, over what is there.
     pub fn write_accel<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BufferToken) {
         let token = BufferToken { resource: accel.at.id, pass: self.pass };

@@ -26,7 +26,10 @@ pub use deform::{Deformed, deform};
 pub use error::{Fault, SceneError};
 pub use import::load;
 pub use pose::{Animator, Pose};
-pub use resident::{AccelerationReport, ResidentError, ResidentOptions, ResidentScene, SceneHandles};
+pub use resident::{
+    AccelerationReport, Culled, Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles,
+    SharedScene,
+};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
 

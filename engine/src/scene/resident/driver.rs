@@ -1,14 +1,16 @@
 //! The driver's acceleration structures over a scene: a bottom level per mesh, shared by its instances, and one top level.
-use super::{AccelerationReport, Geometry, ResidentError};
+use super::deform::{Deformation, Deforming};
+use super::policy::Seen;
+use super::software::Frame;
+use super::{AccelerationReport, Geometry, MeshPlace, ResidentError};
 use crate::gpu::{
     Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, Buffer, BufferMemory, BufferUse, CompactedSizes, Gpu,
-    TRIANGLE_GROUP,
+    SPHERE_GROUP, Staging, TRIANGLE_GROUP,
 };
 use crate::graph::execute::{Executed, Executor, Imports};
-use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, Handle, Queue, Record, WriteHandle};
-use crate::scene::Scene;
+use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, Handle, FrameGraph, Queue, Record, Tlas, WriteHandle};
 use magpie_shaders::Address;
-use magpie_shaders::scene::{INSTANCE_ALPHA_TEST, INSTANCE_DOUBLE_SIDED};
+use magpie_shaders::scene as shared;
 use std::sync::Arc;
 
 /// Meshes that are built together before they are compacted: it bounds what is there uncompacted.
@@ -16,9 +18,19 @@ const BATCH: usize = 64;
 
 /// Both levels.
 pub(super) struct Driver {
-    /// One per mesh.
-    _bottom: Vec<Arc<Accel>>,
-    pub top: Arc<Accel>,
+    /// One per mesh, then one per instance that deforms.
+    bottom: Vec<Arc<Accel>>,
+    deforming: Vec<Deformable>,
+    top: Top,
+}
+
+/// The bottom level of a deforming instance.
+struct Deformable {
+    accel: Arc<Accel>,
+    desc: AccelDesc,
+    sizes: AccelSizes,
+    /// It was built, and can be refitted.
+    made: bool,
 }
 
 impl Driver {
@@ -26,6 +38,7 @@ impl Driver {
         gpu: &Gpu,
         executor: &mut Executor,
         geometry: &Geometry<'_>,
+        deformation: Option<&Deformation>,
         compaction: bool,
         report: &mut AccelerationReport,
     ) -> Result<Self, ResidentError> {
@@ -40,15 +53,89 @@ impl Driver {
             report.bottom_bytes += kept.iter().map(|a| a.bytes()).sum::<u64>();
             bottom.extend(kept);
         }
-        let top = build_top(gpu, executor, geometry.scene, &bottom, report)?;
-        Ok(Self { _bottom: bottom, top })
+        let meshes = deformation.map_or(&[][..], |d| &d.meshes);
+        let deforming: Vec<_> = meshes.iter().map(|d| deformable(gpu, geometry, d)).collect::<Result<_, _>>()?;
+        for deformable in &deforming {
+            report.uncompacted_bytes += deformable.accel.bytes();
+            report.bottom_bytes += deformable.accel.bytes();
+            bottom.push(deformable.accel.clone());
+        }
+        let top = Top::new(gpu, geometry.scene.instances.len())?;
+        report.top_bytes = top.accel.bytes();
+        Ok(Self { bottom, deforming, top })
     }
+
+    /// Address of the top level.
+    pub fn top(&self) -> Address {
+        self.top.accel.address()
+    }
+
+    /// Brings the top level into a frame, with the passes that bring both levels up to date.
+    pub fn declare(
+        &mut self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        frame: &Frame<'_>,
+        instance: impl Fn(usize) -> shared::Instance,
+    ) -> Result<Handle<Tlas>, ResidentError> {
+        let mut deformed = Vec::with_capacity(self.deforming.len());
+        for (index, deformable) in self.deforming.iter_mut().enumerate() {
+            let key = imports.accel(&deformable.accel, Address::default());
+            let target: WriteHandle<Blas> = g.import_accel(&format!("scene.deforming.{index}"), Access::Trace, key);
+            let Some(vertices) = frame.deformed else {
+                deformed.push(target.read());
+                continue;
+            };
+            let refit = std::mem::replace(&mut deformable.made, true) && !frame.policy.rebuilds(frame.number, index);
+            let (desc, sizes) = (deformable.desc, deformable.sizes);
+            let (name, room) = if refit { ("refit", sizes.refit_scratch) } else { ("rebuild", sizes.build_scratch) };
+            let made = g.pass(&format!("acceleration.{name}.{index}"), Queue::AsyncCompute, |p| {
+                p.build_input(vertices);
+                p.build_input(frame.indices);
+                let (made, into) = if refit { p.refit(target) } else { p.rebuild(target) };
+                let scratch = p.scratch("scratch", BufferDesc::new(room));
+                (made, move |c: &mut Record<'_>| {
+                    if refit {
+                        c.refit_accel(into, scratch, &desc);
+                    } else {
+                        c.build_accel(into, scratch, &desc);
+                    }
+                })
+            });
+            deformed.push(made.read());
+        }
+        let traced = frame.seen.iter().enumerate().filter(|(_, seen)| seen.traced);
+        let entry = |(index, seen): (usize, &Seen)| {
+            let instance = instance(index);
+            // One whose transform is singular has no inside to trace.
+            (instance.object_from_world != [[0.0; 4]; 3])
+                .then(|| top_instance(&instance, index as u32, self.bottom[seen.mesh].address()))
+        };
+        let table = || traced.filter_map(entry).collect::<Vec<_>>();
+        self.top.declare(g, imports, frame, &deformed, table)
+    }
+}
+
+/// Room for the bottom level of a deforming instance, built for being refitted.
+fn deformable(gpu: &Gpu, geometry: &Geometry<'_>, deforming: &Deforming) -> Result<Deformable, ResidentError> {
+    let mesh = &geometry.scene.meshes[deforming.mesh];
+    let (vertices, triangles) = (mesh.positions.len() as u32, (mesh.indices.len() / 3) as u32);
+    let indices = geometry.meshes[deforming.mesh].indices;
+    let geometry = AccelGeometry::Triangles { positions: deforming.positions, vertices, indices, triangles };
+    let desc = AccelDesc { geometry, fast_build: true, update: true, compact: false };
+    let sizes = gpu.accel_sizes(&desc)?;
+    let accel = Arc::new(Accel::alone(gpu, "deforming bottom level", sizes.bytes, false)?);
+    Ok(Deformable { accel, desc, sizes, made: false })
 }
 
 /// Meshes that keep their shape are built for fast rays, and to be compacted.
 fn bottom_desc(geometry: &Geometry<'_>, mesh: usize, compact: bool) -> AccelDesc {
-    let (positions, indices) = geometry.meshes[mesh];
     let of = &geometry.scene.meshes[mesh];
+    if let Some(boxes) = geometry.meshes[mesh].boxes {
+        let geometry = AccelGeometry::Boxes { boxes, count: of.spheres.len() as u32 };
+        return AccelDesc { geometry, fast_build: false, update: false, compact };
+    }
+    let MeshPlace { positions, indices, .. } = geometry.meshes[mesh];
     let (vertices, triangles) = (of.positions.len() as u32, (of.indices.len() / 3) as u32);
     let geometry = AccelGeometry::Triangles { positions, vertices, indices, triangles };
     AccelDesc { geometry, fast_build: false, update: false, compact }
@@ -164,59 +251,87 @@ fn allocate(gpu: &Gpu, name: &str, sizes: &[u64]) -> Result<Vec<Arc<Accel>>, Res
     Ok(sizes.iter().map(&mut place).collect::<Result<_, _>>()?)
 }
 
-fn build_top(
-    gpu: &Gpu,
-    executor: &mut Executor,
-    scene: &Scene,
-    bottom: &[Arc<Accel>],
-    report: &mut AccelerationReport,
-) -> Result<Arc<Accel>, ResidentError> {
-    let count = scene.instances.len();
-    if count >= AccelInstance::LIMIT as usize {
-        return Err(ResidentError::Limit { what: "instances", count, limit: AccelInstance::LIMIT });
-    }
-    let table: Vec<_> =
-        scene.instances.iter().zip(0..).map(|(i, index)| top_instance(scene, i, index, bottom)).collect();
-    let bytes = (table.len() * size_of::<AccelInstance>()) as u64;
-    let mut instances = Buffer::new(gpu, "top level instances", bytes, BufferMemory::Upload, BufferUse::Storage)?;
-    instances.write(0, bytemuck::cast_slice(&table))?;
-    let instances = Arc::new(instances);
+/// The top level, with room for every instance.
+struct Top {
+    accel: Arc<Accel>,
+    desc: AccelDesc,
+    sizes: AccelSizes,
+    staging: Staging,
+    /// Instances that were in it when it was built; none before.
+    built: Option<u32>,
+}
 
-    let geometry = AccelGeometry::Instances { instances: instances.address(), count: count as u32 };
-    let desc = AccelDesc { geometry, fast_build: false, update: false, compact: false };
-    let sizes = gpu.accel_sizes(&desc)?;
-    let top = Arc::new(Accel::alone(gpu, "top level", sizes.bytes, true)?);
-    report.top_bytes = top.bytes();
-    let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
-    let input =
-        g.import_buffer("instances", BufferDesc::new(instances.bytes()), Access::CopyRead, imports.buffer(&instances));
-    let target = g.import_accel::<crate::graph::Tlas>("tlas", Access::Build, imports.accel(&top, Address::default()));
-    let built = g.pass("acceleration.top", Queue::Graphics, |p| {
-        p.build_input(input.read());
-        let (built, into) = p.rebuild(target);
-        let scratch = p.scratch("scratch", BufferDesc::new(sizes.build_scratch));
-        (built, move |c: &mut Record<'_>| c.build_accel(into, scratch, &desc))
-    });
-    g.output(built.read());
-    let executed = executor.run(g, &imports)?;
-    report.top_ms += milliseconds(&executed);
-    Ok(top)
+impl Top {
+    fn new(gpu: &Gpu, count: usize) -> Result<Self, ResidentError> {
+        if count >= AccelInstance::LIMIT as usize {
+            return Err(ResidentError::Limit { what: "instances", count, limit: AccelInstance::LIMIT });
+        }
+        let geometry = AccelGeometry::Instances { instances: Address::default(), count: count as u32 };
+        let desc = AccelDesc { geometry, fast_build: false, update: true, compact: false };
+        let sizes = gpu.accel_sizes(&desc)?;
+        let accel = Arc::new(Accel::alone(gpu, "top level", sizes.bytes, true)?);
+        Ok(Self { accel, desc, sizes, staging: Staging::new(gpu, "top level instances"), built: None })
+    }
+
+    fn declare(
+        &mut self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        frame: &Frame<'_>,
+        deformed: &[Handle<Blas>],
+        table: impl FnOnce() -> Vec<AccelInstance>,
+    ) -> Result<Handle<Tlas>, ResidentError> {
+        let key = imports.accel(&self.accel, frame.root);
+        if self.built.is_some() && !frame.moved && frame.deformed.is_none() {
+            return Ok(g.import_tlas("scene.tlas", Access::Trace, key));
+        }
+        let table = table();
+        let count = table.len() as u32;
+        // A refit wants the very same instances; with as many of them, others in their places would only be a bad tree, but the
+        // bottom levels behind them may not change.
+        let refit = self.built == Some(count) && frame.policy.culling.is_off() && frame.policy.refits(frame.number);
+        self.built = Some(count);
+        let instances = self.staging.write(bytemuck::cast_slice(&table))?;
+        let geometry = AccelGeometry::Instances { instances: instances.address(), count };
+        let desc = AccelDesc { geometry, ..self.desc };
+        let input = imports.buffer(instances);
+        let bytes = (table.len() * size_of::<AccelInstance>()).max(4) as u64;
+        let input = g.import_buffer("acceleration.instances", BufferDesc::new(bytes), Access::CopyRead, input);
+        let target = g.import_accel::<Tlas>("scene.tlas", Access::Trace, key);
+        let room = if refit { self.sizes.refit_scratch } else { self.sizes.build_scratch };
+        let made = g.pass("acceleration.top", Queue::AsyncCompute, |p| {
+            p.build_input(input.read());
+            for bottom in deformed {
+                p.build_input(*bottom);
+            }
+            let (made, into) = if refit { p.refit(target) } else { p.rebuild(target) };
+            let scratch = p.scratch("scratch", BufferDesc::new(room));
+            (made, move |c: &mut Record<'_>| {
+                if refit {
+                    c.refit_accel(into, scratch, &desc);
+                } else {
+                    c.build_accel(into, scratch, &desc);
+                }
+            })
+        });
+        Ok(made.read())
+    }
 }
 
 /// An instance as the driver wants it.
-fn top_instance(scene: &Scene, placed: &crate::scene::Instance, index: u32, bottom: &[Arc<Accel>]) -> AccelInstance {
-    let instance = super::tables::instance(scene, placed);
+fn top_instance(instance: &shared::Instance, index: u32, bottom: Address) -> AccelInstance {
     let mut flags = AccelInstance::COUNTER_CLOCKWISE;
-    if instance.flags & INSTANCE_DOUBLE_SIDED != 0 {
+    if instance.flags & shared::INSTANCE_DOUBLE_SIDED != 0 {
         flags |= AccelInstance::DOUBLE_SIDED;
     }
-    if instance.flags & INSTANCE_ALPHA_TEST != 0 {
+    if instance.flags & shared::INSTANCE_ALPHA_TEST != 0 {
         flags |= AccelInstance::NOT_OPAQUE;
     }
+    let group = if instance.flags & shared::INSTANCE_SPHERES != 0 { SPHERE_GROUP } else { TRIANGLE_GROUP };
     AccelInstance {
         world_from_object: instance.world_from_object,
         index_and_mask: index | instance.mask << 24,
-        group_and_flags: TRIANGLE_GROUP | flags,
-        bottom: bottom[placed.mesh as usize].address().0,
+        group_and_flags: group | flags,
+        bottom: bottom.0,
     }
 }

@@ -1,23 +1,34 @@
 //! A scene on the device: tables, vertices, indices, acceleration structures, textures.
 mod block;
+mod deform;
 mod driver;
+mod policy;
 mod software;
+mod state;
 mod tables;
 mod textures;
 
-use super::{Daylight, Scene};
+pub use policy::{Culled, Culling, Policy};
+pub use state::Moment;
+
+use super::{Animator, Camera, Daylight, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
     Access, Buffer as GraphBuffer, BufferDesc, BufferToken, Draw, FrameGraph, Handle, PassBuilder, Tlas, TraceToken,
 };
-use crate::ray::RayError;
+use crate::ray::{Bounds, RayError};
 use block::Block;
+use deform::Deformation;
 use driver::Driver;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
 use magpie_shaders::{Address, Rays};
-use software::Software;
+use policy::Seen;
+use software::{Frame, Software};
+use state::State;
+use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 
 /// Why a scene could not be brought to the device.
@@ -80,9 +91,18 @@ pub struct ResidentScene {
     vertices: Arc<Buffer>,
     indices: Arc<Buffer>,
     textures: Vec<Arc<Image>>,
+    state: State,
+    deformation: Option<Deformation>,
     acceleration: Acceleration,
     report: AccelerationReport,
-    root: Address,
+    /// Of each instance: the mesh that it shows, deforming ones after all others, and its box in object space.
+    shown: Vec<(usize, Bounds)>,
+    culled: Culled,
+    /// What is to be traced has changed since the top level was made.
+    changed: bool,
+    policy: Policy,
+    frames: u64,
+    cut: bool,
     draws: Arc<[Draw]>,
     key_light: Option<u32>,
     sky: Option<Sky>,
@@ -97,27 +117,40 @@ enum Acceleration {
 /// The scene's resources as one frame's graph knows them.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneHandles {
-    /// Root, instances, meshes, materials and lights.
+    /// Root, instances and lights.
+    pub state: Handle<GraphBuffer>,
+    /// Meshes and materials.
     pub tables: Handle<GraphBuffer>,
     /// Positions and attributes of every mesh.
     pub vertices: Handle<GraphBuffer>,
+    /// Those of meshes that deform, as they are in this frame.
+    pub deformed: Option<Handle<GraphBuffer>>,
     /// Indices of every mesh, one after another.
     pub indices: Handle<GraphBuffer>,
     /// The acceleration structure.
     pub tlas: Handle<Tlas>,
+    /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.
+    pub bottom: [Option<Handle<GraphBuffer>>; 2],
 }
 
 impl SceneHandles {
-    /// Declares that a pass looks up what the scene is made of. The token is that of the tables.
+    /// Declares that a pass looks up what the scene is made of. The token is that of the state, which begins with the root.
     pub fn read(self, p: &mut PassBuilder<'_>) -> BufferToken {
+        p.read(self.tables);
         p.read(self.vertices);
         p.read(self.indices);
-        p.read(self.tables)
+        if let Some(deformed) = self.deformed {
+            p.read(deformed);
+        }
+        p.read(self.state)
     }
 
     /// Declares that a pass traces rays, and may look up what they hit.
     pub fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
         self.read(p);
+        for bottom in self.bottom.into_iter().flatten() {
+            p.read(bottom);
+        }
         p.trace(self.tlas)
     }
 }
@@ -127,11 +160,28 @@ struct Geometry<'a> {
     scene: &'a Scene,
     vertices: &'a Arc<Buffer>,
     indices: &'a Arc<Buffer>,
-    /// Of each mesh: positions and indices.
-    meshes: Vec<(Address, Address)>,
+    meshes: Vec<MeshPlace>,
 }
 
+/// The tables of one mesh.
+#[derive(Clone, Copy)]
+struct MeshPlace {
+    positions: Address,
+    attributes: Address,
+    indices: Address,
+    /// Boxes around its spheres.
+    boxes: Option<Address>,
+}
+
+/// A scene on the device that several hold: whoever renders it, and the frame that brings it up to date.
+pub type SharedScene = Rc<RefCell<ResidentScene>>;
+
 impl ResidentScene {
+    /// For several to hold.
+    pub fn shared(self) -> SharedScene {
+        Rc::new(RefCell::new(self))
+    }
+
     /// Uploads everything and builds the acceleration structures.
     ///
     /// # Errors
@@ -144,103 +194,179 @@ impl ResidentScene {
 
         // Indices and vertices.
         let mut indices = Block::default();
-        let index_offsets: Vec<_> = scene.meshes.iter().map(|m| indices.add(&m.indices)).collect();
+        let index_offsets: Vec<_> = scene.meshes.iter().map(|m| indices.add(&tables::raster_indices(m))).collect();
         let indices = indices.upload(gpu, &mut executor, "scene indices", BufferUse::Index)?;
         let mut vertices = Block::default();
-        let vertex_offsets: Vec<_> =
-            scene.meshes.iter().map(|m| (vertices.add(&m.positions), vertices.add(&tables::attributes(m)))).collect();
+        let offsets: Vec<_> = scene.meshes.iter().map(|m| tables::add_vertices(&mut vertices, m)).collect();
         let vertices = vertices.upload(gpu, &mut executor, "scene vertices", BufferUse::Storage)?;
-        let places = vertex_offsets.iter().zip(&index_offsets);
-        let place = |((positions, _), indexed): (&(u64, u64), &u64)| {
-            (vertices.address().offset(*positions), indices.address().offset(*indexed))
+        let base = vertices.address();
+        let place = |(&[positions, attributes, boxes], indexed): (&[u64; 3], &u64)| MeshPlace {
+            positions: base.offset(positions),
+            attributes: base.offset(attributes),
+            indices: indices.address().offset(*indexed),
+            boxes: (boxes > 0).then(|| base.offset(boxes)),
         };
-        let geometry = Geometry { scene, vertices: &vertices, indices: &indices, meshes: places.map(place).collect() };
+        let meshes = offsets.iter().zip(&index_offsets).map(place).collect();
+        let geometry = Geometry { scene, vertices: &vertices, indices: &indices, meshes };
 
-        // Acceleration structures.
+        // What moves, and the acceleration structures.
+        let animator = Animator::new(scene);
+        let deformation = Deformation::new(gpu, &mut executor, &animator, &geometry)?;
         let mut report = AccelerationReport::default();
+        let pose = animator.pose(0.0);
         let acceleration = match options.rays {
-            Rays::Software => Acceleration::Software(Software::new(gpu, &mut executor, scene, &mut report)?),
+            Rays::Software => {
+                let deforming = deformation.as_ref().map(|d| (d, &pose));
+                Acceleration::Software(Software::new(gpu, &mut executor, scene, deforming, &mut report)?)
+            }
             Rays::Query | Rays::Pipeline => {
-                Acceleration::Driver(Driver::new(gpu, &mut executor, &geometry, options.compaction, &mut report)?)
+                let compaction = options.compaction;
+                let deforming = deformation.as_ref();
+                let driver = Driver::new(gpu, &mut executor, &geometry, deforming, compaction, &mut report)?;
+                Acceleration::Driver(driver)
             }
         };
 
-        // Tables; their addresses follow from the base, so places are taken first and filled once the base is known.
+        // Tables. Every instance that deforms has a mesh of its own behind those of the scene.
         let mut tables = Block::default();
-        let materials = tables::materials(gpu, scene, &textures)?;
-        let material_table = tables.add(&materials);
-        let lights: Vec<_> = scene.lights.iter().map(tables::light).collect();
-        let light_table = tables.add(&lights);
-        let instances: Vec<_> = scene.instances.iter().map(|i| tables::instance(scene, i)).collect();
-        let instance_table = tables.add(&instances);
-        let mesh_table = tables.add(&vec![shared::Mesh::default(); scene.meshes.len()]);
-        let root_table = tables.add(&[shared::Scene::default()]);
-        let buffer = tables.buffer(gpu, "scene tables", BufferUse::Storage)?;
-        let base = buffer.address();
-        let meshes: Vec<_> = (0..scene.meshes.len())
+        let material_table = tables.add(&tables::materials(gpu, scene, &textures)?);
+        let deforming = deformation.as_ref().map_or(&[][..], |d| &d.meshes);
+        let mut entries: Vec<shared::Mesh> = (0..scene.meshes.len()).map(|m| entry(&geometry, &acceleration, m)).collect();
+        let mut shown: Vec<(usize, Bounds)> = scene
+            .instances
+            .iter()
             .map(|i| {
-                let (positions, indices) = geometry.meshes[i];
-                let (nodes, primitives) = acceleration.mesh(i);
-                shared::Mesh {
-                    positions,
-                    previous_positions: positions,
-                    attributes: vertices.address().offset(vertex_offsets[i].1),
-                    indices,
-                    nodes,
-                    primitives,
-                    primitive_count: (scene.meshes[i].indices.len() / 3) as u32,
-                }
+                let [min, max] = scene.meshes[i.mesh as usize].bounds().unwrap_or_default();
+                (i.mesh as usize, Bounds { min, max })
             })
             .collect();
-        tables.put(mesh_table, &meshes);
+        for (at, d) in deforming.iter().enumerate() {
+            let mesh = scene.meshes.len() + at;
+            let (nodes, primitives) = acceleration.mesh(mesh);
+            let (positions, previous_positions, attributes) = (d.positions, d.previous_positions, d.attributes);
+            entries.push(shared::Mesh {
+                positions,
+                previous_positions,
+                attributes,
+                nodes,
+                primitives,
+                ..entries[d.mesh]
+            });
+            shown[d.instance].0 = mesh;
+        }
+        let mesh_table = tables.add(&entries);
+        let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
+        let fixed = (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
         let root = shared::Scene {
-            instances: base.offset(instance_table),
-            meshes: base.offset(mesh_table),
-            materials: base.offset(material_table),
-            lights: base.offset(light_table),
-            instance_count: instances.len() as u32,
-            light_count: lights.len() as u32,
+            meshes: tables.address().offset(mesh_table),
+            materials: tables.address().offset(material_table),
             ..acceleration.root()
         };
-        tables.put(root_table, &[root]);
-        tables.copy_to(gpu, &mut executor, &buffer)?;
-
         Ok(Self {
-            root: base.offset(root_table),
-            tables: buffer,
-            vertices,
-            indices,
-            textures,
+            state: State::new(gpu, animator, fixed, root)?,
+            tables,
+            deformation,
             acceleration,
             report,
+            shown,
+            culled: Culled::default(),
+            changed: true,
+            policy: Policy::default(),
+            frames: 0,
+            cut: false,
             draws: tables::draws(scene, &index_offsets),
             key_light: tables::key_light(&scene.lights),
             sky: scene.daylight.as_ref().map(Daylight::to_gpu),
+            textures,
+            vertices,
+            indices,
         })
     }
 
-    /// Brings the scene's buffers into a frame.
-    pub fn import(&self, g: &mut FrameGraph, imports: &mut Imports) -> SceneHandles {
+    /// Goes to a moment: the next frame that is declared shows it.
+    pub fn go(&mut self, moment: &Moment) {
+        self.changed |= self.state.go(moment);
+        self.cut = moment.cut;
+    }
+
+    /// Brings the scene into a frame, with the passes that bring it up to date: none where nothing has changed. The camera decides
+    /// what the policy leaves out.
+    ///
+    /// # Errors
+    /// Exhausted memory, or a pose that no tree can hold. The frame cannot be run then.
+    pub fn declare(
+        &mut self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        camera: Option<&Camera>,
+        policy: &Policy,
+    ) -> Result<SceneHandles, ResidentError> {
+        self.frames += 1;
         let mut buffer = |name, buffer: &Arc<Buffer>, g: &mut FrameGraph| {
             g.import_buffer(name, BufferDesc::new(buffer.bytes()), Access::CopyWrite, imports.buffer(buffer)).read()
         };
         let tables = buffer("scene.tables", &self.tables, g);
         let vertices = buffer("scene.vertices", &self.vertices, g);
         let indices = buffer("scene.indices", &self.indices, g);
-        let tlas = match &self.acceleration {
-            Acceleration::Software(tree) => {
-                g.import_tlas("scene.tlas", Access::CopyWrite, imports.tree(&tree.memory, self.root))
+        let state = self.state.declare(g, imports)?;
+        let mut moved = std::mem::take(&mut self.changed) | (self.policy != *policy);
+        // What the camera decides changes with the camera.
+        moved |= !policy.culling.is_off();
+        self.policy = *policy;
+
+        // Vertices that move.
+        let (mut deformed, mut changed) = (None, None);
+        if let Some(deformation) = &mut self.deformation {
+            let how = (self.state.is_animated(), self.cut);
+            let (made, anew) = deformation.declare(g, imports, &self.state.pose, how, vertices)?;
+            deformed = Some(made);
+            changed = deformed.filter(|_| anew);
+        }
+
+        // What rays see.
+        let mut culled = Culled::default();
+        let seen: Vec<Seen> = if moved || changed.is_some() {
+            (0..self.shown.len()).map(|i| self.seen(i, camera, policy, &mut culled)).collect()
+        } else {
+            Vec::new()
+        };
+        if !seen.is_empty() {
+            self.culled = culled;
+        }
+        let now = &self.state;
+        let (pose, root, number) = (&now.pose, now.root(), self.frames);
+        let frame = Frame { policy, seen: &seen, pose, moved, deformed: changed, indices, root, number };
+        let (tlas, bottom) = match &mut self.acceleration {
+            Acceleration::Software(trees) => {
+                let made = trees.declare(g, imports, &frame)?;
+                self.report.top_ms = trees.top_ms();
+                made
             }
-            Acceleration::Driver(driver) => {
-                g.import_tlas("scene.tlas", Access::Build, imports.accel(&driver.top, self.root))
+            Acceleration::Driver(driver) => (driver.declare(g, imports, &frame, |i| now.instance(i))?, [None; 2]),
+        };
+        Ok(SceneHandles { state, tables, vertices, deformed, indices, tlas, bottom })
+    }
+
+    /// An instance for the top level.
+    fn seen(&self, index: usize, camera: Option<&Camera>, policy: &Policy, culled: &mut Culled) -> Seen {
+        let (mesh, bounds) = self.shown[index];
+        let world_from_object = self.state.placed(index);
+        let traced = match camera.filter(|_| !policy.culling.is_off()) {
+            Some(camera) => {
+                let bounds = self.state.pose.bounds[index].map_or(bounds, |[min, max]| Bounds { min, max });
+                policy.culling.decide(&bounds.transformed(&world_from_object), camera, self.state.origin, culled)
+            }
+            None => {
+                culled.traced += 1;
+                true
             }
         };
-        SceneHandles { tables, vertices, indices, tlas }
+        Seen { mesh, world_from_object, traced }
     }
 
     /// Address of the [`magpie_shaders::scene::Scene`].
     pub fn root(&self) -> Address {
-        self.root
+        self.state.root()
     }
 
     /// One draw per instance: opaque ones first, then by what culls them.
@@ -258,15 +384,32 @@ impl ResidentScene {
         self.sky
     }
 
+    /// Where everything is in the moment that was gone to.
+    pub fn pose(&self) -> &Pose {
+        &self.state.pose
+    }
+
+    /// Whether anything in it ever moves.
+    pub fn is_animated(&self) -> bool {
+        self.state.is_animated()
+    }
+
     /// What the acceleration structures take.
     pub fn acceleration(&self) -> AccelerationReport {
         self.report
     }
 
+    /// How many instances rays see, as of the newest top level.
+    pub fn culled(&self) -> Culled {
+        self.culled
+    }
+
     /// Bytes of geometry, tables and textures.
     pub fn scene_bytes(&self) -> u64 {
         let textures: u64 = self.textures.iter().map(|t| t.bytes()).sum();
-        self.tables.bytes() + self.vertices.bytes() + self.indices.bytes() + textures
+        let deforming = self.deformation.as_ref().map_or(0, Deformation::bytes);
+        let tables = self.tables.bytes() + self.state.memory.bytes();
+        tables + self.vertices.bytes() + self.indices.bytes() + deforming + textures
     }
 
     /// Bytes of acceleration structures.
@@ -275,11 +418,20 @@ impl ResidentScene {
     }
 }
 
+/// A mesh of the scene as shaders read it.
+fn entry(geometry: &Geometry<'_>, acceleration: &Acceleration, mesh: usize) -> shared::Mesh {
+    let MeshPlace { positions, attributes, indices, .. } = geometry.meshes[mesh];
+    let of = &geometry.scene.meshes[mesh];
+    let (nodes, primitives) = acceleration.mesh(mesh);
+    let primitive_count = (of.indices.len() / 3 + of.spheres.len()) as u32;
+    shared::Mesh { positions, previous_positions: positions, attributes, indices, nodes, primitives, primitive_count }
+}
+
 impl Acceleration {
     /// Nodes and leaves of a mesh's tree; none where the driver traces.
     fn mesh(&self, mesh: usize) -> (Address, Address) {
         match self {
-            Self::Software(tree) => tree.meshes[mesh],
+            Self::Software(trees) => trees.meshes[mesh],
             Self::Driver(_) => Default::default(),
         }
     }
@@ -287,11 +439,11 @@ impl Acceleration {
     /// The part of the scene's root that says where rays begin.
     fn root(&self) -> shared::Scene {
         match self {
-            Self::Software(tree) => {
-                let (tlas_nodes, tlas_instances) = tree.top;
+            Self::Software(trees) => {
+                let (tlas_nodes, tlas_instances) = trees.top();
                 shared::Scene { tlas_nodes, tlas_instances, ..Default::default() }
             }
-            Self::Driver(driver) => shared::Scene { tlas: driver.top.address(), ..Default::default() },
+            Self::Driver(driver) => shared::Scene { tlas: driver.top(), ..Default::default() },
         }
     }
 }

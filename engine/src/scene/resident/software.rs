@@ -119,9 +119,8 @@ pub(super) struct Frame<'a> {
     pub pose: &'a Pose,
     /// Instances have moved, or are seen that were not.
     pub moved: bool,
-    /// Deforming meshes have changed; their vertices.
+    /// Deforming meshes have changed: their vertices.
     pub deformed: Option<Handle<GraphBuffer>>,
-    pub vertices: Handle<GraphBuffer>,
     pub indices: Handle<GraphBuffer>,
     /// Root of the scene's tables.
     pub root: Address,

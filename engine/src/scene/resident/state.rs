@@ -85,11 +85,6 @@ impl State {
         self.animator.is_animated()
     }
 
-    /// The animation.
-    pub fn animator(&self) -> &Animator {
-        &self.animator
-    }
-
     /// Goes to another moment. Says whether what rays see has changed.
     pub fn go(&mut self, moment: &Moment) -> bool {
         let animated = self.animator.is_animated();
@@ -139,9 +134,11 @@ impl State {
         let mut block = Block::default();
         block.add(&[self.root]);
         let instances: Vec<_> = (0..self.fixed.len()).map(|i| self.instance(i)).collect();
-        debug_assert_eq!(block.add(&instances), self.instances);
+        let at = block.add(&instances);
+        debug_assert_eq!(at, self.instances, "places in the tables");
         let lights: Vec<_> = self.pose.lights.iter().map(|l| light(&moved(l, -self.origin))).collect();
-        debug_assert_eq!(block.add(&lights), self.lights);
+        let at = block.add(&lights);
+        debug_assert_eq!(at, self.lights, "places in the tables");
         let staged = imports.buffer(self.staging.write(&block.0)?);
         let length = block.0.len() as u64;
         let staged = g.import_buffer("scene.staged", BufferDesc::new(length), Access::CopyRead, staged);

@@ -1,8 +1,8 @@
 //! The scene's tables in the layout that shaders read.
+use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
-use crate::ray::object_from_world;
-use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse, single};
+use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
 use glam::{Affine3A, Vec3};
 use magpie_shaders::scene as shared;
 use magpie_shaders::{SampledImage, SamplerId};
@@ -25,23 +25,46 @@ pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
 }
 
-pub(super) fn instance(scene: &Scene, instance: &Instance) -> shared::Instance {
+/// The part of an instance that never changes.
+pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> shared::Instance {
     let material = &scene.materials[instance.material as usize];
-    let alpha_test = if material.alpha == AlphaMode::Opaque { 0 } else { shared::INSTANCE_ALPHA_TEST };
-    let double_sided = if material.double_sided { shared::INSTANCE_DOUBLE_SIDED } else { 0 };
-    // The importer keeps no singular instance; a built-in or a user's one that is singular has no inside to trace.
-    let world_from_object = single(&instance.world_from_object);
-    let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
+    let is_spheres = !scene.meshes[instance.mesh as usize].spheres.is_empty();
+    let mut flags = 0;
+    for (set, bit) in [
+        (material.alpha != AlphaMode::Opaque && !is_spheres, shared::INSTANCE_ALPHA_TEST),
+        (material.double_sided, shared::INSTANCE_DOUBLE_SIDED),
+        (is_spheres, shared::INSTANCE_SPHERES),
+    ] {
+        flags |= if set { bit } else { 0 };
+    }
     shared::Instance {
-        world_from_object: rows(&world_from_object),
-        object_from_world: rows(&inverse),
-        previous_world_from_object: rows(&world_from_object),
-        mesh: instance.mesh,
+        mesh: mesh as u32,
         material: instance.material,
         mask: shared::INSTANCE_MASK_ALL,
-        flags: alpha_test | double_sided,
-        rounding: 0.0,
+        flags,
+        ..Default::default()
     }
+}
+
+/// Indices that the raster draws: spheres have none of their own.
+pub(super) fn raster_indices(mesh: &Mesh) -> Vec<u32> {
+    mesh.indices.clone()
+}
+
+/// Adds a mesh's positions, attributes and boxes; gives where they begin, the boxes of triangles at zero.
+pub(super) fn add_vertices(block: &mut Block, mesh: &Mesh) -> [u64; 3] {
+    if mesh.spheres.is_empty() {
+        return [block.add(&mesh.positions), block.add(&attributes(mesh)), 0];
+    }
+    let spheres: Vec<[f32; 4]> = mesh.spheres.iter().map(|s| s.centre.extend(s.radius).to_array()).collect();
+    let boxes: Vec<[[f32; 3]; 2]> = mesh
+        .spheres
+        .iter()
+        .map(|s| [(s.centre - s.radius).map(f32::next_down), (s.centre + s.radius).map(f32::next_up)].map(|c| c.to_array()))
+        .collect();
+    let spheres = block.add(&spheres);
+    // A place of zero says that there are none.
+    [spheres, spheres, block.add(&boxes)]
 }
 
 pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Result<Vec<shared::Material>, GpuError> {

@@ -1,0 +1,83 @@
+//! The scene as rays see it: what moves goes to the device, skins and morph targets deform, trees are refitted and built.
+//!
+//! The work itself is the engine's ([`magpie::scene::ResidentScene::declare`]); here are its settings.
+use crate::stages::AccelerationIn;
+use magpie::prelude::*;
+use magpie::scene::{Culling, Policy, ResidentError, SceneHandles};
+use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+
+/// The slot.
+pub fn stage() -> Stage<AccelerationIn, Result<SceneHandles, ResidentError>> {
+    let defaults = Policy::default();
+    let settings = [
+        SettingSpec::integer(
+            "rebuild_every",
+            "frames",
+            "After so many frames a deforming mesh's tree is built anew; between them it is refitted. Higher: cheaper frames, \
+             slower rays the further the mesh has bent. 0 never builds anew.",
+            i64::from(defaults.rebuild_every),
+            (0, 100_000),
+        ),
+        SettingSpec::choice(
+            "top_level",
+            "The tree over instances in frames where something moved: `rebuild` for the fastest rays, `refit` for the cheapest \
+             update, with a rebuild every `rebuild_every` frames.",
+            "rebuild",
+            &["rebuild", "refit"],
+        ),
+        SettingSpec::float(
+            "cull_distance",
+            "metres",
+            "Rays do not see instances further from the eye. Lower: faster rays, missing shadows and reflections. 0 keeps all.",
+            0.0,
+            (0.0, 1e12),
+        ),
+        SettingSpec::float(
+            "cull_frustum",
+            "",
+            "Rays do not see instances outside of the view, its half angle times this. Lower: faster rays, shadows and reflections of \
+             what is behind the eye are missing. 0 keeps all.",
+            0.0,
+            (0.0, 100.0),
+        ),
+        SettingSpec::float(
+            "cull_solid_angle",
+            "steradians",
+            "Rays do not see instances that look smaller than this from the eye. Higher: faster rays, small shadows and reflections \
+             are missing. 0 keeps all.",
+            0.0,
+            (0.0, 12.6),
+        ),
+    ];
+    Stage::new("acceleration")
+        .about("Brings moved and deformed meshes, and the trees that rays walk, up to date.")
+        .with("two-level", "A tree per mesh and one over the instances.", &settings, |_, settings| {
+            Ok(Box::new(TwoLevel { policy: policy(settings)? }))
+        })
+}
+
+fn policy(settings: &Settings) -> Result<Policy, StageError> {
+    Ok(Policy {
+        rebuild_every: settings.u32("rebuild_every")?,
+        refit_top: settings.choice("top_level")? == "refit",
+        culling: Culling {
+            distance: settings.f32("cull_distance")?,
+            frustum: settings.f32("cull_frustum")?,
+            solid_angle: settings.f32("cull_solid_angle")?,
+        },
+    })
+}
+
+struct TwoLevel {
+    policy: Policy,
+}
+
+impl Effect for TwoLevel {
+    type In = AccelerationIn;
+    type Out = Result<SceneHandles, ResidentError>;
+
+    fn add(&mut self, g: &mut FrameGraph, _: &View, i: AccelerationIn) -> Self::Out {
+        let mut imports = i.imports.borrow_mut();
+        i.scene.borrow_mut().declare(g, &mut imports, Some(&i.camera), &self.policy)
+    }
+}
