@@ -33,7 +33,7 @@ pub(super) fn scene() -> Scene {
     stage.scene.light_nodes.push(None);
     stage.scene.daylight = Some(daylight);
     lamp(&mut stage);
-    stage.camera("default", [-0.35, 1.95, 7.1], [0.05, 1.28, 0.0], 36.0);
+    stage.camera("default", [-0.35, 1.90, 7.0], [0.08, 1.24, 0.0], 35.0);
     stage.camera("close", [0.2, 1.25, 4.3], [-1.2, 0.95, 0.9], 40.0);
     ride(&mut stage);
     stage.scene
@@ -66,8 +66,8 @@ fn wave(turns: f32, phase: f32) -> f32 {
 
 fn ground(stage: &mut Stage) {
     let grass = stage.material(matte("grass", [0.16, 0.21, 0.07]));
-    let gravel = stage.material(matte("gravel", [0.46, 0.41, 0.34]));
-    let plaster = stage.material(matte("plaster", [0.60, 0.52, 0.42]));
+    let gravel = stage.material(matte("gravel", [0.34, 0.28, 0.21]));
+    let plaster = stage.material(matte("plaster", [0.56, 0.40, 0.25]));
     let tile = stage.material(dielectric("roof tile", [0.48, 0.16, 0.09], 0.6));
     let mut plane = Shape::default();
     let h = 60.0;
@@ -384,7 +384,7 @@ fn clock(stage: &mut Stage) {
     let face = stage.material(dielectric("clock face", [0.75, 0.72, 0.62], 0.4));
     let iron = stage.material(metal("clock iron", [0.20, 0.19, 0.19], 0.5));
     let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-    let place = DVec3::new(2.05, 2.25, -2.925);
+    let place = DVec3::new(3.45, 2.22, -2.925);
     let local = Local::Trs { translation: place, rotation: upright, scale: DVec3::ONE };
     let dial = stage.node("clock", None, local);
     let disc = lathe(&[line(&[[0.40, 0.0], [0.40, 0.04]]), line(&[[0.40, 0.04], [0.0, 0.04]])], 56);
@@ -417,9 +417,9 @@ fn lamp(stage: &mut Stage) {
         ],
         20,
     );
-    stage.add("lamp post", post, iron, at(1.25, 0.0, 1.35, 0.0));
-    stage.add("lamp arm", block(0.75, 0.05, 0.05, 0.008), iron, at(1.55, 2.53, 1.35, 0.0));
-    let hook = stage.node("lamp hook", None, moved(DVec3::new(1.86, 2.54, 1.35)));
+    stage.add("lamp post", post, iron, at(2.30, 0.0, -1.95, 0.0));
+    stage.add("lamp arm", block(0.05, 0.05, 1.45, 0.008), iron, at(2.30, 2.53, -1.30, 0.0));
+    let hook = stage.node("lamp hook", None, moved(DVec3::new(2.30, 2.54, -0.62)));
     let swing =
         smooth(8, |t| Quat::from_euler(glam::EulerRot::XYZ, 0.22 * wave(t, 0.25), 0.0, 0.42 * wave(t, 0.0)).to_array());
     stage.channel(hook, Property::Rotation, Interpolation::CubicSpline, swing);

@@ -13,7 +13,7 @@ const MAX_FILE: u64 = 1 << 32;
 const MAX_BUFFERS: u64 = 1 << 33;
 
 /// Reads a scene file: its text, parsed, and the binary chunk of a .glb.
-pub(super) fn open(path: &Path) -> Result<(json::Root, Option<Vec<u8>>), SceneError> {
+pub(super) fn open(path: &Path, notices: &mut Vec<String>) -> Result<(json::Root, Option<Vec<u8>>), SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let file = File::open(path).map_err(read)?;
     let meta = file.metadata().map_err(read)?;
@@ -28,13 +28,35 @@ pub(super) fn open(path: &Path) -> Result<(json::Root, Option<Vec<u8>>), SceneEr
     let (text, bin) = if bytes.starts_with(b"glTF") { split_glb(path, &bytes)? } else { (&bytes[..], None) };
     let refuse = |reason: String| SceneError::NotGltf { path: path.to_owned(), reason };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-    let root: json::Root = json::deserialize::from_slice(text).map_err(|e| refuse(e.to_string()))?;
+    let root = parse(text, notices).map_err(|e| refuse(e.to_string()))?;
     let asked = root.asset.min_version.as_ref().unwrap_or(&root.asset.version);
     if !(asked == "2.0" || (root.asset.min_version.is_none() && asked.starts_with("2."))) {
         let version: String = asked.chars().filter(|c| !c.is_control()).take(16).collect();
         return Err(refuse(format!("version {version:?}, wanted 2.0")));
     }
     Ok((root, bin.map(<[u8]>::to_vec)))
+}
+
+/// Parses the text. The `gltf` crate demands a node of every channel of an animation, where glTF lets extensions leave it out:
+/// a text that does not parse is parsed again without such channels.
+fn parse(text: &[u8], notices: &mut Vec<String>) -> Result<json::Root, json::Error> {
+    let error = match json::deserialize::from_slice(text) {
+        Ok(root) => return Ok(root),
+        Err(error) => error,
+    };
+    let Ok(mut root) = json::deserialize::from_slice::<json::Value>(text) else { return Err(error) };
+    let mut nodeless = 0;
+    let animations = root.get_mut("animations").and_then(|a| a.as_array_mut());
+    for channels in animations.into_iter().flatten().filter_map(|a| a.get_mut("channels")?.as_array_mut()) {
+        let before = channels.len();
+        channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some()));
+        nodeless += before - channels.len();
+    }
+    if nodeless == 0 {
+        return Err(error);
+    }
+    notices.push(format!("{nodeless} channels of animations without a node: ignored"));
+    json::deserialize::from_value(root)
 }
 
 /// The text and the binary chunk of a .glb (glTF 2.0 specification, section 4).

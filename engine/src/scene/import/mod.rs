@@ -81,8 +81,8 @@ fn label(name: Option<&str>, fallback: impl FnOnce() -> String) -> String {
 /// # Errors
 /// [`SceneError`], naming the file and the element that is at fault.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
-    let (root, bin) = file::open(path)?;
     let mut notices = Vec::new();
+    let (root, bin) = file::open(path, &mut notices)?;
     check_extensions(&root, path, &mut notices)?;
     let scene = assemble(&root, bin, path, notices).map_err(|At { element, fault }| SceneError::Element {
         path: path.to_owned(),

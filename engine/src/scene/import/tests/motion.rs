@@ -346,6 +346,9 @@ fn what_cannot_be_carried_out_is_said() {
     );
     warned(&[(&target(0), json!({ "node": 3, "path": "pointer" }))], "all: 1 channel for unknown properties");
     warned(&[(&target(2), json!({ "node": 0, "path": "weights" }))], "all: 1 channel for nodes without morph targets");
+    let scene =
+        warned(&[(&target(0), json!({ "path": "pointer" }))], "1 channels of animations without a node: ignored");
+    assert_eq!(scene.animations[0].channels.len(), 3);
     let again = json!({ "sampler": 1, "target": { "node": 3, "path": "rotation" } });
     let scene = warned(&[("/animations/0/channels/0", again)], "all: 1 channel for what another channel moves");
     assert_eq!(scene.animations[0].channels.len(), 3);
