@@ -13,7 +13,6 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::{Light, Material, ResidentOptions, ResidentScene, Scene};
-use magpie_passes::frame::frame;
 use magpie_passes::{Slots, Stages};
 use magpie_shaders::{SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
