@@ -108,6 +108,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     if let Some(last) = &last {
         console::print(&format!("{}\n", Gains::of(&last.plan)))?;
     }
+    console::print(&format!("{}\n", report.acceleration))?;
     let mut findings = session.origins();
     findings.extend(session.close()?);
     tell_findings(&findings)

@@ -448,6 +448,16 @@ pub enum StageError {
         /// What went wrong.
         source: Box<dyn Error + Send + Sync>,
     },
+    /// The implementation does not go with how the program was started.
+    #[error("stages.{slot}: \"{implementation}\" cannot run here: {reason}")]
+    Unsuitable {
+        /// The slot.
+        slot: &'static str,
+        /// The implementation.
+        implementation: &'static str,
+        /// Why.
+        reason: String,
+    },
     /// Anything that fails inside a constructor; [`Stage::choose`] adds slot and implementation.
     #[error(transparent)]
     Other(Box<dyn Error + Send + Sync>),

@@ -1,7 +1,7 @@
 //! The whole frame on one screen: read this first.
 use crate::slots::Slots;
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, SceneHandles,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, RaysIn, RaysOut, SceneHandles,
     ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
@@ -12,6 +12,7 @@ use magpie::stage::{Build, Filled, StageError};
 /// One implementation in every slot.
 pub struct Stages {
     acceleration: Filled<AccelerationIn, Result<SceneHandles, ResidentError>>,
+    rays: Filled<RaysIn, RaysOut>,
     gbuffer: Filled<GBufferIn, GBuffer>,
     shadows: Filled<ShadowIn, ShadowOut>,
     direct: Filled<DirectIn, DirectOut>,
@@ -42,6 +43,7 @@ pub fn frame(
     scene: AccelerationIn,
 ) -> Result<FrameOut, ResidentError> {
     let scene = stages.acceleration.add(g, view, scene)?;
+    stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer });
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
@@ -61,6 +63,7 @@ impl Stages {
     pub fn new(build: &Build<'_>, slots: &Slots, config: &Config) -> Result<Self, StageError> {
         Ok(Self {
             acceleration: slots.acceleration.from_config(build, config)?,
+            rays: slots.rays.from_config(build, config)?,
             gbuffer: slots.gbuffer.from_config(build, config)?,
             shadows: slots.shadows.from_config(build, config)?,
             direct: slots.direct.from_config(build, config)?,
@@ -81,6 +84,7 @@ impl Stages {
         // Everything is made before anything takes its place.
         let changes = [
             slots.acceleration.change(&mut self.acceleration, build, config)?,
+            slots.rays.change(&mut self.rays, build, config)?,
             slots.gbuffer.change(&mut self.gbuffer, build, config)?,
             slots.shadows.change(&mut self.shadows, build, config)?,
             slots.direct.change(&mut self.direct, build, config)?,

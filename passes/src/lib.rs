@@ -32,6 +32,7 @@ pub mod frame;
 mod gbuffer;
 mod gi;
 mod post;
+mod rays;
 mod reflections;
 pub mod renderer;
 mod shadows;

@@ -340,6 +340,7 @@ impl Renderer {
         sample.declare_ns = declare_ns;
         sample.cpu_ns += declare_ns;
         sample.memory.scene_bytes = self.scene.borrow().scene_bytes();
+        sample.acceleration = self.scene.borrow().acceleration();
         sample.memory.acceleration_bytes = self.scene.borrow().acceleration_bytes();
         let mut findings = Vec::new();
         if let Some(scanned) = scan {

@@ -1,9 +1,9 @@
 //! The implementations that come with Magpie. A user adds others with [`Stage::register`].
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, ShadowIn, ShadowOut,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, RaysIn, RaysOut, ShadowIn, ShadowOut,
     SceneHandles, SkyIn,
 };
-use crate::{acceleration, compose, direct, gbuffer, gi, post, reflections, shadows, sky};
+use crate::{acceleration, compose, direct, gbuffer, gi, post, rays, reflections, shadows, sky};
 use magpie::config::Catalogue;
 use magpie::prelude::*;
 use magpie::scene::ResidentError;
@@ -14,6 +14,8 @@ use magpie::stage::{SlotInfo, Stage};
 pub struct Slots {
     /// The scene as rays see it.
     pub acceleration: Stage<AccelerationIn, Result<SceneHandles, ResidentError>>,
+    /// How much work rays are.
+    pub rays: Stage<RaysIn, RaysOut>,
     /// What the camera sees first.
     pub gbuffer: Stage<GBufferIn, GBuffer>,
     /// Where the key light is hidden.
@@ -36,6 +38,7 @@ impl Default for Slots {
     fn default() -> Self {
         Self {
             acceleration: acceleration::stage(),
+            rays: rays::stage(),
             gbuffer: gbuffer::stage(),
             shadows: shadows::stage(),
             direct: direct::stage(),
@@ -53,6 +56,7 @@ impl Slots {
     pub fn infos(&self) -> Vec<SlotInfo> {
         let infos = [
             self.acceleration.info(),
+            self.rays.info(),
             self.gbuffer.info(),
             self.shadows.info(),
             self.direct.info(),

@@ -43,6 +43,20 @@ pub struct GBufferIn {
     pub scene: SceneHandles,
 }
 
+/// Slot `rays`.
+#[derive(Clone, Copy, Debug)]
+pub struct RaysIn {
+    /// What rays see.
+    pub scene: SceneHandles,
+}
+
+/// How much work rays are; `None` when nobody wants to know.
+#[derive(Clone, Copy, Debug)]
+pub struct RaysOut {
+    /// In false colours, RGBA8.
+    pub colours: Option<Handle<Image>>,
+}
+
 /// Slot `shadows`.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowIn {

@@ -13,6 +13,7 @@ pub mod compose;
 pub mod direct;
 pub mod gbuffer;
 pub mod post;
+pub mod rays;
 pub mod scene;
 pub mod shadows;
 pub mod sky;

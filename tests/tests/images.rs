@@ -1,6 +1,8 @@
 //! One image per effect on the courtyard, against a golden, with what must hold beyond it.
-use anyhow::Result;
+use anyhow::{Context, Result, ensure};
 use magpie::pixels::Pixels;
+use magpie::prelude::Rays;
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
 
 const SIZE: [u32; 2] = [240, 135];
@@ -125,4 +127,79 @@ fn cornell() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let picture = render(&gpu, &builtin("cornell")?, &config(&[])?, [128, 128], 1, None)?;
     compare_with_golden("cornell", &display(picture)?, LIMIT)
+}
+
+/// The carousel at a time, with rays traced in one way: the picture, and what ran.
+fn carousel(rays: Rays, time: f64) -> Result<Option<FrameResult>> {
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    if !gpu.rays().contains(&rays) {
+        eprintln!("skipped: {} has no rays by {rays}", gpu.report().name);
+        return Ok(None);
+    }
+    let scene = builtin("carousel")?;
+    let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, rays, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
+    let mut frame = |time, read_back| {
+        let request = FrameRequest { camera: &scene.cameras[0], time, view: None, read_back };
+        renderer.frame(request)?.context("a size of zero")
+    };
+    for step in 0..3 {
+        ensure!(frame(time - 0.1 * f64::from(3 - step), false)?.findings.is_empty(), "step {step}");
+    }
+    frame(time, true).map(Some)
+}
+
+fn picture(result: &FrameResult) -> Result<&Pixels> {
+    let images = result.images.as_ref().context("no image was read back")?;
+    images.display.as_ref().context("no display image")
+}
+
+#[test]
+fn acceleration_moves_the_carousel_for_every_way_to_trace() -> Result<()> {
+    let Some(first) = carousel(Rays::Software, 0.5)? else { return Ok(()) };
+    golden("acceleration", Some(picture(&first)?))?;
+    let ran = |result: &FrameResult, name: &str| result.sample.passes.iter().any(|p| p.name.starts_with(name));
+    for name in ["scene.update", "acceleration.deform", "acceleration.refit", "acceleration.top"] {
+        ensure!(ran(&first, name), "{name} did not run");
+    }
+    let pixels = |image: &Pixels| image.bytes.chunks_exact(4).map(<[u8]>::to_vec).collect::<Vec<_>>();
+    let other = carousel(Rays::Software, 1.5)?.context("the device was there before")?;
+    let differ = |a: &FrameResult, b: &FrameResult| -> Result<usize> {
+        Ok(pixels(picture(a)?).iter().zip(pixels(picture(b)?)).filter(|(a, b)| **a != *b).count())
+    };
+    let moved = differ(&first, &other)?;
+    ensure!(moved > 3000, "only {moved} pixels changed in a second");
+    for rays in [Rays::Query, Rays::Pipeline] {
+        let Some(result) = carousel(rays, 0.5)? else { continue };
+        let off = differ(&first, &result)?;
+        println!("{rays}: {off} pixels differ from software");
+        // A shadow's edge may fall on another side of a pixel's centre.
+        ensure!(off * 1000 < first.images.as_ref().map_or(0, |i| i.linear.values().len()), "{rays}: {off} pixels differ");
+    }
+    Ok(())
+}
+
+#[test]
+fn acceleration_of_what_stands_still_costs_nothing() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let result = render(&gpu, &scene, &config(&[])?, SIZE, 2, None)?;
+    let names: Vec<_> = result.declaration.passes.iter().zip(0..).map(|(_, i)| result.declaration.pass_name(i)).collect();
+    let moving = |name: &&&str| name.starts_with("scene.") || name.starts_with("acceleration.") || name.starts_with("rays.");
+    ensure!(!names.iter().any(|name| moving(&name)), "{names:?}");
+    Ok(())
+}
+
+#[test]
+fn rays_are_dearer_through_foliage_than_on_walls() -> Result<()> {
+    let Some(image) = output("rays.heat_map", "steps", &["stages.rays=heat-map"])? else { return Ok(()) };
+    let values = image.values();
+    let steps = |v: &[f32; 4]| v[0] + v[1];
+    ensure!(values.iter().all(|v| v[0] >= 1.0), "every ray looks at the root");
+    let mut sorted: Vec<f32> = values.iter().map(steps).collect();
+    sorted.sort_by(f32::total_cmp);
+    let (median, hot) = (sorted[sorted.len() / 2], sorted[sorted.len() * 99 / 100]);
+    println!("steps of a ray: median {median}, 99th percentile {hot}");
+    ensure!(median < 80.0 && hot > 2.0 * median, "median {median}, 99th percentile {hot}");
+    Ok(())
 }

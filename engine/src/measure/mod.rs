@@ -98,6 +98,8 @@ pub struct FrameSample {
     pub barriers: u32,
     /// Memory in use.
     pub memory: Memory,
+    /// What rays see, and what that takes.
+    pub acceleration: Acceleration,
 }
 
 /// Memory in use, bytes.
@@ -115,4 +117,45 @@ pub struct Memory {
     pub scene_bytes: u64,
     /// Acceleration structures.
     pub acceleration_bytes: u64,
+}
+
+/// The acceleration structures of a scene, and how many of its instances are in them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Acceleration {
+    /// Instances that rays see.
+    pub traced: u32,
+    /// Instances left out: too far away.
+    pub far: u32,
+    /// Instances left out: outside of the expanded frustum.
+    pub outside: u32,
+    /// Instances left out: they look too small.
+    pub small: u32,
+    /// Bytes of all bottom levels.
+    pub bottom_bytes: u64,
+    /// The same before compaction.
+    pub uncompacted_bytes: u64,
+    /// Bytes of the top level.
+    pub top_bytes: u64,
+    /// Milliseconds to build all bottom levels when the scene was loaded: of the device where the driver builds, else of the host.
+    pub bottom_ms: f64,
+    /// Milliseconds to build the newest top level: of the host where Magpie builds it; of the device, when the scene was loaded,
+    /// where the driver does.
+    pub top_ms: f64,
+}
+
+impl std::fmt::Display for Acceleration {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let megabytes = |bytes: u64| bytes as f64 / 1e6;
+        let left_out = self.far + self.outside + self.small;
+        write!(f, "rays see {} of {} instances", self.traced, self.traced + left_out)?;
+        if left_out > 0 {
+            write!(f, " (left out: {} far, {} outside, {} small)", self.far, self.outside, self.small)?;
+        }
+        write!(f, "; bottom levels {:.2} MB", megabytes(self.bottom_bytes))?;
+        if self.uncompacted_bytes > self.bottom_bytes {
+            write!(f, " (compacted from {:.2} MB)", megabytes(self.uncompacted_bytes))?;
+        }
+        let (bottom, top) = (self.bottom_ms, self.top_ms);
+        write!(f, ", built in {bottom:.1} ms; top level {:.2} MB, built in {top:.2} ms", megabytes(self.top_bytes))
+    }
 }

@@ -78,6 +78,7 @@ impl Recorder {
                 overlap_ms: middle_of(self.frames.iter().filter_map(FrameSample::overlap_ns)).map(|ns| ns / 1e6),
             },
             memory: last.memory,
+            acceleration: last.acceleration,
             passes: self.columns().into_iter().map(Column::report).collect(),
         })
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Memory, Statistics, statistics::Spread};
+use super::{Acceleration, Memory, Statistics, statistics::Spread};
 use crate::config::Config;
 
 /// The device of a run.
@@ -129,6 +129,8 @@ pub struct Report {
     pub graph: GraphReport,
     /// Memory in use.
     pub memory: Memory,
+    /// What rays see, and what that takes.
+    pub acceleration: Acceleration,
     /// Passes in order of submission.
     pub passes: Vec<PassReport>,
 }

@@ -27,7 +27,7 @@ pub use error::{Fault, SceneError};
 pub use import::load;
 pub use pose::{Animator, Pose};
 pub use resident::{
-    AccelerationReport, Culled, Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles,
+    Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles,
     SharedScene,
 };
 pub use supply::supply_missing;

@@ -86,8 +86,9 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
             format!("image test: a test `{effect}` or `{effect}_…` in tests/tests/images"),
         );
     }
-    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark.
-    let others = BTreeSet::from(["src", "tests", "lib", "check", "bench"]);
+    // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark, `ray` to every
+    // pipeline that traces.
+    let others = BTreeSet::from(["src", "tests", "lib", "check", "bench", "ray"]);
     for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
         faults.push(format!("shaders/{folder} has no passes/src/{folder}"));
     }
@@ -144,6 +145,7 @@ fn an_effect_that_lacks_a_folder_is_found() {
         ("shaders/lib/rng.glsl", ""),
         ("shaders/check/nan.comp", ""),
         ("shaders/bench/buffer.comp", ""),
+        ("shaders/ray/hit.rchit", ""),
     ];
     assert_eq!(four_folders(&Tree::of(&whole)), [""; 0]);
     for (missing, part) in

@@ -46,6 +46,16 @@ fn frame(gpu_ms: u64, passes: Vec<PassTime>) -> FrameSample {
         culled: 1,
         barriers: 7,
         memory,
+        acceleration: Acceleration {
+            traced: 3,
+            outside: 1,
+            bottom_bytes: 80,
+            uncompacted_bytes: 160,
+            top_bytes: 16,
+            bottom_ms: 0.5,
+            top_ms: 0.25,
+            ..Acceleration::default()
+        },
         ..FrameSample::default()
     }
 }
@@ -71,6 +81,8 @@ fn json_has_the_documented_names() {
                   "submit_us": 0.75, "wait_us": 3.0, "passes": 1, "culled": 1, "barriers": 7, "queues": 1, "overlap_ms": null},
         "memory": {"transient_bytes": 1024, "transient_lower_bound": 0, "transient_unaliased": 0, "history_bytes": 0,
                    "scene_bytes": 0, "acceleration_bytes": 0},
+        "acceleration": {"traced": 3, "far": 0, "outside": 1, "small": 0, "bottom_bytes": 80, "uncompacted_bytes": 160,
+                         "top_bytes": 16, "bottom_ms": 0.5, "top_ms": 0.25},
         "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
                     "gpu_ms": {"median": 3.0, "min": 2.0, "p99": 4.0, "max": 4.0}, "cpu_us": 2.5,
                     "rays": {"closest": 0, "any": 10}, "draws": 0, "dispatches": 1}],

@@ -8,7 +8,7 @@ mod state;
 mod tables;
 mod textures;
 
-pub use policy::{Culled, Culling, Policy};
+pub use policy::{Culling, Policy};
 pub use state::Moment;
 
 use super::{Animator, Camera, Daylight, Pose, Scene};
@@ -17,6 +17,7 @@ use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
     Access, Buffer as GraphBuffer, BufferDesc, BufferToken, Draw, Extent, FrameGraph, Handle, PassBuilder, Tlas, TraceToken,
 };
+use crate::measure::Acceleration as AccelerationReport;
 use crate::ray::{Bounds, RayError};
 use block::Block;
 use deform::Deformation;
@@ -70,21 +71,6 @@ impl Default for ResidentOptions {
     }
 }
 
-/// What the acceleration structures of a scene take.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AccelerationReport {
-    /// Bytes of all bottom levels.
-    pub bottom_bytes: u64,
-    /// The same before compaction.
-    pub uncompacted_bytes: u64,
-    /// Bytes of the top level.
-    pub top_bytes: u64,
-    /// Milliseconds to build all bottom levels: of the device where the driver builds, else of the host.
-    pub bottom_ms: f64,
-    /// Milliseconds to build the top level, likewise.
-    pub top_ms: f64,
-}
-
 /// A scene on the device.
 pub struct ResidentScene {
     tables: Arc<Buffer>,
@@ -97,7 +83,6 @@ pub struct ResidentScene {
     report: AccelerationReport,
     /// Of each instance: the mesh that it shows, deforming ones after all others, and its box in object space.
     shown: Vec<(usize, Bounds)>,
-    culled: Culled,
     /// What is to be traced has changed since the top level was made.
     changed: bool,
     policy: Policy,
@@ -269,7 +254,6 @@ impl ResidentScene {
             acceleration,
             report,
             shown,
-            culled: Culled::default(),
             changed: true,
             policy: Policy::default(),
             frames: 0,
@@ -333,14 +317,15 @@ impl ResidentScene {
         }
 
         // What rays see.
-        let mut culled = Culled::default();
+        let mut counts = AccelerationReport::default();
         let seen: Vec<Seen> = if moved || changed.is_some() {
-            (0..self.shown.len()).map(|i| self.seen(i, camera, policy, &mut culled)).collect()
+            (0..self.shown.len()).map(|i| self.seen(i, camera, policy, &mut counts)).collect()
         } else {
             Vec::new()
         };
         if !seen.is_empty() {
-            self.culled = culled;
+            let AccelerationReport { traced, far, outside, small, .. } = counts;
+            self.report = AccelerationReport { traced, far, outside, small, ..self.report };
         }
         let now = &self.state;
         let (pose, root, number) = (&now.pose, now.root(), self.frames);
@@ -357,16 +342,16 @@ impl ResidentScene {
     }
 
     /// An instance for the top level.
-    fn seen(&self, index: usize, camera: Option<&Camera>, policy: &Policy, culled: &mut Culled) -> Seen {
+    fn seen(&self, index: usize, camera: Option<&Camera>, policy: &Policy, counts: &mut AccelerationReport) -> Seen {
         let (mesh, bounds) = self.shown[index];
         let world_from_object = self.state.placed(index);
         let traced = match camera.filter(|_| !policy.culling.is_off()) {
             Some(camera) => {
                 let bounds = self.state.pose.bounds[index].map_or(bounds, |[min, max]| Bounds { min, max });
-                policy.culling.decide(&bounds.transformed(&world_from_object), camera, self.state.origin, culled)
+                policy.culling.decide(&bounds.transformed(&world_from_object), camera, self.state.origin, counts)
             }
             None => {
-                culled.traced += 1;
+                counts.traced += 1;
                 true
             }
         };
@@ -403,14 +388,9 @@ impl ResidentScene {
         self.state.is_animated()
     }
 
-    /// What the acceleration structures take.
+    /// What rays see as of the newest top level, and what the acceleration structures take.
     pub fn acceleration(&self) -> AccelerationReport {
         self.report
-    }
-
-    /// How many instances rays see, as of the newest top level.
-    pub fn culled(&self) -> Culled {
-        self.culled
     }
 
     /// Bytes of geometry, tables and textures.

@@ -1,4 +1,5 @@
 //! What rays see of a scene, and how its acceleration structures are kept up to date.
+use crate::measure::Acceleration;
 use crate::ray::Bounds;
 use crate::scene::Camera;
 use glam::{Affine3A, DVec3, Vec3};
@@ -44,19 +45,6 @@ pub struct Culling {
     pub solid_angle: f32,
 }
 
-/// How many instances rays see, and for what reason others not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Culled {
-    /// In the top level.
-    pub traced: u32,
-    /// Too far.
-    pub far: u32,
-    /// Outside of the expanded frustum.
-    pub outside: u32,
-    /// Too small.
-    pub small: u32,
-}
-
 /// An instance as the top level wants it.
 pub(super) struct Seen {
     /// Index into the meshes, deforming ones after all others.
@@ -72,7 +60,7 @@ impl Culling {
     }
 
     /// Decides about a box in the world, `bounds` and the camera counted from the same `origin`.
-    pub(super) fn decide(&self, bounds: &Bounds, camera: &Camera, origin: DVec3, counts: &mut Culled) -> bool {
+    pub(super) fn decide(&self, bounds: &Bounds, camera: &Camera, origin: DVec3, counts: &mut Acceleration) -> bool {
         let eye = (camera.eye().as_dvec3() - origin).as_vec3();
         let nearest = eye.clamp(bounds.min, bounds.max);
         let distance = eye.distance(nearest);

@@ -1,0 +1,74 @@
+//! Looking at rays: how much work each is.
+use crate::stages::{RaysIn, RaysOut};
+use magpie::prelude::*;
+use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie_shaders::RAYS_HEAT_MAP_RAY;
+use magpie_shaders::rays::HeatMapParams;
+
+/// The slot.
+pub fn stage() -> Stage<RaysIn, RaysOut> {
+    let hottest = SettingSpec::float(
+        "hottest",
+        "steps",
+        "Steps that are shown white. Lower: differences between cheap rays show; higher: between dear ones.",
+        100.0,
+        (1.0, 10_000.0),
+    );
+    Stage::new("rays")
+        .about("Shows how much work rays are; not part of the picture.")
+        .with("off", "Nothing is shown, nothing is traced.", &[], |_, _| Ok(Box::new(Off)))
+        .with(
+            "heat-map",
+            "Steps of one primary ray per pixel through Magpie's own trees: `--view rays.heat_map:colours`.",
+            &[hottest],
+            |build, settings| Ok(Box::new(HeatMap::new(build, settings)?)),
+        )
+}
+
+struct Off;
+
+impl Effect for Off {
+    type In = RaysIn;
+    type Out = RaysOut;
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, _: RaysIn) -> RaysOut {
+        RaysOut { colours: None }
+    }
+}
+
+struct HeatMap {
+    kernel: RayKernel,
+    hottest: f32,
+}
+
+impl HeatMap {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+        if build.rays != Rays::Software {
+            let (slot, implementation) = ("rays", "heat-map");
+            let reason = format!("the driver does not say how it walks: wanted rays by software, got {}", build.rays);
+            return Err(StageError::Unsuitable { slot, implementation, reason });
+        }
+        Ok(Self { kernel: build.ray_kernel(&RAYS_HEAT_MAP_RAY)?, hottest: settings.f32("hottest")? })
+    }
+}
+
+impl Effect for HeatMap {
+    type In = RaysIn;
+    type Out = RaysOut;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: RaysIn) -> RaysOut {
+        let (kernel, hottest, block) = (self.kernel, self.hottest, view.block);
+        let colours = g.pass("rays.heat_map", Queue::AsyncCompute, |p| {
+            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (_, steps) = p.create("steps", ImageDesc::full(Format::Rg32Float));
+            let (colours, shown) = p.create("colours", ImageDesc::full(Format::Rgba8Unorm));
+            let extent = p.extent_of(ImageDesc::full(Format::Rgba8Unorm));
+            (colours.read(), move |c: &mut Record<'_>| {
+                let (view, rays) = (c.id(block), c.rays());
+                let params = HeatMapParams { view, rays, steps: c.id(steps), colours: c.id(shown), hottest };
+                c.trace(kernel, tlas, &params, extent);
+            })
+        });
+        RaysOut { colours: Some(colours) }
+    }
+}
