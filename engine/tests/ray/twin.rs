@@ -234,12 +234,13 @@ impl Tables<'_> {
                 if let Some((t, barycentric, front)) = found {
                     hit = Hit { t, instance, primitive: candidate.primitive, barycentric, front };
                     if any_hit {
+                        nodes_left = NOTHING;
+                        instances = NOTHING;
+                        height = 0;
+                        mesh_height = 0;
                         break;
                     }
                 }
-            }
-            if any_hit && hit.instance != NO_HIT {
-                break;
             }
 
             let level_done = nodes_left.y & NODE_HITS == 0;
