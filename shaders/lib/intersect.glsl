@@ -71,11 +71,14 @@ uint hit_children(BvhNode node, BoxRay ray, float t_min, float t_max)
     bvec3 backwards = lessThan(ray.inverse, vec3(0.0));
     uint hits = 0u;
     for (int half_node = 0; half_node < 2; ++half_node) {
+        uint metas = node.meta[half_node];
+        if (metas == 0u) {
+            continue;
+        }
         uvec3 lower = uvec3(node.min_x[half_node], node.min_y[half_node], node.min_z[half_node]);
         uvec3 upper = uvec3(node.max_x[half_node], node.max_y[half_node], node.max_z[half_node]);
         uvec3 near_planes = mix(lower, upper, backwards);
         uvec3 far_planes = mix(upper, lower, backwards);
-        uint metas = node.meta[half_node];
         for (int shift = 0; shift < 32; shift += 8) {
             vec3 near = vec3((near_planes >> shift) & 255u) * scale + near_base;
             vec3 far = vec3((far_planes >> shift) & 255u) * scale + far_base;

@@ -100,12 +100,14 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
             if (met) {
                 hit = Hit(found.t, instance, candidate.primitive, found.barycentric, found.front);
                 if (any_hit) {
+                    // Ends as a walk that has nothing left: one way out of the loop.
+                    nodes_left = NOTHING;
+                    instances = NOTHING;
+                    height = 0u;
+                    mesh_height = 0u;
                     break;
                 }
             }
-        }
-        if (any_hit && hit.instance != NO_HIT) {
-            break;
         }
 
         bool level_done = (nodes_left.y & NODE_HITS) == 0u;

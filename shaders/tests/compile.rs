@@ -84,3 +84,28 @@ fn every_stage_is_known_by_its_extension() {
     }
     assert_eq!(Stage::of_file("lib/brdf.glsl"), None);
 }
+
+#[test]
+fn the_walk_counts_its_steps_where_it_is_asked_to() {
+    struct Embedded;
+    impl Includes for Embedded {
+        fn find(&mut self, name: &str) -> Option<String> {
+            INCLUDES.iter().find(|(n, _)| *n == name).map(|(_, text)| (*text).to_owned())
+        }
+    }
+    let source = format!(
+        "{HEAD}#include \"lib/ray.glsl\"
+layout(push_constant, scalar) uniform Push {{ uvec2 scene; uint steps; }};
+void main() {{
+    Hit hit;
+    trace_closest(SceneBuffer(scene), make_ray(vec3(0.0), 0.0, vec3(1.0), 1.0), hit);
+    store_uint(steps, ivec2(RAY_INVOCATION.xy), uvec4(ray_steps, 0u, 0u));
+}}
+"
+    );
+    let with = [("RAYS_SOFTWARE", None), ("RAYS_STEPS", None)];
+    assert!(compile_with("steps.ray", &source, Stage::Compute, &with, &mut Embedded).is_ok());
+    // Without the define there is no counter, so it can cost nothing.
+    let error = compile_with("steps.ray", &source, Stage::Compute, &with[..1], &mut Embedded).expect_err("no counter");
+    assert!(error.to_string().contains("ray_steps"), "{error}");
+}

@@ -357,3 +357,43 @@ fn spheres_are_held_and_bad_ones_refused() {
         assert!(matches!(error, RayError::Sphere { sphere: 1, .. }), "{error}");
     }
 }
+
+/// What the documentation of [`magpie::ray::Levels`] tells a shader to do: cell and planes of a child along one axis, in `f32`.
+fn quantise_in_f32(node: [f32; 2], child: [f32; 2]) -> (f32, [u32; 2]) {
+    let size = node[1] - node[0];
+    let mut cell = 2.0_f32.powi(-60);
+    while size * (1.0 + 2.0_f32.powi(-20)) > 255.0 * cell {
+        cell *= 2.0;
+    }
+    let steps = |at: f32, factor: f32| (at - node[0]) / cell * factor;
+    let least = u32::from(child[1] > node[0]);
+    let margin = 2.0_f32.powi(-21);
+    (cell, [steps(child[0], 1.0 - margin).floor() as u32, (steps(child[1], 1.0 + margin).ceil() as u32).max(least)])
+}
+
+#[test]
+fn boxes_quantised_in_f32_hold_what_they_should() {
+    let mut random = Random(18);
+    for at in 0..200_000 {
+        let scale = 10.0_f32.powf(random.range(-24.0, 11.0));
+        let offset = if at % 2 == 0 { 0.0 } else { scale * 10.0_f32.powf(random.range(-6.0, 6.0)).min(1e12 / scale) };
+        let mut ends = [random.unit(), random.unit(), random.unit(), random.unit()].map(|x| offset + scale * x);
+        if at % 5 == 0 {
+            ends[1] = ends[0].next_up();
+        }
+        if at % 7 == 0 {
+            // A power of two of cells, to the last bit.
+            ends[3] = ends[0] + 255.0 * 2.0_f32.powf(scale.log2().round());
+        }
+        ends.sort_unstable_by(f32::total_cmp);
+        let [min, lower, upper, max] = ends;
+        for child in [[min, lower], [lower, upper], [upper, max], [min, max], [max, max]] {
+            let (cell, planes) = quantise_in_f32([min, max], child);
+            assert!(planes[1] < 256, "{min} {max} {child:?} {planes:?}");
+            let [low, high] = planes.map(|q| f64::from(min) + f64::from(cell) * f64::from(q));
+            assert!(low <= f64::from(child[0]) && f64::from(child[1]) <= high, "{min} {max} {child:?} {planes:?}");
+            let slack = 1.001 * f64::from(cell);
+            assert!(f64::from(child[0]) - low <= slack && high - f64::from(child[1]) <= slack, "{child:?} {planes:?}");
+        }
+    }
+}

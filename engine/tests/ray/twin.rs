@@ -87,6 +87,9 @@ fn hit_children(node: &BvhNode, ray: &BoxRay, t_min: f32, t_max: f32) -> u32 {
     let (near_base, far_base) = (base - slack, base + slack);
     let mut hits = 0;
     for half in 0..2 {
+        if node.meta[half] == 0 {
+            continue;
+        }
         let lower = [node.min_x[half], node.min_y[half], node.min_z[half]];
         let upper = [node.max_x[half], node.max_y[half], node.max_z[half]];
         let backwards = ray.inverse.to_array().map(|d| d < 0.0);
@@ -231,12 +234,13 @@ impl Tables<'_> {
                 if let Some((t, barycentric, front)) = found {
                     hit = Hit { t, instance, primitive: candidate.primitive, barycentric, front };
                     if any_hit {
+                        nodes_left = NOTHING;
+                        instances = NOTHING;
+                        height = 0;
+                        mesh_height = 0;
                         break;
                     }
                 }
-            }
-            if any_hit && hit.instance != NO_HIT {
-                break;
             }
 
             let level_done = nodes_left.y & NODE_HITS == 0;
