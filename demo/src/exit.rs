@@ -96,7 +96,9 @@ impl From<SceneError> for Failure {
 impl From<StageError> for Failure {
     fn from(error: StageError) -> Self {
         match error {
-            StageError::UnknownImplementation { .. } | StageError::Setting { .. } | StageError::Unsuitable { .. } => Self::input(error),
+            StageError::UnknownImplementation { .. } | StageError::Setting { .. } | StageError::Unsuitable { .. } => {
+                Self::input(error)
+            }
             StageError::NotDescribed { .. } | StageError::Construct { .. } | StageError::Other(_) => {
                 Self::running(error)
             }

@@ -92,7 +92,12 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let progress = Progress::new(u64::from(frames), loudness);
     for frame in 1..=frames {
         let read_back = frame == frames && outputs.picture.is_some();
-        let result = session.frame(&camera, f64::from(frame - 1) * f64::from(arguments.time_step), arguments.view.as_ref(), read_back)?;
+        let result = session.frame(
+            &camera,
+            f64::from(frame - 1) * f64::from(arguments.time_step),
+            arguments.view.as_ref(),
+            read_back,
+        )?;
         recorder.push(result.sample);
         if frame == frames {
             last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });

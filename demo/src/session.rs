@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use magpie::prelude::Rays as Way;
 use magpie::{
     config::{Catalogue, Config},
     gpu::{DeviceReport, Gpu, GpuOptions},
@@ -9,7 +10,6 @@ use magpie::{
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
 };
-use magpie::prelude::Rays as Way;
 use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
 
 use crate::{

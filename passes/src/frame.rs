@@ -1,8 +1,8 @@
 //! The whole frame on one screen: read this first.
 use crate::slots::Slots;
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, RaysIn, RaysOut, SceneHandles,
-    ShadowIn, ShadowOut, SkyIn,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut,
+    RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
 use magpie::prelude::*;

@@ -1,6 +1,7 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::frame::{Stages, frame};
 use crate::slots::Slots;
+use crate::stages::AccelerationIn;
 use magpie::config::{Config, ConfigError};
 use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
@@ -12,7 +13,6 @@ use magpie::graph::{
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
-use crate::stages::AccelerationIn;
 use magpie::scene::{Camera, Moment, ResidentError, ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie::stage::{Build, StageError};
 use magpie_shaders::Rays;
@@ -173,7 +173,8 @@ impl Renderer {
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?.shared(),
+            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?
+                .shared(),
             trail: Trail::default(),
             poisons: Vec::new(),
             options,

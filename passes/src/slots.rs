@@ -1,7 +1,7 @@
 //! The implementations that come with Magpie. A user adds others with [`Stage::register`].
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut, RaysIn, RaysOut, ShadowIn, ShadowOut,
-    SceneHandles, SkyIn,
+    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut,
+    RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
 };
 use crate::{acceleration, compose, direct, gbuffer, gi, post, rays, reflections, shadows, sky};
 use magpie::config::Catalogue;

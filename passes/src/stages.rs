@@ -1,7 +1,7 @@
 //! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
+use magpie::graph::execute::Imports;
 use magpie::graph::{Handle, Image, WriteHandle};
 pub use magpie::scene::SceneHandles;
-use magpie::graph::execute::Imports;
 use magpie::scene::{Camera, SharedScene};
 use std::cell::RefCell;
 use std::rc::Rc;

@@ -1,5 +1,5 @@
 //! Compiling at run time: messages name file and line, warnings are errors, includes are found.
-use magpie_shaders::{ALL, CompileError, INCLUDES, Includes, Stage, compile, compile_with};
+use magpie_shaders::{ALL, CompileError, INCLUDES, Includes, Rays, Stage, compile, compile_rays, compile_with};
 
 const HEAD: &str = "#version 460\n#extension GL_GOOGLE_include_directive : require\n";
 
@@ -57,9 +57,19 @@ fn a_nul_byte_is_an_error() {
 #[test]
 fn includes_work_at_run_time() {
     for (name, _) in INCLUDES {
-        let source = format!("{HEAD}#include \"lib/bindless.glsl\"\n#include \"{name}\"\nvoid main() {{}}\n");
-        let words = compile(name, &source, Stage::Compute).unwrap_or_else(|e| panic!("{e}"));
-        assert_eq!(words[0], 0x0723_0203, "{name}: SPIR-V's magic number");
+        // What belongs to one way to trace is compiled for that one.
+        let ways = match name.strip_prefix("lib/ray_") {
+            Some("query.glsl") => vec![Rays::Query],
+            Some("pipeline.glsl" | "payload.glsl") => vec![Rays::Pipeline],
+            Some("driver.glsl") => vec![Rays::Query, Rays::Pipeline],
+            Some("software.glsl") => vec![Rays::Software],
+            _ => Rays::ALL.to_vec(),
+        };
+        for rays in ways {
+            let source = format!("{HEAD}#include \"lib/ray.glsl\"\n#include \"{name}\"\nvoid main() {{}}\n");
+            let words = compile_rays(name, &source, rays).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(words[0], 0x0723_0203, "{name}: SPIR-V's magic number");
+        }
     }
 }
 
@@ -80,7 +90,11 @@ fn defines_reach_the_source() {
 fn every_stage_is_known_by_its_extension() {
     assert!(!ALL.is_empty());
     for shader in ALL {
-        assert_eq!(Stage::of_file(shader.name), Some(shader.stage), "{}", shader.name);
+        if shader.name.ends_with(".ray") {
+            assert!(Rays::ALL.iter().any(|r| r.stage() == shader.stage), "{}", shader.name);
+        } else {
+            assert_eq!(Stage::of_file(shader.name), Some(shader.stage), "{}", shader.name);
+        }
     }
     assert_eq!(Stage::of_file("lib/brdf.glsl"), None);
 }

@@ -12,7 +12,8 @@ fn run(scene: &Scene) -> Result<Option<Vec<ReadBack>>> {
     let options = RenderOptions { width: 160, height: 90, seed: 7, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), &config(&[])?, options)?;
     let frames = (0..FRAMES).map(|_| {
-        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true })?;
+        let result =
+            renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true })?;
         let result = result.context("a size of zero")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         result.images.context("nothing was read back")

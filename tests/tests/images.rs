@@ -174,7 +174,10 @@ fn acceleration_moves_the_carousel_for_every_way_to_trace() -> Result<()> {
         let off = differ(&first, &result)?;
         println!("{rays}: {off} pixels differ from software");
         // A shadow's edge may fall on another side of a pixel's centre.
-        ensure!(off * 1000 < first.images.as_ref().map_or(0, |i| i.linear.values().len()), "{rays}: {off} pixels differ");
+        ensure!(
+            off * 1000 < first.images.as_ref().map_or(0, |i| i.linear.values().len()),
+            "{rays}: {off} pixels differ"
+        );
     }
     Ok(())
 }
@@ -184,8 +187,10 @@ fn acceleration_of_what_stands_still_costs_nothing() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
     let result = render(&gpu, &scene, &config(&[])?, SIZE, 2, None)?;
-    let names: Vec<_> = result.declaration.passes.iter().zip(0..).map(|(_, i)| result.declaration.pass_name(i)).collect();
-    let moving = |name: &&&str| name.starts_with("scene.") || name.starts_with("acceleration.") || name.starts_with("rays.");
+    let names: Vec<_> =
+        result.declaration.passes.iter().zip(0..).map(|(_, i)| result.declaration.pass_name(i)).collect();
+    let moving =
+        |name: &&&str| name.starts_with("scene.") || name.starts_with("acceleration.") || name.starts_with("rays.");
     ensure!(!names.iter().any(|name| moving(&name)), "{names:?}");
     Ok(())
 }

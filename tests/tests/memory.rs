@@ -121,7 +121,8 @@ fn the_default_frame_on_the_device() -> Result<()> {
         let scene = builtin(name)?;
         let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
-        let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false })?;
+        let result =
+            renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false })?;
         let result = result.context("a size of zero")?;
         // What the device really holds, not what the plan says.
         within(name, &result.plan.memory, result.sample.memory.transient_bytes)?;

@@ -3,7 +3,7 @@ use anyhow::Result;
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
-use magpie::scene::{Policy, Camera, ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{Camera, Policy, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::Build;
 use magpie_passes::Slots;
 use magpie_passes::stages::GBufferIn;

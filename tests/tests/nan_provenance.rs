@@ -293,7 +293,11 @@ fn what_the_scan_costs() -> Result<()> {
         return Ok(());
     }
     // Without validation layers, which cost far more.
-    let gpu = Gpu::new(&GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), validation: false, ..GpuOptions::default() })?;
+    let gpu = Gpu::new(&GpuOptions {
+        device: std::env::var("MAGPIE_DEVICE").ok(),
+        validation: false,
+        ..GpuOptions::default()
+    })?;
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;

@@ -112,7 +112,8 @@ impl Run {
     }
 
     fn frame(&mut self, read_back: bool) -> Result<Option<ReadBack>> {
-        let result = self.renderer.frame(FrameRequest { camera: &self.scene.cameras[0], time: 0.0, view: None, read_back })?;
+        let result =
+            self.renderer.frame(FrameRequest { camera: &self.scene.cameras[0], time: 0.0, view: None, read_back })?;
         self.gpu.check_validation()?;
         Ok(result.and_then(|r| r.images))
     }

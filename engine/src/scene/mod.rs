@@ -26,10 +26,7 @@ pub use deform::{Deformed, deform};
 pub use error::{Fault, SceneError};
 pub use import::load;
 pub use pose::{Animator, Pose};
-pub use resident::{
-    Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles,
-    SharedScene,
-};
+pub use resident::{Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
 

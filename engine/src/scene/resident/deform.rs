@@ -65,8 +65,7 @@ impl Deformation {
             };
             places.push([take(12), take(12), take(size_of::<VertexAttributes>())]);
         }
-        let memory =
-            Arc::new(Buffer::new(gpu, "deforming vertices", bytes, BufferMemory::Device, BufferUse::Storage)?);
+        let memory = Arc::new(Buffer::new(gpu, "deforming vertices", bytes, BufferMemory::Device, BufferUse::Storage)?);
         let meshes: Vec<Deforming> = instances
             .iter()
             .zip(&places)
@@ -157,7 +156,9 @@ impl Deformation {
         let first = cut || !std::mem::replace(&mut self.made, true);
 
         let mut block = Block::default();
-        let of = |d: &Deforming| pose.joints[d.instance].iter().map(|j| JointMatrix { rows: super::tables::rows(&single(j)) });
+        let of = |d: &Deforming| {
+            pose.joints[d.instance].iter().map(|j| JointMatrix { rows: super::tables::rows(&single(j)) })
+        };
         let joints: Vec<JointMatrix> = self.meshes.iter().flat_map(of).collect();
         let weights: Vec<f32> = self.meshes.iter().flat_map(|d| pose.weights[d.instance].iter().copied()).collect();
         let (joint_table, weight_table) = (block.add(&joints), block.add(&weights));

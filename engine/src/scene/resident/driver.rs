@@ -8,7 +8,7 @@ use crate::gpu::{
     SPHERE_GROUP, Staging, TRIANGLE_GROUP,
 };
 use crate::graph::execute::{Executed, Executor, Imports};
-use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, Handle, FrameGraph, Queue, Record, Tlas, WriteHandle};
+use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, FrameGraph, Handle, Queue, Record, Tlas, WriteHandle};
 use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
 use std::sync::Arc;

@@ -15,7 +15,8 @@ use super::{Animator, Camera, Daylight, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
-    Access, Buffer as GraphBuffer, BufferDesc, BufferToken, Draw, Extent, FrameGraph, Handle, PassBuilder, Tlas, TraceToken,
+    Access, Buffer as GraphBuffer, BufferDesc, BufferToken, Draw, Extent, FrameGraph, Handle, PassBuilder, Tlas,
+    TraceToken,
 };
 use crate::measure::Acceleration as AccelerationReport;
 use crate::ray::{Bounds, RayError};
@@ -216,7 +217,8 @@ impl ResidentScene {
         let mut tables = Block::default();
         let material_table = tables.add(&tables::materials(gpu, scene, &textures)?);
         let deforming = deformation.as_ref().map_or(&[][..], |d| &d.meshes);
-        let mut entries: Vec<shared::Mesh> = (0..scene.meshes.len()).map(|m| entry(&geometry, &acceleration, m)).collect();
+        let mut entries: Vec<shared::Mesh> =
+            (0..scene.meshes.len()).map(|m| entry(&geometry, &acceleration, m)).collect();
         let mut shown: Vec<(usize, Bounds)> = scene
             .instances
             .iter()
@@ -241,7 +243,8 @@ impl ResidentScene {
         }
         let mesh_table = tables.add(&entries);
         let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
-        let fixed = (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
+        let fixed =
+            (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
         let root = shared::Scene {
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),

@@ -15,6 +15,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// What a walk reads beside the top level: trees of meshes that keep their shape, and of those that deform.
+pub(super) type Bottom = [Option<Handle<GraphBuffer>>; 2];
+
 /// Both levels.
 pub(super) struct Software {
     /// Bottom levels of meshes that keep their shape.
@@ -70,7 +73,7 @@ impl Software {
         g: &mut FrameGraph,
         imports: &mut Imports,
         frame: &Frame<'_>,
-    ) -> Result<(Handle<Tlas>, [Option<Handle<GraphBuffer>>; 2]), ResidentError> {
+    ) -> Result<(Handle<Tlas>, Bottom), ResidentError> {
         let desc = BufferDesc::new(self.bottom.bytes());
         let bottom = g.import_buffer("scene.bottom", desc, Access::CopyWrite, imports.buffer(&self.bottom)).read();
         let deforming = match &mut self.deforming {
@@ -250,8 +253,7 @@ impl Trees {
             .collect();
         let job_table = bytes;
         let bytes = bytes + (built.len() * size_of::<RefitJob>()) as u64;
-        let memory =
-            Arc::new(Buffer::new(gpu, "deforming trees", bytes, BufferMemory::Device, BufferUse::Storage)?);
+        let memory = Arc::new(Buffer::new(gpu, "deforming trees", bytes, BufferMemory::Device, BufferUse::Storage)?);
         let base = memory.address();
         let mut block = Block(vec![0; bytes as usize]);
         let mut list = Vec::with_capacity(built.len());
@@ -295,7 +297,8 @@ impl Trees {
         frame: &Frame<'_>,
     ) -> Result<Handle<GraphBuffer>, ResidentError> {
         let desc = BufferDesc::new(self.memory.bytes());
-        let mut memory = g.import_buffer("scene.deforming_trees", desc, Access::BufferRead, imports.buffer(&self.memory));
+        let mut memory =
+            g.import_buffer("scene.deforming_trees", desc, Access::BufferRead, imports.buffer(&self.memory));
         let Some(deformed) = frame.deformed else { return Ok(memory.read()) };
         let was_made = std::mem::replace(&mut self.made, true);
 

@@ -60,7 +60,9 @@ pub(super) fn add_vertices(block: &mut Block, mesh: &Mesh) -> [u64; 3] {
     let boxes: Vec<[[f32; 3]; 2]> = mesh
         .spheres
         .iter()
-        .map(|s| [(s.centre - s.radius).map(f32::next_down), (s.centre + s.radius).map(f32::next_up)].map(|c| c.to_array()))
+        .map(|s| {
+            [(s.centre - s.radius).map(f32::next_down), (s.centre + s.radius).map(f32::next_up)].map(|c| c.to_array())
+        })
         .collect();
     let spheres = block.add(&spheres);
     // A place of zero says that there are none.
