@@ -1,4 +1,5 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
+use crate::acceleration::resident_options;
 use crate::frame::{Stages, frame};
 use crate::slots::Slots;
 use crate::stages::AccelerationIn;
@@ -13,7 +14,7 @@ use magpie::graph::{
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, Moment, ResidentError, ResidentOptions, ResidentScene, Scene, SharedScene};
+use magpie::scene::{Camera, Moment, ResidentError, ResidentScene, Scene, SharedScene};
 use magpie::stage::{Build, StageError};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -173,7 +174,7 @@ impl Renderer {
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene, ResidentOptions { rays: options.rays, ..Default::default() })?
+            scene: ResidentScene::new(gpu, scene, resident_options(&slots.acceleration, config, options.rays)?)?
                 .shared(),
             trail: Trail::default(),
             poisons: Vec::new(),

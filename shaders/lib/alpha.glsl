@@ -11,7 +11,7 @@ bool alpha_passes(SceneBuffer scene, uint instance, uint triangle, vec2 barycent
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[placed.mesh];
     MaterialBuffer materials = MaterialBuffer(scene.at[0].materials);
     VertexAttributesBuffer attributes = VertexAttributesBuffer(mesh.attributes);
-    uvec3 corners = TriangleBuffer(mesh.indices).at[triangle];
+    uvec3 corners = TriangleBuffer(mesh.ray_indices).at[triangle];
     vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
 
     float alpha = materials.at[placed.material].base_colour.a;

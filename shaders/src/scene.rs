@@ -87,6 +87,8 @@ pub struct Mesh {
     pub attributes: Address,
     /// Three `u32` per triangle.
     pub indices: Address,
+    /// The same for rays, which may see fewer triangles: what a hit's primitive counts.
+    pub ray_indices: Address,
     /// [`BvhNode`] table, root first.
     pub nodes: Address,
     /// [`BvhPrimitive`] table in the order of the tree.

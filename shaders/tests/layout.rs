@@ -218,11 +218,11 @@ fn shipped_shaders_agree() {
                 compared += 1;
             }
         }
-        assert!(compared > 0, "{}: no shared struct", shader.name);
         if matches!(shader.stage, Stage::ClosestHit | Stage::Miss) {
             assert!(pushed(&module, &found).is_empty(), "{}: the payload is all that it needs", shader.name);
             continue;
         }
+        assert!(compared > 0, "{}: no shared struct", shader.name);
         assert_eq!(pushed(&module, &found), vec!["Push".to_owned()], "{}: push constant blocks", shader.name);
         let params = found.values().find(|d| d.name == "Push").expect("Push");
         // The last eight bytes are for hit shaders, which know nothing of the pass.

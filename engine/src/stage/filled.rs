@@ -41,6 +41,14 @@ impl<In, Out> fmt::Debug for Filled<In, Out> {
 }
 
 impl<In, Out> Stage<In, Out> {
+    /// The settings of the implementation that `config` names, for whoever needs them before it is made.
+    ///
+    /// # Errors
+    /// As [`Stage::from_config`].
+    pub fn settings(&self, config: &Config) -> Result<Settings, StageError> {
+        Ok(self.wanted(config)?.1)
+    }
+
     /// Makes the implementation that `config` names for this slot, or the default, with the settings of `config`.
     ///
     /// # Errors

@@ -3,7 +3,8 @@
 //! The work itself is the engine's ([`magpie::scene::ResidentScene::declare`]); here are its settings.
 use crate::stages::AccelerationIn;
 use magpie::prelude::*;
-use magpie::scene::{Culling, Policy, ResidentError, SceneHandles};
+use magpie::config::Config;
+use magpie::scene::{Culling, Policy, ResidentError, ResidentOptions, SceneHandles};
 use magpie::stage::{SettingSpec, Settings, Stage, StageError};
 
 /// The slot.
@@ -49,11 +50,44 @@ pub fn stage() -> Stage<AccelerationIn, Result<SceneHandles, ResidentError>> {
             (0.0, 12.6),
         ),
     ];
+    let settings = [loaded().as_slice(), settings.as_slice()].concat();
     Stage::new("acceleration")
         .about("Brings moved and deformed meshes, and the trees that rays walk, up to date.")
         .with("two-level", "A tree per mesh and one over the instances.", &settings, |_, settings| {
             Ok(Box::new(TwoLevel { policy: policy(settings)? }))
         })
+}
+
+/// Settings that count when a scene is loaded.
+fn loaded() -> [SettingSpec; 2] {
+    [
+        SettingSpec::switch(
+            "compaction",
+            "The driver's trees over meshes that keep their shape are compacted when a scene is loaded: less memory, a longer load.",
+            true,
+        ),
+        SettingSpec::float(
+            "ray_detail",
+            "",
+            "Share of the triangles that rays see of each mesh that keeps its shape, when a scene is loaded. Lower: less memory and \
+             faster rays; shadows and reflections of coarser shapes.",
+            1.0,
+            (0.01, 1.0),
+        ),
+    ]
+}
+
+/// How a scene is to be loaded.
+///
+/// # Errors
+/// [`StageError`] for settings that do not suit.
+pub fn resident_options(
+    stage: &Stage<AccelerationIn, Result<SceneHandles, ResidentError>>,
+    config: &Config,
+    rays: Rays,
+) -> Result<ResidentOptions, StageError> {
+    let settings = stage.settings(config)?;
+    Ok(ResidentOptions { rays, compaction: settings.switch("compaction")?, ray_detail: settings.f32("ray_detail")? })
 }
 
 fn policy(settings: &Settings) -> Result<Policy, StageError> {

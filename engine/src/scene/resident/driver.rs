@@ -135,8 +135,8 @@ fn bottom_desc(geometry: &Geometry<'_>, mesh: usize, compact: bool) -> AccelDesc
         let geometry = AccelGeometry::Boxes { boxes, count: of.spheres.len() as u32 };
         return AccelDesc { geometry, fast_build: false, update: false, compact };
     }
-    let MeshPlace { positions, indices, .. } = geometry.meshes[mesh];
-    let (vertices, triangles) = (of.positions.len() as u32, (of.indices.len() / 3) as u32);
+    let MeshPlace { positions, ray_indices: indices, ray_triangles: triangles, .. } = geometry.meshes[mesh];
+    let vertices = of.positions.len() as u32;
     let geometry = AccelGeometry::Triangles { positions, vertices, indices, triangles };
     AccelDesc { geometry, fast_build: false, update: false, compact }
 }

@@ -1,6 +1,7 @@
 //! A scene on the device: tables, vertices, indices, acceleration structures, textures.
 mod block;
 mod deform;
+mod detail;
 mod driver;
 mod policy;
 mod software;
@@ -11,7 +12,7 @@ mod textures;
 pub use policy::{Culling, Policy};
 pub use state::Moment;
 
-use super::{Animator, Camera, Daylight, Pose, Scene};
+use super::{Animator, Camera, Daylight, Mesh, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
@@ -22,11 +23,13 @@ use crate::measure::Acceleration as AccelerationReport;
 use crate::ray::{Bounds, RayError};
 use block::Block;
 use deform::Deformation;
+use detail::Reduced;
 use driver::Driver;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
 use magpie_shaders::{Address, Rays};
 use policy::Seen;
+use rayon::prelude::*;
 use software::{Frame, Software};
 use state::State;
 use std::cell::RefCell;
@@ -58,17 +61,20 @@ pub enum ResidentError {
 }
 
 /// How a scene is brought to the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ResidentOptions {
     /// How rays are traced: for this the acceleration structures are built. The device must be able to.
     pub rays: Rays,
     /// The driver's structures over meshes that keep their shape are compacted.
     pub compaction: bool,
+    /// Share of the triangles that rays see of each mesh that keeps its shape, 0 to 1. Below 1, surfaces that rays meet lie up to a
+    /// hundredth of a mesh's size beside those that are drawn.
+    pub ray_detail: f32,
 }
 
 impl Default for ResidentOptions {
     fn default() -> Self {
-        Self { rays: Rays::Software, compaction: true }
+        Self { rays: Rays::Software, compaction: true, ray_detail: 1.0 }
     }
 }
 
@@ -144,6 +150,8 @@ impl SceneHandles {
 /// Where the meshes' vertices and indices lie on the device.
 struct Geometry<'a> {
     scene: &'a Scene,
+    /// Of each mesh what rays see, where that is less.
+    reduced: &'a [Option<Reduced>],
     vertices: &'a Arc<Buffer>,
     indices: &'a Arc<Buffer>,
     meshes: Vec<MeshPlace>,
@@ -155,6 +163,9 @@ struct MeshPlace {
     positions: Address,
     attributes: Address,
     indices: Address,
+    /// Those that rays see, and how many triangles that makes.
+    ray_indices: Address,
+    ray_triangles: u32,
     /// Boxes around its spheres.
     boxes: Option<Address>,
 }
@@ -181,29 +192,38 @@ impl ResidentScene {
         // Indices and vertices.
         let mut indices = Block::default();
         let index_offsets: Vec<_> = scene.meshes.iter().map(|m| indices.add(&tables::raster_indices(m))).collect();
+        let animator = Animator::new(scene);
+        let reduced = reduce(scene, &animator, options.ray_detail);
+        let ray_offsets: Vec<_> =
+            reduced.iter().zip(&index_offsets).map(|(r, own)| r.as_ref().map_or(*own, |r| indices.add(&r.indices))).collect();
         let indices = indices.upload(gpu, &mut executor, "scene indices", BufferUse::Index)?;
         let mut vertices = Block::default();
         let offsets: Vec<_> = scene.meshes.iter().map(|m| tables::add_vertices(&mut vertices, m)).collect();
         let vertices = vertices.upload(gpu, &mut executor, "scene vertices", BufferUse::Storage)?;
         let base = vertices.address();
-        let place = |(&[positions, attributes, boxes], indexed): (&[u64; 3], &u64)| MeshPlace {
-            positions: base.offset(positions),
-            attributes: base.offset(attributes),
-            indices: indices.address().offset(*indexed),
-            boxes: (boxes > 0).then(|| base.offset(boxes)),
+        let place = |mesh: usize| {
+            let [positions, attributes, boxes] = offsets[mesh];
+            let own = scene.meshes[mesh].indices.len();
+            MeshPlace {
+                positions: base.offset(positions),
+                attributes: base.offset(attributes),
+                indices: indices.address().offset(index_offsets[mesh]),
+                ray_indices: indices.address().offset(ray_offsets[mesh]),
+                ray_triangles: (reduced[mesh].as_ref().map_or(own, |r| r.indices.len()) / 3) as u32,
+                boxes: (boxes > 0).then(|| base.offset(boxes)),
+            }
         };
-        let meshes = offsets.iter().zip(&index_offsets).map(place).collect();
-        let geometry = Geometry { scene, vertices: &vertices, indices: &indices, meshes };
+        let meshes = (0..scene.meshes.len()).map(place).collect();
+        let geometry = Geometry { scene, reduced: &reduced, vertices: &vertices, indices: &indices, meshes };
 
         // What moves, and the acceleration structures.
-        let animator = Animator::new(scene);
         let deformation = Deformation::new(gpu, &mut executor, &animator, &geometry)?;
         let mut report = AccelerationReport::default();
         let pose = animator.pose(0.0);
         let acceleration = match options.rays {
             Rays::Software => {
                 let deforming = deformation.as_ref().map(|d| (d, &pose));
-                Acceleration::Software(Software::new(gpu, &mut executor, scene, deforming, &mut report)?)
+                Acceleration::Software(Software::new(gpu, &mut executor, &geometry, deforming, &mut report)?)
             }
             Rays::Query | Rays::Pipeline => {
                 let compaction = options.compaction;
@@ -410,13 +430,24 @@ impl ResidentScene {
     }
 }
 
+/// What rays see of each mesh that keeps its shape, where that is less than all.
+fn reduce(scene: &Scene, animator: &Animator, detail: f32) -> Vec<Option<Reduced>> {
+    let mut deforms = vec![false; scene.meshes.len()];
+    for (index, instance) in scene.instances.iter().enumerate() {
+        deforms[instance.mesh as usize] |= animator.deforms(index);
+    }
+    let one = |(mesh, deforms): (&Mesh, bool)| if deforms { None } else { detail::reduce(mesh, detail) };
+    scene.meshes.par_iter().zip(deforms).map(one).collect()
+}
+
 /// A mesh of the scene as shaders read it.
 fn entry(geometry: &Geometry<'_>, acceleration: &Acceleration, mesh: usize) -> shared::Mesh {
-    let MeshPlace { positions, attributes, indices, .. } = geometry.meshes[mesh];
+    let MeshPlace { positions, attributes, indices, ray_indices, .. } = geometry.meshes[mesh];
     let of = &geometry.scene.meshes[mesh];
     let (nodes, primitives) = acceleration.mesh(mesh);
     let primitive_count = (of.indices.len() / 3 + of.spheres.len()) as u32;
-    shared::Mesh { positions, previous_positions: positions, attributes, indices, nodes, primitives, primitive_count }
+    let previous_positions = positions;
+    shared::Mesh { positions, previous_positions, attributes, indices, ray_indices, nodes, primitives, primitive_count }
 }
 
 impl Acceleration {

@@ -2,7 +2,8 @@
 use super::block::Block;
 use super::deform::{Deformation, Deforming};
 use super::policy::{Policy, Seen};
-use super::{AccelerationReport, ResidentError};
+use super::detail::Reduced;
+use super::{AccelerationReport, Geometry, ResidentError};
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, Staging};
 use crate::graph::execute::{Executor, Imports};
 use crate::graph::{Access, Buffer as GraphBuffer, BufferDesc, FrameGraph, Handle, Queue, Record, Tlas};
@@ -35,12 +36,14 @@ impl Software {
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
-        scene: &Scene,
+        geometry: &Geometry<'_>,
         deformation: Option<(&Deformation, &Pose)>,
         report: &mut AccelerationReport,
     ) -> Result<Self, ResidentError> {
         let start = Instant::now();
-        let trees: Vec<MeshBvh> = scene.meshes.par_iter().map(tree).collect::<Result<_, _>>()?;
+        let scene = geometry.scene;
+        let trees: Vec<MeshBvh> =
+            scene.meshes.par_iter().zip(geometry.reduced).map(tree).collect::<Result<_, _>>()?;
         let deforming = deformation.map(|(d, pose)| Trees::new(gpu, executor, scene, &d.meshes, pose)).transpose()?;
         report.bottom_ms = start.elapsed().as_secs_f64() * 1e3;
 
@@ -104,10 +107,10 @@ impl Software {
     }
 }
 
-/// The tree of a mesh.
-fn tree(mesh: &Mesh) -> Result<MeshBvh, crate::ray::RayError> {
+/// The tree of a mesh as rays see it.
+fn tree((mesh, reduced): (&Mesh, &Option<Reduced>)) -> Result<MeshBvh, crate::ray::RayError> {
     let built = if mesh.spheres.is_empty() {
-        MeshBvh::build(&mesh.positions, &mesh.indices)
+        MeshBvh::build(&mesh.positions, reduced.as_ref().map_or(&mesh.indices, |r| &r.indices))
     } else {
         MeshBvh::build_spheres(&mesh.spheres.iter().map(|s| (s.centre, s.radius)).collect::<Vec<_>>())
     };
