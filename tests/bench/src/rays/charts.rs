@@ -9,6 +9,8 @@ use std::fmt::Display;
 const SIZE: (u32, u32) = (900, 540);
 const TITLE: i32 = 20;
 const TEXT: i32 = 15;
+/// Room for the legend beside the plot, where it hides nothing.
+const LEGEND: i32 = 222;
 
 /// A chart could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -96,7 +98,8 @@ fn lines(
             None => lines.push(Line { label, rays: row.rays, dashed, width, points: vec![point] }),
         }
     }
-    lines.sort_by(|a, b| (a.rays != "software", &a.label).cmp(&(b.rays != "software", &b.label)));
+    // In the order of the report, so that thicker lines of more instances come later.
+    lines.sort_by_key(|l| report.rays.iter().position(|r| *r == l.rays).unwrap_or(usize::MAX));
     lines
 }
 
@@ -145,7 +148,7 @@ fn instances(report: &RayReport) -> Chart {
         Some((case.subject.clone(), case.subject != "regular", 2))
     });
     let what = "Rays that miss every instance";
-    Chart { file: "instances", title: title(report, what), x: INSTANCES, y: RATE, lines }
+    Chart { file: "instances", title: title(report, what), x: INSTANCES, y: Axis { log: true, ..RATE }, lines }
 }
 
 fn top_level(report: &RayReport) -> Chart {
@@ -199,12 +202,13 @@ fn refit_time(report: &RayReport) -> Chart {
 
 /// A number as axes show it.
 fn number(value: &f64) -> String {
-    match value.abs() {
-        v if v >= 10.0 || v == 0.0 || v.fract() == 0.0 => format!("{value:.0}"),
+    let text = match value.abs() {
+        v if v >= 10.0 => return format!("{value:.0}"),
         v if v >= 1.0 => format!("{value:.1}"),
         v if v >= 0.01 => format!("{value:.2}"),
         _ => format!("{value:.4}"),
-    }
+    };
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 impl Chart {
@@ -252,7 +256,7 @@ impl Chart {
         let mut chart = ChartBuilder::on(root)
             .caption(&self.title, ("sans-serif", TITLE))
             .margin(14)
-            .margin_right(24)
+            .margin_right(LEGEND)
             .x_label_area_size(48)
             .y_label_area_size(72)
             .build_cartesian_2d(x, y)
@@ -265,37 +269,42 @@ impl Chart {
             .y_label_formatter(&number)
             .label_style(("sans-serif", TEXT))
             .axis_desc_style(("sans-serif", TEXT))
-            .light_line_style(RGBColor(240, 240, 240))
-            .bold_line_style(RGBColor(215, 215, 215))
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(RGBColor(222, 222, 222))
             .draw()
             .map_err(self.failed())?;
         for line in &self.lines {
             let style = colour(line.rays).stroke_width(line.width);
             let points = line.points.iter().copied();
             let dashed = line.dashed;
-            let drawn = if dashed {
-                chart.draw_series(DashedLineSeries::new(points, 7, 5, style)).map_err(self.failed())?
+            if dashed {
+                chart.draw_series(DashedLineSeries::new(points, 7, 5, style)).map_err(self.failed())?;
             } else {
-                chart.draw_series(LineSeries::new(points, style)).map_err(self.failed())?
-            };
-            drawn.label(line.label.as_str()).legend(move |(x, y)| {
-                // Dashes by hand: a legend takes one element.
-                let end = if dashed { x + 10 } else { x + 24 };
-                PathElement::new(vec![(x, y), (end, y)], style)
-            });
+                chart.draw_series(LineSeries::new(points, style)).map_err(self.failed())?;
+            }
             let dots = line.points.iter().map(|&p| Circle::new(p, 3, colour(line.rays).filled()));
             chart.draw_series(dots).map_err(self.failed())?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
-            .legend_area_size(32)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(180, 180, 180))
-            .label_font(("sans-serif", TEXT))
-            .draw()
-            .map_err(self.failed())?;
+        self.legend(root)?;
         root.present().map_err(self.failed())
+    }
+}
+
+impl Chart {
+    /// What each line is, beside the plot.
+    fn legend(&self, root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) -> Result<(), ChartError> {
+        let left = SIZE.0 as i32 - LEGEND + 14;
+        for (line, at) in self.lines.iter().zip(0..) {
+            let (y, style) = (56 + 24 * at, colour(line.rays).stroke_width(line.width));
+            let dashes: &[(i32, i32)] = if line.dashed { &[(0, 7), (12, 19), (24, 28)] } else { &[(0, 28)] };
+            for (from, to) in dashes {
+                let dash = PathElement::new(vec![(left + from, y), (left + to, y)], style);
+                root.draw(&dash).map_err(self.failed())?;
+            }
+            let text = Text::new(line.label.clone(), (left + 35, y - 8), ("sans-serif", TEXT - 1));
+            root.draw(&text).map_err(self.failed())?;
+        }
+        Ok(())
     }
 }
 
@@ -305,7 +314,7 @@ mod tests {
 
     #[test]
     fn numbers_are_short() {
-        let shown: Vec<String> = [0.0, 1000.0, 23.4, 2.5, 3.0, 0.25, 0.0005].iter().map(number).collect();
-        assert_eq!(shown, ["0", "1000", "23", "2.5", "3", "0.25", "0.0005"]);
+        let shown: Vec<String> = [0.0, 1000.0, 23.4, 2.5, 3.0, 0.1, 0.25, 0.0005].iter().map(number).collect();
+        assert_eq!(shown, ["0", "1000", "23", "2.5", "3", "0.1", "0.25", "0.0005"]);
     }
 }

@@ -37,6 +37,9 @@ pub const MAX_RAYS: u32 = 1 << 25;
 /// Least rays of a dispatch.
 pub const MIN_RAYS: u32 = 1 << 10;
 
+/// Time that one way may take for the measured dispatches of one table, nanoseconds; it has two in any case.
+const BUDGET_NS: u64 = 2_000_000_000;
+
 /// Why a benchmark of rays did not come to its end.
 #[derive(Debug, thiserror::Error)]
 pub enum RayBenchError {
@@ -114,6 +117,8 @@ pub struct RayOptions {
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     size: u32,
+    /// Rays of a dispatch on the set-ups.
+    setup_size: u32,
     /// Measured dispatches of each target on scenes.
     repeats: u32,
     /// On the set-ups, of which there are many.
@@ -142,7 +147,9 @@ impl Effort {
             (false, true) => (5, 5, 3, 3),
             (false, false) => (40, 40, 20, 20),
         };
-        Self { size, repeats, setup_repeats, warm_up, builds, quick }
+        // A processor would take an hour for what is a minute of a GPU's time.
+        let setup_size = if slow && !quick { (size / 8).max(MIN_RAYS) } else { size };
+        Self { size, setup_size, repeats, setup_repeats, warm_up, builds, quick }
     }
 }
 
@@ -179,11 +186,21 @@ impl Run<'_> {
         let table = self.tracer.upload(table)?;
         let count = table.count();
         let mut rates: Vec<Vec<f64>> = vec![Vec::new(); contenders.len()];
+        let mut left = vec![repeats; contenders.len()];
         for turn in 0..self.effort.warm_up + repeats {
-            for (contender, rates) in contenders.iter().zip(&mut rates) {
+            for ((contender, rates), left) in contenders.iter().zip(&mut rates).zip(&mut left) {
+                if turn >= self.effort.warm_up {
+                    if *left == 0 {
+                        continue;
+                    }
+                    *left -= 1;
+                }
                 let taken = self.tracer.time(contender.rays, contender.target, &table)?;
                 if turn >= self.effort.warm_up {
                     rates.push(count as f64 * 1e3 / taken.max(1) as f64);
+                } else {
+                    // Whoever is slow has fewer turns.
+                    *left = ((BUDGET_NS / taken.max(1)) as u32).clamp(2, repeats);
                 }
             }
         }

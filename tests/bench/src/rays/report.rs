@@ -18,7 +18,7 @@ pub struct RayReport {
     pub threads: usize,
     /// Whether it was a quick run.
     pub quick: bool,
-    /// Rays of a dispatch that were asked for.
+    /// Rays of a dispatch on scenes; on a processor the set-ups have an eighth of them.
     pub size: u32,
     /// Ways to trace that took part.
     pub rays: Vec<&'static str>,

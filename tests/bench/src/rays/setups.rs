@@ -81,7 +81,7 @@ impl Run<'_> {
             .collect();
         // The grid is as high as the view.
         let far = rows as f32 * GRID_STEP / 2.0 / (FOV / 2.0).tan();
-        let rays = primary(&camera_at(Vec3::Z * far, FOV), extent_of(self.effort.size));
+        let rays = primary(&camera_at(Vec3::Z * far, FOV), extent_of(self.effort.setup_size));
         for &n in steps {
             for (subject, shape) in [("sphere", sphere(n)), ("rough sphere", rough_sphere(n, u64::from(n)))] {
                 let count = shape.indices.len() / 3;
@@ -147,7 +147,7 @@ impl Run<'_> {
         let most = if self.effort.quick { 1000 } else { 20_000 };
         let counts: &[usize] =
             if self.effort.quick { &[1, 30, 1000] } else { &[1, 10, 100, 500, 1000, 2000, 5000, 10_000, 20_000] };
-        let rays = primary(&camera_at(Vec3::ZERO, FOV), extent_of(self.effort.size));
+        let rays = primary(&camera_at(Vec3::ZERO, FOV), extent_of(self.effort.setup_size));
         let shapes = [rounded_cube()];
         for (subject, points) in [("regular", regular(most)), ("irregular", irregular(most))] {
             let mut random = Random::new(7);
@@ -197,7 +197,7 @@ impl Run<'_> {
         let stops: &[f32] =
             if self.effort.quick { &[0.0, 1.0, 5.0] } else { &[0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0] };
         let far = BOX.z + BOX.y / (FOV / 2.0).tan();
-        let rays = primary(&camera_at(Vec3::Z * far, FOV), extent_of(self.effort.size));
+        let rays = primary(&camera_at(Vec3::Z * far, FOV), extent_of(self.effort.setup_size));
         for &(count, share) in all {
             let part = if share < 1.0 { format!(", {:.0} % move", share * 100.0) } else { String::new() };
             let subject = format!("{count} instances{part}");
@@ -357,11 +357,9 @@ mod tests {
             crowd.step();
             assert!(crowd.members.iter().all(|(p, ..)| p.abs().cmple(BOX + 1e-3).all()));
         }
-        let moved = crowd
-            .placed()
-            .iter()
-            .zip(&before)
-            .filter(|(a, b)| a.world_from_object.translation != b.world_from_object.translation);
+        let after = crowd.placed();
+        let place = |p: &Placed| p.world_from_object.translation;
+        let moved = after.iter().zip(&before).filter(|(a, b)| place(a) != place(b));
         assert_eq!(moved.count(), 50);
         assert!(crowd.members.iter().all(|(.., s)| *s == Vec3::ZERO || (s.length() - 1.6).abs() < 1e-3));
     }
