@@ -65,6 +65,8 @@ pub enum Command {
 pub enum Bench {
     /// CPU time per pass of the frame graph, beside hand-written Vulkan and other graphs
     Graph(BenchGraphArguments),
+    /// Rays per second in every way that the device has, and what building its acceleration structures costs
+    Rays(BenchRaysArguments),
 }
 
 /// Arguments of `magpie bench graph`.
@@ -87,6 +89,58 @@ pub struct BenchGraphArguments {
     /// The device by part of its name or by its index in `magpie devices`
     #[arg(long, value_name = "NAME|INDEX")]
     pub device: Option<String>,
+}
+
+/// Arguments of `magpie bench rays`.
+#[derive(Args, Debug)]
+pub struct BenchRaysArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Vec<PathBuf>,
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Write CSV, a row per measurement
+    #[arg(long, value_name = "F.csv")]
+    pub csv: Option<PathBuf>,
+    /// Write charts to this folder, as SVG
+    #[arg(long, value_name = "DIR")]
+    pub charts: Option<PathBuf>,
+    /// A run of seconds: few sizes, few rays, few repeats
+    #[arg(long)]
+    pub quick: bool,
+    /// Rays of a dispatch; without it a number that suits the device: 8 million, or 262144 on a processor
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(i64::from(magpie_bench::rays::MIN_RAYS)..=i64::from(magpie_bench::rays::MAX_RAYS)))]
+    pub size: Option<u32>,
+    /// The ways to trace that take part, separated by commas; without it all that the device has
+    #[arg(long, value_enum, value_name = "WAYS", value_delimiter = ',')]
+    pub rays: Vec<BenchRays>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+}
+
+/// A way to trace rays that is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BenchRays {
+    /// Compute shaders over Magpie's own hierarchy.
+    Software,
+    /// Ray queries in compute shaders.
+    Query,
+    /// Ray-tracing pipelines.
+    Pipeline,
+}
+
+impl BenchRays {
+    /// As the engine names it.
+    pub fn way(self) -> magpie::prelude::Rays {
+        match self {
+            Self::Software => magpie::prelude::Rays::Software,
+            Self::Query => magpie::prelude::Rays::Query,
+            Self::Pipeline => magpie::prelude::Rays::Pipeline,
+        }
+    }
 }
 
 /// Arguments of `magpie render`.

@@ -1,9 +1,21 @@
 //! `magpie bench`.
 
-use magpie::gpu::{Gpu, GpuOptions};
-use magpie_bench::{BenchError, Options, run};
+use std::path::{Path, PathBuf};
 
-use crate::{args::BenchGraphArguments, console, exit::Failure, output::Output};
+use magpie::gpu::{Gpu, GpuOptions};
+use magpie_bench::{
+    BenchError, Options,
+    rays::{self, RayBenchError, RayOptions},
+    run,
+};
+
+use crate::{
+    args::{BenchGraphArguments, BenchRaysArguments},
+    console,
+    exit::Failure,
+    output::{Output, keep_apart},
+    session,
+};
 
 impl From<BenchError> for Failure {
     fn from(error: BenchError) -> Self {
@@ -31,6 +43,64 @@ pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
         (file, _) => {
             console::print(&report.table())?;
             file.map_or(Ok(()), |file| file.write_text(&json()?))
+        }
+    }
+}
+
+impl From<RayBenchError> for Failure {
+    fn from(error: RayBenchError) -> Self {
+        match error {
+            RayBenchError::Gpu(error) => error.into(),
+            other => Self::running(other),
+        }
+    }
+}
+
+/// `magpie bench rays`.
+pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
+    let json = arguments.json.as_ref().and_then(Option::as_ref);
+    let json = json.map(|path| Output::plan("--json", path, &["json"])).transpose()?;
+    let csv = arguments.csv.as_ref().map(|path| Output::plan("--csv", path, &["csv"])).transpose()?;
+    let outputs: Vec<&Output> = [&json, &csv].into_iter().flatten().collect();
+    let inputs: Vec<(&str, &Path)> = arguments.scene.iter().map(|s| ("--scene", s.as_path())).collect();
+    keep_apart(&outputs, &inputs)?;
+    if let Some(folder) = &arguments.charts {
+        let failed = |e| Failure::input(e).context(format!("--charts {}", folder.display()));
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+
+    let named = || arguments.scene.clone().into_iter();
+    let all = || session::scenes().into_iter().map(|(name, _)| PathBuf::from(name));
+    let names: Vec<PathBuf> = if arguments.scene.is_empty() { all().collect() } else { named().collect() };
+    let scenes = names.iter().map(|name| session::load_scene(name)).collect::<Result<Vec<_>, _>>()?;
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let mut ways: Vec<_> = arguments.rays.iter().map(|r| r.way()).collect();
+    for &way in &ways {
+        gpu.check_rays(way).map_err(|e| Failure::from(e).context(format!("--rays {way}")))?;
+    }
+    if ways.is_empty() {
+        ways = gpu.rays();
+    }
+    ways.sort_unstable();
+    ways.dedup();
+    let commit = env!("MAGPIE_COMMIT").to_owned();
+    let options = RayOptions { ways, size: arguments.size, quick: arguments.quick, commit };
+    let report = rays::run(&gpu, &scenes, &options, |next| log::info!("{next}"))?;
+
+    if let Some(csv) = csv {
+        csv.write_text(&report.to_csv())?;
+    }
+    if let Some(folder) = &arguments.charts {
+        for (name, svg) in rays::charts(&report).map_err(Failure::running)? {
+            Output::plan("--charts", &folder.join(name), &["svg"])?.write_text(&svg)?;
+        }
+    }
+    let text = || report.to_json().map_err(Failure::running);
+    match (json, &arguments.json) {
+        (None, Some(_)) => console::print(&text()?),
+        (file, _) => {
+            console::print(&report.table())?;
+            file.map_or(Ok(()), |file| file.write_text(&text()?))
         }
     }
 }

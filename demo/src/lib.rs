@@ -15,7 +15,10 @@ use std::ffi::OsString;
 
 use clap::Parser;
 
-pub use args::{Arguments, Bench, BenchGraphArguments, Command, Extent, Loudness, Rays, RenderArguments, ViewName};
+pub use args::{
+    Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command, Extent, Loudness, Rays,
+    RenderArguments, ViewName,
+};
 pub use exit::Failure;
 pub use picture::{PictureError, write_exr, write_png};
 pub use render::render;
@@ -35,6 +38,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Scenes => commands::scenes(),
         Command::Stages { json } => commands::stages(*json),
         Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
+        Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
         Command::Render(render) => render::render(render, &arguments.loudness),
     };
     match done {

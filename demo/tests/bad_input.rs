@@ -142,6 +142,12 @@ fn arguments() {
         (&["bench", "graph", "--repeat", "4.5"], &["--repeat", "4.5"]),
         (&["bench", "graph", "--quick", "--repeat", "3"], &["--quick", "--repeat"]),
         (&["bench", "graph", "--json", "o.txt"], &["--json", "o.txt", ".json"]),
+        (&["bench", "rays", "--size", "10"], &["--size", "1024..="]),
+        (&["bench", "rays", "--rays", "magic"], &["--rays", "magic", "pipeline"]),
+        (&["bench", "rays", "--csv", "o.json"], &["--csv", "o.json", ".csv"]),
+        (&["bench", "rays", "--json", "o.txt"], &["--json", "o.txt", ".json"]),
+        (&["bench", "rays", "--scene", "none.glb"], &["none.glb"]),
+        (&["bench", "rays", "--scene", "builtin:none"], &["none", "courtyard"]),
         (&["bench", "graph", "--json", "none/o.json"], &["--json", "none", "does not exist"]),
     ];
     for (arguments, names) in cases {

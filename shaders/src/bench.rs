@@ -1,4 +1,4 @@
-//! Parameters of `shaders/bench`: the passes of `magpie bench graph`.
+//! Parameters of `shaders/bench`: the passes of `magpie bench graph`, and the rays of `magpie bench rays`.
 use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -47,4 +47,54 @@ pub struct ImageParams {
     pub result: StorageImage,
     /// Number of the pass, from 0.
     pub number: u32,
+}
+
+/// A ray that was made beforehand, so that every way to trace gets the very same.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct RayTask {
+    /// Where it begins, world space, metres.
+    pub origin: [f32; 3],
+    /// Hits count from here on, in lengths of `direction`.
+    pub t_min: f32,
+    /// Where it goes; need not be a unit vector.
+    pub direction: [f32; 3],
+    /// Hits count up to here.
+    pub t_max: f32,
+    /// Instances that share a bit with it are seen.
+    pub mask: u32,
+    /// `RAY_CULL_*` bits of `lib/ray_types.glsl`: 1 back faces, 2 front faces.
+    pub cull: u32,
+}
+
+/// What a [`RayTask`] met first.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct RayAnswer {
+    /// Distance in lengths of the direction; that of the end of the ray where it met nothing.
+    pub t: f32,
+    /// Index of the instance, or all ones.
+    pub instance: u32,
+    /// Index of the triangle or sphere in its mesh.
+    pub primitive: u32,
+    /// Weights of the second and third corner.
+    pub barycentric: [f32; 2],
+    /// 1 where it met the front.
+    pub front: u32,
+}
+
+/// Push constants of `closest.ray` and `any.ray`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TraceParams {
+    /// Root of the scene's tables.
+    pub scene: Address,
+    /// [`RayTask`] table, row after row.
+    pub rays: Address,
+    /// [`RayAnswer`] table for `closest.ray`; for `any.ray` a [`Cell`] each, 1 where anything was met.
+    pub answers: Address,
+    /// Rays in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
 }

@@ -39,6 +39,14 @@ pub fn asset(file: &str) -> Result<Option<Scene>> {
     Ok(Some(scene))
 }
 
+/// The real scenes, for [`asset`].
+pub const REAL_SCENES: [&str; 4] = [
+    "damaged_helmet/DamagedHelmet.glb",
+    "flight_helmet/FlightHelmet.gltf",
+    "pica_pica_mini_diorama/scene.gltf",
+    "pica_pica_robot/robot_01.glb",
+];
+
 /// The default configuration with these `KEY=VALUE` changes.
 pub fn config(changes: &[&str]) -> Result<Config> {
     let mut config = Config::default();

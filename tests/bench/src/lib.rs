@@ -1,4 +1,4 @@
-//! `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
+//! The benchmarks. [`rays`] is `magpie bench rays`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
 //!
 //! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` says
 //! what is measured and how.
@@ -8,6 +8,7 @@ mod clock;
 mod contestant;
 mod floor;
 mod magpie;
+pub mod rays;
 mod report;
 mod run;
 #[cfg(feature = "peers")]

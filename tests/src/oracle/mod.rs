@@ -1,4 +1,5 @@
 //! Slow, obvious, double-precision answers to compare the GPU with.
 
 pub mod gbuffer;
+pub mod rays;
 pub mod shading;

@@ -26,7 +26,7 @@ const MAY_DEPEND: [(&str, &[&str]); 7] = [
     ("magpie-passes", &["magpie", "magpie-shaders"]),
     ("magpie-bench", &["magpie", "magpie-shaders"]),
     ("magpie-demo", &["magpie", "magpie-bench", "magpie-passes", "magpie-shaders"]),
-    ("magpie-tests", &["magpie", "magpie-demo", "magpie-passes", "magpie-shaders"]),
+    ("magpie-tests", &["magpie", "magpie-bench", "magpie-demo", "magpie-passes", "magpie-shaders"]),
     ("xtask", &[]),
 ];
 

@@ -1,0 +1,73 @@
+//! Whether two ways to trace met the same.
+use super::{Agreement, Case};
+use magpie_shaders::bench::RayAnswer;
+
+/// Distances that differ by so much of themselves are the same.
+pub const SAME_DISTANCE: f64 = 1e-4;
+
+/// Compares closest hits, with the name of each way.
+pub fn agreement_of_closest(
+    case: &Case,
+    (first, a): (String, &[RayAnswer]),
+    (second, b): (String, &[RayAnswer]),
+) -> Agreement {
+    let mut agreement = empty(case, first, second, a.len());
+    // Answers that are missing differ.
+    agreement.differ = a.len().abs_diff(b.len()) as u64;
+    for (a, b) in a.iter().zip(b) {
+        let (ta, tb) = (f64::from(a.t), f64::from(b.t));
+        let apart = if a.t == b.t { 0.0 } else { (ta - tb).abs() / ta.abs().max(tb.abs()) };
+        if (a.instance, a.primitive) == (b.instance, b.primitive) {
+            agreement.worst_distance = agreement.worst_distance.max(apart);
+            continue;
+        }
+        agreement.differ += 1;
+        let both_hit = a.instance != u32::MAX && b.instance != u32::MAX;
+        agreement.differ_at_same_distance += u64::from(both_hit && apart <= SAME_DISTANCE);
+    }
+    agreement
+}
+
+/// Compares whether anything was met.
+pub fn agreement_of_any(case: &Case, (first, a): (String, &[bool]), (second, b): (String, &[bool])) -> Agreement {
+    let mut agreement = empty(case, first, second, a.len());
+    agreement.differ = a.len().abs_diff(b.len()) as u64 + a.iter().zip(b).filter(|(a, b)| a != b).count() as u64;
+    agreement
+}
+
+fn empty(case: &Case, first: String, second: String, count: usize) -> Agreement {
+    Agreement {
+        case: case.clone(),
+        first,
+        second,
+        count: count as u64,
+        differ: 0,
+        differ_at_same_distance: 0,
+        worst_distance: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HIT: RayAnswer = RayAnswer { t: 2.0, instance: 3, primitive: 4, barycentric: [0.1, 0.2], front: 1 };
+    const MISS: RayAnswer =
+        RayAnswer { t: 1e30, instance: u32::MAX, primitive: u32::MAX, barycentric: [0.0; 2], front: 0 };
+
+    fn compare(a: &[RayAnswer], b: &[RayAnswer]) -> (u64, u64, f64) {
+        let case = Case::new("scene", "", 0.0, "");
+        let found = agreement_of_closest(&case, (String::new(), a), (String::new(), b));
+        (found.differ, found.differ_at_same_distance, found.worst_distance)
+    }
+
+    #[test]
+    fn every_kind_of_difference_is_told_apart() {
+        assert_eq!(compare(&[HIT, MISS], &[HIT, MISS]), (0, 0, 0.0));
+        assert_eq!(compare(&[HIT], &[MISS]), (1, 0, 0.0));
+        assert_eq!(compare(&[HIT], &[RayAnswer { primitive: 5, ..HIT }]), (1, 1, 0.0));
+        assert_eq!(compare(&[HIT], &[RayAnswer { primitive: 5, t: 2.1, ..HIT }]), (1, 0, 0.0));
+        assert_eq!(compare(&[HIT], &[RayAnswer { t: 4.0, ..HIT }]), (0, 0, 0.5));
+        assert_eq!(compare(&[HIT], &[]), (1, 0, 0.0));
+    }
+}

@@ -1,0 +1,86 @@
+//! The rays of effects on whole scenes.
+use super::{
+    Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target, bounds, extent_of, primary,
+    random,
+};
+use magpie::scene::{ResidentOptions, ResidentScene, Scene};
+use magpie_shaders::Rays;
+
+/// Note of structures that were left as large as they were built.
+pub(super) const NOT_COMPACTED: &str = ", not compacted";
+
+impl Run<'_> {
+    /// Primary, shadow, ambient-occlusion, diffuse-bounce and random rays.
+    pub fn scene(&mut self, scene: &Scene) -> Result<(), RayBenchError> {
+        let triangles: usize = scene.instances.iter().map(|i| scene.meshes[i.mesh as usize].indices.len() / 3).sum();
+        let case = |variant: &str| Case::new("scene", scene.name.as_str(), triangles as f64, variant);
+        (self.progress)(&format!("{}: building", scene.name));
+        let ways = self.tracer.ways();
+        let driver = ways.iter().copied().find(|w| *w != Rays::Software);
+        let software =
+            ways.contains(&Rays::Software).then(|| self.resident(scene, Rays::Software, true)).transpose()?;
+        let compacted = driver.map(|rays| self.resident(scene, rays, true)).transpose()?;
+        let loose = driver.map(|rays| self.resident(scene, rays, false)).transpose()?;
+        for (resident, by, variant) in [
+            (&software, "software", "build"),
+            (&compacted, "driver", "build"),
+            (&loose, "driver", "build, not compacted"),
+        ] {
+            let Some(report) = resident.as_ref().map(|r| r.acceleration()) else { continue };
+            for (quantity, value) in [
+                (Quantity::BuildBottom, report.bottom_ms),
+                (Quantity::BuildTop, report.top_ms),
+                (Quantity::BottomBytes, report.bottom_bytes as f64),
+                (Quantity::TopBytes, report.top_bytes as f64),
+            ] {
+                self.report.add(&case(variant), by, quantity, vec![value], 0);
+            }
+        }
+
+        let mut contenders = Vec::new();
+        for rays in ways {
+            let resident = if rays == Rays::Software { &software } else { &compacted };
+            contenders.extend(resident.iter().map(|r| Contender { rays, target: Target::Scene(r), note: "" }));
+        }
+        if let (Some(rays), Some(loose)) = (driver, &loose) {
+            contenders.push(Contender { rays, target: Target::Scene(loose), note: NOT_COMPACTED });
+        }
+        for (kind, table) in self.tables(scene, &contenders)? {
+            (self.progress)(&format!("{}: {kind} rays", scene.name));
+            self.race(&case(kind), &contenders, &table, self.effort.repeats)?;
+        }
+        Ok(())
+    }
+
+    fn resident(&self, scene: &Scene, rays: Rays, compaction: bool) -> Result<ResidentScene, RayBenchError> {
+        let options = ResidentOptions { rays, compaction };
+        let failed = |source| RayBenchError::Scene { scene: scene.name.clone(), source };
+        ResidentScene::new(self.tracer.gpu(), scene, options).map_err(failed)
+    }
+
+    /// Every kind of ray. Where primary rays meet the scene is found out once, in the first way.
+    fn tables(
+        &mut self,
+        scene: &Scene,
+        contenders: &[Contender<'_>],
+    ) -> Result<Vec<(&'static str, RayTable)>, RayBenchError> {
+        let (Some(camera), Some(first)) = (scene.cameras.first(), contenders.first()) else { return Ok(Vec::new()) };
+        let extent = extent_of(self.effort.size);
+        let seen = primary(camera, extent);
+        let on_device = self.tracer.upload(&seen)?;
+        let answers = self.tracer.closest(first.rays, first.target, &on_device)?;
+        let surfaces = Surfaces::new(scene, &seen, &answers);
+        let key_light = match first.target {
+            Target::Scene(resident) => resident.key_light().and_then(|l| scene.lights.get(l as usize)),
+            Target::World(_) => None,
+        };
+        let none = || RayTable::of(Vec::new(), Question::Any);
+        Ok(vec![
+            ("primary", seen),
+            ("shadow", key_light.map_or_else(none, |light| surfaces.shadow(light))),
+            ("occlusion", surfaces.occlusion()),
+            ("bounce", surfaces.bounce()),
+            ("random", random(bounds(scene), extent, 1)),
+        ])
+    }
+}

@@ -1,0 +1,299 @@
+//! Tracing tables of rays that were made beforehand, in every way that the device has.
+use super::{RayBenchError, World, WorldHandles};
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, RayKernel};
+use magpie::graph::execute::{Executed, Executor, Imports};
+use magpie::graph::{
+    Access, BufferDesc, BufferToken, Domain, Extent, FrameGraph, PassBuilder, Queue, Record, TraceToken,
+};
+use magpie::scene::{ResidentScene, SceneHandles};
+use magpie_shaders::bench::{RayAnswer, RayTask, TraceParams};
+use magpie_shaders::{Address, BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
+use std::sync::Arc;
+
+/// What a ray is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Question {
+    /// What it meets first.
+    Closest,
+    /// Whether it meets anything.
+    Any,
+}
+
+/// Rays in rows: neighbours go through neighbouring threads, eight by eight.
+#[derive(Clone, Debug)]
+pub struct RayTable {
+    /// `extent.width * extent.height` rays, row after row.
+    pub rays: Vec<RayTask>,
+    /// Rays in a row, and rows.
+    pub extent: Extent,
+    /// What they are asked.
+    pub question: Question,
+}
+
+impl RayTable {
+    /// Any number of rays without an order that counts: as square as it goes, the last ones left out where they fill no row.
+    pub fn of(mut rays: Vec<RayTask>, question: Question) -> Self {
+        let width = ((rays.len() as f64).sqrt() as usize).max(1);
+        let height = rays.len() / width;
+        rays.truncate(width * height);
+        Self { rays, extent: Extent::new(width as u32, height as u32), question }
+    }
+
+    fn answer_bytes(&self) -> u64 {
+        let one = match self.question {
+            Question::Closest => size_of::<RayAnswer>(),
+            Question::Any => size_of::<u32>(),
+        };
+        (self.rays.len() * one) as u64
+    }
+}
+
+/// A table on the device, with room for the answers.
+pub struct DeviceTable {
+    rays: Arc<Buffer>,
+    answers: Arc<Buffer>,
+    extent: Extent,
+    question: Question,
+    count: u64,
+}
+
+impl DeviceTable {
+    /// How many rays there are.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// What they are asked.
+    pub fn question(&self) -> Question {
+        self.question
+    }
+}
+
+/// What rays can be traced through.
+#[derive(Clone, Copy)]
+pub enum Target<'a> {
+    /// A scene.
+    Scene(&'a ResidentScene),
+    /// Geometry of a benchmark's or a test's own.
+    World(&'a World),
+}
+
+impl Target<'_> {
+    fn import(self, g: &mut FrameGraph, imports: &mut Imports) -> Handles {
+        match self {
+            Self::Scene(scene) => Handles::Scene(scene.import(g, imports)),
+            Self::World(world) => Handles::World(world.import(g, imports)),
+        }
+    }
+
+    fn root(self) -> Address {
+        match self {
+            Self::Scene(scene) => scene.root(),
+            Self::World(world) => world.root(),
+        }
+    }
+}
+
+/// The target as one frame's graph knows it.
+#[derive(Clone, Copy)]
+enum Handles {
+    Scene(SceneHandles),
+    World(WorldHandles),
+}
+
+impl Handles {
+    fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
+        match self {
+            Self::Scene(scene) => scene.trace(p),
+            Self::World(world) => world.trace(p),
+        }
+    }
+}
+
+/// Traces on one device.
+pub struct Tracer {
+    gpu: Gpu,
+    /// Runs its frames, and those of worlds that change.
+    pub executor: Executor,
+    kernels: Vec<(Rays, RayKernel, RayKernel)>,
+}
+
+impl Tracer {
+    /// Makes the pipelines for these ways to trace.
+    ///
+    /// # Errors
+    /// [`RayBenchError::Gpu`], as where the device cannot trace so.
+    pub fn new(gpu: &Gpu, ways: &[Rays]) -> Result<Self, RayBenchError> {
+        let kernels = |&way: &Rays| {
+            Ok::<_, RayBenchError>((
+                way,
+                gpu.ray_kernel(&BENCH_CLOSEST_RAY, way)?,
+                gpu.ray_kernel(&BENCH_ANY_RAY, way)?,
+            ))
+        };
+        Ok(Self {
+            gpu: gpu.clone(),
+            executor: Executor::new(gpu)?,
+            kernels: ways.iter().map(kernels).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// The ways that it was made for.
+    pub fn ways(&self) -> Vec<Rays> {
+        self.kernels.iter().map(|(way, ..)| *way).collect()
+    }
+
+    /// Brings rays to the device.
+    ///
+    /// # Errors
+    /// Exhausted memory, a lost device.
+    pub fn upload(&mut self, table: &RayTable) -> Result<DeviceTable, RayBenchError> {
+        let rays = upload(&self.gpu, &mut self.executor, "bench rays", bytemuck::cast_slice(&table.rays))?;
+        let answers =
+            Buffer::new(&self.gpu, "bench answers", table.answer_bytes(), BufferMemory::Device, BufferUse::Storage)?;
+        let (extent, question, count) = (table.extent, table.question, table.rays.len() as u64);
+        Ok(DeviceTable { rays, answers: Arc::new(answers), extent, question, count })
+    }
+
+    /// Traces all rays of a table once: nanoseconds on the device.
+    ///
+    /// # Errors
+    /// A lost device, or one without timestamps.
+    pub fn time(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<u64, RayBenchError> {
+        let executed = self.run(rays, target, table, None)?;
+        pass_ns(&executed, "bench.trace")
+    }
+
+    /// What each ray of a closest-hit table meets.
+    ///
+    /// # Errors
+    /// A lost device; [`RayBenchError::Question`] for a table that asks otherwise.
+    pub fn closest(
+        &mut self,
+        rays: Rays,
+        target: Target<'_>,
+        table: &DeviceTable,
+    ) -> Result<Vec<RayAnswer>, RayBenchError> {
+        self.expect(table, Question::Closest)?;
+        Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table)?))
+    }
+
+    /// Whether each ray of an any-hit table meets anything.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest`].
+    pub fn any(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<Vec<bool>, RayBenchError> {
+        self.expect(table, Question::Any)?;
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.read(rays, target, table)?);
+        Ok(words.into_iter().map(|word| word != 0).collect())
+    }
+
+    fn expect(&self, table: &DeviceTable, wanted: Question) -> Result<(), RayBenchError> {
+        let got = table.question;
+        if got == wanted { Ok(()) } else { Err(RayBenchError::Question { wanted, got }) }
+    }
+
+    fn read(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<Vec<u8>, RayBenchError> {
+        let bytes = table.answers.bytes();
+        let host = Buffer::new(&self.gpu, "answers on the host", bytes, BufferMemory::ReadBack, BufferUse::Storage)?;
+        let host = Arc::new(host);
+        self.run(rays, target, table, Some(&host))?;
+        Ok(host.contents()[..bytes as usize].to_vec())
+    }
+
+    fn run(
+        &mut self,
+        rays: Rays,
+        target: Target<'_>,
+        table: &DeviceTable,
+        host: Option<&Arc<Buffer>>,
+    ) -> Result<Executed, RayBenchError> {
+        let missing = RayBenchError::Way { rays: rays.name() };
+        let &(_, closest, any) = self.kernels.iter().find(|(way, ..)| *way == rays).ok_or(missing)?;
+        let kernel = if table.question == Question::Closest { closest } else { any };
+        let (mut g, mut imports) = (self.executor.begin(table.extent), Imports::default());
+        let handles = target.import(&mut g, &mut imports);
+        let (scene, extent) = (target.root(), table.extent);
+        let mut buffer = |name, buffer: &Arc<Buffer>, last, g: &mut FrameGraph| {
+            g.import_buffer(name, BufferDesc::new(buffer.bytes()), last, imports.buffer(buffer))
+        };
+        let tasks = buffer("rays", &table.rays, Access::CopyWrite, &mut g).read();
+        let answers = buffer("answers", &table.answers, Access::BufferWrite, &mut g);
+        let answers = g.pass("bench.trace", Queue::Graphics, |p| {
+            let (token, tasks) = (handles.trace(p), p.read(tasks));
+            let (answers, to): (_, BufferToken) = p.write_buffer(answers);
+            (answers, move |c: &mut Record<'_>| {
+                let (width, height) = (extent.width, extent.height);
+                let params = TraceParams { scene, rays: c.id(tasks), answers: c.id(to), width, height };
+                c.trace(kernel, token, &params, extent);
+            })
+        });
+        let answers = answers.read();
+        g.output(answers);
+        if let Some(host) = host {
+            let target = buffer("host", host, Access::HostRead, &mut g);
+            let bytes = host.bytes();
+            let copied = g.pass("bench.copy", Queue::Transfer, |p| {
+                let from = p.copy_from(answers);
+                let (target, to) = p.copy_to(target);
+                (target, move |c: &mut Record<'_>| c.copy_buffer(from, 0, to, 0, bytes))
+            });
+            g.leave(copied.read(), Access::HostRead, Domain::Copy);
+        }
+        let executed = self.executor.run(g, &imports)?;
+        self.gpu.check_validation()?;
+        Ok(executed)
+    }
+}
+
+/// Time of a pass on the device, nanoseconds.
+pub(super) fn pass_ns(executed: &Executed, name: &'static str) -> Result<u64, RayBenchError> {
+    let pass = executed.sample.passes.iter().find(|p| p.name == name);
+    pass.and_then(|p| p.gpu_ns).ok_or(RayBenchError::Untimed { pass: name })
+}
+
+/// Bytes in a new buffer of the device's memory.
+pub(super) fn upload(
+    gpu: &Gpu,
+    executor: &mut Executor,
+    name: &str,
+    bytes: &[u8],
+) -> Result<Arc<Buffer>, RayBenchError> {
+    let target = Buffer::new(gpu, name, bytes.len() as u64, BufferMemory::Device, BufferUse::Storage)?;
+    let target = Arc::new(target);
+    write(gpu, executor, &target, bytes)?;
+    Ok(target)
+}
+
+/// Writes the first bytes of a buffer.
+pub(super) fn write(
+    gpu: &Gpu,
+    executor: &mut Executor,
+    target: &Arc<Buffer>,
+    bytes: &[u8],
+) -> Result<(), RayBenchError> {
+    let length = bytes.len() as u64;
+    if length == 0 {
+        return Ok(());
+    }
+    let mut staging = Buffer::new(gpu, "staging", length, BufferMemory::Upload, BufferUse::Storage)?;
+    staging.write(0, bytes)?;
+    let staging = Arc::new(staging);
+    let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
+    let from = g.import_buffer("staging", BufferDesc::new(length), Access::CopyRead, imports.buffer(&staging));
+    let key = imports.buffer(target);
+    let to = g.import_buffer(target.name(), BufferDesc::new(target.bytes()), Access::CopyWrite, key);
+    let written = g.pass("bench.upload", Queue::Transfer, |p| {
+        let from = p.copy_from(from.read());
+        let (to, into) = p.copy_to(to);
+        (to, move |c: &mut Record<'_>| c.copy_buffer(from, 0, into, 0, length))
+    });
+    g.output(written.read());
+    executor.run(g, &imports)?;
+    Ok(())
+}

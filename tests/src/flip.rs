@@ -1,0 +1,39 @@
+//! How different two images look: FLIP (Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"), by its authors'
+//! code.
+use anyhow::{Result, ensure};
+use magpie::pixels::Pixels;
+use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool};
+
+/// Mean FLIP of two images as a display shows them, from 0 (the same) to 1, seen from 67 pixels per degree.
+pub fn mean_flip(a: &Pixels, b: &Pixels) -> Result<f64> {
+    ensure!(a.extent == b.extent, "images of {:?} and {:?}", a.extent, b.extent);
+    let image = |pixels: &Pixels| {
+        let bytes: Vec<u8> = pixels.presentable().as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+        FlipImageRgb8::with_data(pixels.extent.width, pixels.extent.height, &bytes)
+    };
+    let error = nv_flip::flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE);
+    Ok(f64::from(FlipPool::from_image(&error).mean()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use magpie::graph::{Extent, Format};
+
+    fn flat(rgb: [u8; 3]) -> Pixels {
+        let extent = Extent::new(16, 8);
+        let bytes = (0..16 * 8).flat_map(|_| [rgb[0], rgb[1], rgb[2], 255]).collect();
+        Pixels { extent, format: Format::Rgba8Unorm, bytes }
+    }
+
+    #[test]
+    fn the_same_is_zero_and_black_and_white_are_far_apart() -> Result<()> {
+        assert!(mean_flip(&flat([9, 100, 200]), &flat([9, 100, 200]))? == 0.0);
+        let far = mean_flip(&flat([0; 3]), &flat([255; 3]))?;
+        assert!((0.9..=1.0).contains(&far), "{far}");
+        let near = mean_flip(&flat([100; 3]), &flat([104; 3]))?;
+        assert!(near > 0.0 && near < 0.1, "{near}");
+        assert!(mean_flip(&flat([0; 3]), &Pixels { extent: Extent::new(8, 16), ..flat([0; 3]) }).is_err());
+        Ok(())
+    }
+}
