@@ -1,12 +1,12 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#define WRITES_GBUFFER
 #include "lib/bindless.glsl"
-#include "lib/normal_map.glsl"
-#include "lib/octahedral.glsl"
-#include "lib/vector.glsl"
+#include "lib/alpha.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/gbuffer_write.glsl"
+#include "lib/intersect.glsl"
 #include "shared/gbuffer.glsl"
-#include "shared/scene.glsl"
-#include "shared/view.glsl"
 // Writes the G-buffer; its layout is in lib/README.md. Back faces of single-sided materials are culled before; which side is seen
 // follows here from the triangle itself, so that both normals face the viewer on double-sided and mirrored instances too.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
@@ -23,17 +23,6 @@ layout(location = 5) in vec4 colour;
 layout(location = 6) in vec3 clip_now;
 layout(location = 7) in vec3 clip_before;
 layout(location = 8) flat in uint instance_index;
-
-layout(location = 0) out vec4 out_base_colour;
-layout(location = 1) out vec4 out_normal;
-layout(location = 2) out vec2 out_material;
-layout(location = 3) out vec4 out_emission;
-layout(location = 4) out vec2 out_motion;
-layout(location = 5) out uvec2 out_ids;
-
-// Largest finite 16-bit float: emission and motion beyond it stay finite. Chosen by comparison, which keeps a NaN for the scan to
-// find; min and clamp may not.
-const float HALF_MAX = 65504.0;
 
 vec4 read(TextureSlot slot, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
@@ -52,11 +41,17 @@ vec3 triangle_normal(Instance instance, Mesh mesh, out vec3 corner) {
     return transform_normal(instance.object_from_world, cross(e1, e2));
 }
 
-// uv now minus uv one frame ago; 0 for what was behind the camera then.
-vec2 motion() {
-    if (clip_before.z <= 0.0) return vec2(0.0);
-    vec2 moved = 0.5 * (clip_now.xy / clip_now.z - clip_before.xy / clip_before.z);
-    return mix(moved, sign(moved) * HALF_MAX, greaterThan(abs(moved), vec2(HALF_MAX)));
+// The alpha test, as a ray through the pixel's centre makes it: at the same point of the triangle, with the same cone.
+bool is_there(ViewBuffer view, SceneBuffer scene, Instance instance, Mesh mesh) {
+    vec3 ray = pixel_ray(view, ivec2(gl_FragCoord.xy));
+    vec3 origin = transform_point(instance.object_from_world, view.at[0].eye);
+    TriangleRay object_ray = triangle_ray(origin, transform_vector(instance.object_from_world, ray));
+    uvec3 corners = TriangleBuffer(mesh.indices).at[gl_PrimitiveID];
+    PositionBuffer at = PositionBuffer(mesh.positions);
+    SurfaceHit hit;
+    // Whether it hits does not matter: fragments at the edges may lie just outside.
+    hit_triangle(object_ray, at.at[corners.x], at.at[corners.y], at.at[corners.z], 0.0, 0.0, hit);
+    return alpha_passes(scene, instance_index, uint(gl_PrimitiveID), hit.barycentric, ray, pixel_spread(view) * hit.t);
 }
 
 void main() {
@@ -67,7 +62,8 @@ void main() {
 
     // Which side. The corner of the triangle, not the fragment, decides: one answer for the whole triangle.
     vec3 corner;
-    vec3 geometric = triangle_normal(instance, MeshBuffer(scene.at[0].meshes).at[instance.mesh], corner);
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    vec3 geometric = triangle_normal(instance, mesh, corner);
     vec3 to_eye = safe_normalize(-from_eye, vec3(0.0, 0.0, 1.0));
     vec3 corner_to_eye = view.at[0].eye - transform_point(instance.world_from_object, corner);
     geometric = safe_normalize(geometric, vec3(0.0));
@@ -87,21 +83,17 @@ void main() {
         vec3 texel = read(material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
         shading = apply_normal_map(normal, tangent, texel, material.normal_scale);
     }
-    if (ALPHA_TEST && base.a < material.alpha_cutoff) discard;
+    if (ALPHA_TEST && !is_there(view, scene, instance, mesh)) discard;
 
-    vec2 metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
-    if ((material.flags & MATERIAL_UNLIT) != 0u) {
-        // A black metal: the one surface that reflects nothing (specular_f90 of lib/brdf.glsl).
-        emission = base.rgb;
-        base.rgb = vec3(0.0);
-        metalness_roughness = vec2(1.0);
-    }
-
-    out_base_colour = vec4(base.rgb, occlusion);
-    out_normal.xy = octahedral_encode(bend_towards_viewer(side * shading, to_eye));
-    out_normal.zw = octahedral_encode(side * geometric);
-    out_material = metalness_roughness;
-    out_emission = vec4(mix(emission, vec3(HALF_MAX), greaterThan(emission, vec3(HALF_MAX))), 1.0);
-    out_motion = motion();
-    out_ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));
+    Fragment fragment;
+    fragment.to_eye = to_eye;
+    fragment.normal = side * shading;
+    fragment.geometric_normal = side * geometric;
+    fragment.base_colour = base.rgb;
+    fragment.occlusion = occlusion;
+    fragment.metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
+    fragment.emission = emission;
+    fragment.motion = motion_between(clip_now, clip_before);
+    fragment.ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));
+    write_gbuffer(fragment, material.flags);
 }

@@ -1,12 +1,29 @@
-// The alpha test, as rays and raster make it.
+// The alpha test, as rays and raster make it: both read the same texels.
 #ifndef LIB_ALPHA_GLSL
 #define LIB_ALPHA_GLSL
 #include "lib/bindless.glsl"
+#include "lib/vector.glsl"
 #include "shared/scene.glsl"
 
-// Whether an alpha-tested surface is there at this point: the comparison that the G-buffer makes, at the finest mip.
-bool alpha_passes(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric)
-{
+// Mip level at which a cone of this width, metres, sees a triangle of the world with the edges `e1` and `e2`, whose texture coordinates
+// differ by `uv1` and `uv2` along them: half the logarithm of texels over area, plus that of the cone's width over the cosine
+// (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", section 2). `direction` has any length.
+// A cone without width sees the finest mip.
+float cone_lod(TextureSlot slot, vec3 e1, vec3 e2, vec2 uv1, vec2 uv2, vec3 direction, float width) {
+    if (!(width > 0.0)) return 0.0;
+    vec2 size = vec2(textureSize(images[nonuniformEXT(slot.image)], 0));
+    vec2 a = size * vec2(dot(slot.row_u.xy, uv1), dot(slot.row_v.xy, uv1));
+    vec2 b = size * vec2(dot(slot.row_u.xy, uv2), dot(slot.row_v.xy, uv2));
+    vec3 across = cross(e1, e2);
+    float texels = abs(a.x * b.y - a.y * b.x);
+    // With the length of `across` twice the area: sqrt(texels / area) * width / cosine. Edge-on, it is the coarsest mip.
+    float texels_per_width = sqrt(texels * length(across)) * width * length(direction);
+    float cosine = abs(dot(across, direction));
+    return log2(max(texels_per_width, 1e-20) / max(cosine, 1e-20));
+}
+
+// The alpha of a triangle at a point, which a cone of this width meets along `direction`; both of the world.
+float alpha_at(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric, vec3 direction, float width) {
     Instance placed = InstanceBuffer(scene.at[0].instances).at[instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[placed.mesh];
     MaterialBuffer materials = MaterialBuffer(scene.at[0].materials);
@@ -21,10 +38,25 @@ bool alpha_passes(SceneBuffer scene, uint instance, uint triangle, vec2 barycent
         mat3x2 uvs = slot.uv_set == 0u
             ? mat3x2(attributes.at[corners.x].uv0, attributes.at[corners.y].uv0, attributes.at[corners.z].uv0)
             : mat3x2(attributes.at[corners.x].uv1, attributes.at[corners.y].uv1, attributes.at[corners.z].uv1);
+        float lod = 0.0;
+        if (width > 0.0) {
+            PositionBuffer positions = PositionBuffer(mesh.positions);
+            vec3 corner = positions.at[corners.x];
+            vec3 e1 = transform_vector(placed.world_from_object, positions.at[corners.y] - corner);
+            vec3 e2 = transform_vector(placed.world_from_object, positions.at[corners.z] - corner);
+            lod = cone_lod(slot, e1, e2, uvs[1] - uvs[0], uvs[2] - uvs[0], direction, width);
+        }
         vec3 uv = vec3(uvs * weights, 1.0);
-        alpha *= sample_lod(slot.image, slot.sampler_id, vec2(dot(slot.row_u, uv), dot(slot.row_v, uv)), 0.0).a;
+        alpha *= sample_lod(slot.image, slot.sampler_id, vec2(dot(slot.row_u, uv), dot(slot.row_v, uv)), lod).a;
     }
-    return alpha >= materials.at[placed.material].alpha_cutoff;
+    return alpha;
+}
+
+// Whether an alpha-tested surface is there at that point.
+bool alpha_passes(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric, vec3 direction, float width) {
+    uint material = InstanceBuffer(scene.at[0].instances).at[instance].material;
+    float cutoff = MaterialBuffer(scene.at[0].materials).at[material].alpha_cutoff;
+    return alpha_at(scene, instance, triangle, barycentric, direction, width) >= cutoff;
 }
 
 #endif

@@ -36,6 +36,12 @@ vec3 pixel_ray(ViewBuffer view, ivec2 pixel) {
     return ray;
 }
 
+// Width of a pixel's cone over view depth: the height of a pixel at one metre. Times the `t` of a ray along `pixel_ray` it is the
+// cone's width there, metres.
+float pixel_spread(ViewBuffer view) {
+    return 2.0 * length(view.at[0].world_from_clip[1].xyz) / float(view.at[0].size.y);
+}
+
 // World position of a pixel's centre at reversed depth `depth`, above 0.
 vec3 world_position(ViewBuffer view, ivec2 pixel, float depth) {
     precise vec3 position = view.at[0].eye + pixel_ray(view, pixel) / (depth * view.at[0].world_from_clip[2].w);

@@ -1,4 +1,4 @@
-// What the shaders of a ray-tracing pipeline hand to each other: 24 bytes.
+// What the shaders of a ray-tracing pipeline hand to each other: 32 bytes.
 #ifndef LIB_RAY_PAYLOAD_GLSL
 #define LIB_RAY_PAYLOAD_GLSL
 #include "lib/ray_types.glsl"
@@ -9,6 +9,8 @@ struct RayPayload {
     uint primitive;
     vec2 barycentric;
     uint front;
+    float cone_width;  // of the ray, for the alpha test
+    float cone_spread;
 };
 
 // Hit kinds of a sphere, beside those that Vulkan has for triangles.

@@ -12,6 +12,8 @@ bool trace_any(SceneBuffer scene, Ray ray)
 {
     // No shader runs on a hit: what is there before stands for one, and the miss shader takes it away.
     payload.instance = 0u;
+    payload.cone_width = ray.cone_width;
+    payload.cone_spread = ray.cone_spread;
     uint flags = driver_flags(ray) | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
     traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), flags, ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
     return payload.instance != NO_HIT;
@@ -21,6 +23,8 @@ bool trace_any(SceneBuffer scene, Ray ray)
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {
     payload.instance = NO_HIT;
+    payload.cone_width = ray.cone_width;
+    payload.cone_spread = ray.cone_spread;
     traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), driver_flags(ray), ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction,
         ray.t_max, 0);
     if (payload.instance == NO_HIT) {

@@ -15,7 +15,9 @@ void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
         uint instance = uint(rayQueryGetIntersectionInstanceCustomIndexEXT(query, false));
         uint primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
         if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT) {
-            if (alpha_passes(scene, instance, primitive, rayQueryGetIntersectionBarycentricsEXT(query, false))) {
+            float width = cone_width_at(ray, rayQueryGetIntersectionTEXT(query, false));
+            vec2 barycentric = rayQueryGetIntersectionBarycentricsEXT(query, false);
+            if (alpha_passes(scene, instance, primitive, barycentric, ray.direction, width)) {
                 rayQueryConfirmIntersectionEXT(query);
             }
         } else {

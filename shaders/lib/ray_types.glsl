@@ -5,6 +5,9 @@
 
 // Hits count for t_min < t < t_max, in lengths of `direction`, which need not be a unit vector. `mask`: instances that share a bit
 // with it are seen. `cull`: RAY_CULL_* bits. Make one with `make_ray`.
+//
+// The ray stands for a cone, which says at which mip textures are read (lib/alpha.glsl): metres wide at the origin, and by how many
+// metres wider with each length of `direction`. One without width reads the finest mip.
 struct Ray {
     vec3 origin;
     float t_min;
@@ -12,6 +15,8 @@ struct Ray {
     float t_max;
     uint mask;
     uint cull;
+    float cone_width;
+    float cone_spread;
 };
 
 // `instance` indexes the scene's instances, `primitive` the triangles or spheres of its mesh.
@@ -33,7 +38,21 @@ const uint RAY_CULL_FRONT = 2u;
 // A ray that every instance stops, whichever side it shows.
 Ray make_ray(vec3 origin, float t_min, vec3 direction, float t_max)
 {
-    return Ray(origin, t_min, direction, t_max, INSTANCE_MASK_ALL, 0u);
+    return Ray(origin, t_min, direction, t_max, INSTANCE_MASK_ALL, 0u, 0.0, 0.0);
+}
+
+// The same ray as a cone.
+Ray with_cone(Ray ray, float width, float spread)
+{
+    ray.cone_width = width;
+    ray.cone_spread = spread;
+    return ray;
+}
+
+// Width of the cone at a distance, metres.
+float cone_width_at(Ray ray, float t)
+{
+    return ray.cone_width + ray.cone_spread * t;
 }
 
 // Whether the ray goes through a face for its side.

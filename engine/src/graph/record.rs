@@ -77,6 +77,8 @@ pub struct Draw {
     pub cull: Cull,
     /// Its material is alpha-tested.
     pub alpha_test: bool,
+    /// It is spheres: eight corners of a box for each.
+    pub spheres: bool,
 }
 
 /// One mip of an image in a buffer, rows without gaps.

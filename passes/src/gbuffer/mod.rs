@@ -1,10 +1,10 @@
-//! Raster G-buffer: one draw list of every instance, vertices pulled by address.
+//! Raster G-buffer: one draw list of every instance, vertices pulled by address; spheres by the ray through each pixel.
 use crate::stages::{GBuffer, GBufferIn};
 use magpie::gpu::{RasterDesc, RasterKernel};
 use magpie::prelude::*;
 use magpie::stage::{Stage, StageError};
 use magpie_shaders::gbuffer::DrawParams;
-use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT};
+use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
 /// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids.
 const COLOURS: [(&str, Format); 6] = [
@@ -20,30 +20,33 @@ const COLOURS: [(&str, Format); 6] = [
 pub fn stage() -> Stage<GBufferIn, GBuffer> {
     Stage::new("gbuffer")
         .about("What the camera sees first: depth, normals, material, emission, motion and ids of every pixel.")
-        .with("raster", "Triangles drawn with reversed infinite depth.", &[], |build, _| {
+        .with("raster", "Triangles and spheres drawn with reversed infinite depth.", &[], |build, _| {
             Ok(Box::new(Raster::new(build.gpu)?))
         })
 }
 
+#[derive(Clone, Copy)]
 struct Raster {
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
+    spheres: RasterKernel,
 }
 
 impl Raster {
     fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        let kernel = |name, alpha_test: bool| {
-            let desc = RasterDesc {
-                name,
-                vertex: &GBUFFER_DRAW_VERT,
-                fragment: &GBUFFER_DRAW_FRAG,
-                constants: &[alpha_test.into()],
-                colours: &COLOURS.map(|(_, format)| format),
-                depth: Some(Format::D32Float),
-            };
+        let kernel = |name, vertex, fragment, constants: &[u32]| {
+            let colours = &COLOURS.map(|(_, format)| format);
+            let desc = RasterDesc { name, vertex, fragment, constants, colours, depth: Some(Format::D32Float) };
             gpu.raster_kernel(&desc).map_err(StageError::other)
         };
-        Ok(Self { opaque: kernel("gbuffer.opaque", false)?, alpha_tested: kernel("gbuffer.alpha_tested", true)? })
+        let triangles = |name, alpha_test: bool| {
+            kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into()])
+        };
+        Ok(Self {
+            opaque: triangles("gbuffer.opaque", false)?,
+            alpha_tested: triangles("gbuffer.alpha_tested", true)?,
+            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[])?,
+        })
     }
 }
 
@@ -52,7 +55,7 @@ impl Effect for Raster {
     type Out = GBuffer;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
-        let (opaque, alpha_tested, block) = (self.opaque, self.alpha_tested, view.block);
+        let (Self { opaque, alpha_tested, spheres }, block) = (*self, view.block);
         let draws = view.draws.clone();
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));
@@ -63,9 +66,11 @@ impl Effect for Raster {
             let out = GBuffer { depth, base_colour, normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {
                 let params = DrawParams { view: c.id(block) };
-                let (solid, tested) = draws.split_at(draws.partition_point(|d| !d.alpha_test));
+                let (triangles, round) = draws.split_at(draws.partition_point(|d| !d.spheres));
+                let (solid, tested) = triangles.split_at(triangles.partition_point(|d| !d.alpha_test));
                 c.draw(opaque, &params, indices, solid);
                 c.draw(alpha_tested, &params, indices, tested);
+                c.draw(spheres, &params, indices, round);
             })
         })
     }

@@ -386,7 +386,7 @@ impl ResidentScene {
         self.state.root()
     }
 
-    /// One draw per instance: opaque ones first, then by what culls them.
+    /// One draw per instance: opaque triangles first, then alpha-tested ones, then spheres; in each by what culls them.
     pub fn draws(&self) -> &Arc<[Draw]> {
         &self.draws
     }

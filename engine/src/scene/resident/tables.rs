@@ -46,9 +46,26 @@ pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> share
     }
 }
 
-/// Indices that the raster draws: spheres have none of their own.
+/// The corners of a box, bit 0, 1, 2 of each for the further side in x, y, z. They run counter-clockwise as seen from inside, so that
+/// where back faces are left out those behind what is in the box are drawn.
+const BOX: [u32; 36] = [
+    0, 2, 6, 0, 6, 4, // -x
+    1, 5, 7, 1, 7, 3, // +x
+    0, 4, 5, 0, 5, 1, // -y
+    2, 3, 7, 2, 7, 6, // +y
+    0, 1, 3, 0, 3, 2, // -z
+    4, 6, 7, 4, 7, 5, // +z
+];
+
+/// How many indices the raster draws.
+fn raster_index_count(mesh: &Mesh) -> usize {
+    mesh.indices.len() + mesh.spheres.len() * BOX.len()
+}
+
+/// Indices that the raster draws: those of the triangles, or a box of eight corners around each sphere.
 pub(super) fn raster_indices(mesh: &Mesh) -> Vec<u32> {
-    mesh.indices.clone()
+    let boxes = (0..mesh.spheres.len() as u32).flat_map(|sphere| BOX.map(|corner| 8 * sphere + corner));
+    mesh.indices.iter().copied().chain(boxes).collect()
 }
 
 /// Adds a mesh's positions, attributes and boxes; gives where they begin, the boxes of triangles at zero.
@@ -178,25 +195,45 @@ pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
         .instances
         .iter()
         .zip(0..)
-        // Spheres have no triangles to draw.
-        .filter(|(i, _)| !scene.meshes[i.mesh as usize].indices.is_empty())
         .map(|(i, instance)| {
-            let (mesh, material) = (i.mesh as usize, i.material as usize);
+            let (mesh, material) = (&scene.meshes[i.mesh as usize], &scene.materials[i.material as usize]);
+            let spheres = !mesh.spheres.is_empty();
             let mirrored = i.world_from_object.matrix3.determinant() < 0.0;
-            let cull = match (scene.materials[material].double_sided, mirrored) {
+            // Of the box around a sphere one side is drawn, whichever sides the sphere has.
+            let cull = match (material.double_sided && !spheres, mirrored) {
                 (true, _) => Cull::None,
                 (false, false) => Cull::Back,
                 (false, true) => Cull::BackMirrored,
             };
             Draw {
-                first_index: (index_offsets[mesh] / 4) as u32,
-                index_count: scene.meshes[mesh].indices.len() as u32,
+                first_index: (index_offsets[i.mesh as usize] / 4) as u32,
+                index_count: raster_index_count(mesh) as u32,
                 instance,
                 cull,
-                alpha_test: scene.materials[material].alpha != AlphaMode::Opaque,
+                alpha_test: material.alpha != AlphaMode::Opaque && !spheres,
+                spheres,
             }
         })
+        .filter(|d| d.index_count > 0)
         .collect();
-    draws.sort_by_key(|d| (d.alpha_test, d.cull as u32, d.instance));
+    draws.sort_by_key(|d| (d.spheres, d.alpha_test, d.cull as u32, d.instance));
     draws.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_face_inwards() {
+        let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) - 0.5;
+        let mut area = 0.0;
+        for triangle in BOX.chunks_exact(3) {
+            let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(corner);
+            let normal = (b - a).cross(c - a);
+            assert!(normal.dot(a) < 0.0, "{triangle:?}");
+            area += 0.5 * normal.length();
+        }
+        assert_eq!(area, 6.0);
+    }
 }

@@ -1,0 +1,56 @@
+// What a fragment leaves in the G-buffer, encoded; its layout is in README.md. A fragment shader defines WRITES_GBUFFER first.
+#ifndef LIB_GBUFFER_WRITE_GLSL
+#define LIB_GBUFFER_WRITE_GLSL
+#include "lib/normal_map.glsl"
+#include "lib/octahedral.glsl"
+#include "shared/scene.glsl"
+
+// Largest finite 16-bit float: emission and motion beyond it stay finite. Chosen by comparison, which keeps a NaN for the scan to
+// find; min and clamp may not.
+const float HALF_MAX = 65504.0;
+
+struct Fragment {
+    vec3 to_eye;               // world, unit
+    vec3 normal;               // shading normal on the side that is seen, unit; bent here where it points away from the viewer
+    vec3 geometric_normal;     // unit, on the side that is seen
+    vec3 base_colour;
+    float occlusion;           // 1 is open
+    vec2 metalness_roughness;
+    vec3 emission;
+    vec2 motion;
+    uvec2 ids;                 // instance + 1, primitive
+};
+
+// uv now minus uv one frame ago, from clip x, y, w; 0 for what was behind the camera then.
+vec2 motion_between(vec3 clip_now, vec3 clip_before) {
+    if (clip_before.z <= 0.0) return vec2(0.0);
+    vec2 moved = 0.5 * (clip_now.xy / clip_now.z - clip_before.xy / clip_before.z);
+    return mix(moved, sign(moved) * HALF_MAX, greaterThan(abs(moved), vec2(HALF_MAX)));
+}
+
+#ifdef WRITES_GBUFFER
+layout(location = 0) out vec4 out_base_colour;
+layout(location = 1) out vec4 out_normal;
+layout(location = 2) out vec2 out_material;
+layout(location = 3) out vec4 out_emission;
+layout(location = 4) out vec2 out_motion;
+layout(location = 5) out uvec2 out_ids;
+
+void write_gbuffer(Fragment f, uint material_flags) {
+    if ((material_flags & MATERIAL_UNLIT) != 0u) {
+        // A black metal: the one surface that reflects nothing (specular_f90 of lib/brdf.glsl).
+        f.emission = f.base_colour;
+        f.base_colour = vec3(0.0);
+        f.metalness_roughness = vec2(1.0);
+    }
+    out_base_colour = vec4(f.base_colour, f.occlusion);
+    out_normal.xy = octahedral_encode(bend_towards_viewer(f.normal, f.to_eye));
+    out_normal.zw = octahedral_encode(f.geometric_normal);
+    out_material = f.metalness_roughness;
+    out_emission = vec4(mix(f.emission, vec3(HALF_MAX), greaterThan(f.emission, vec3(HALF_MAX))), 1.0);
+    out_motion = f.motion;
+    out_ids = f.ids;
+}
+#endif
+
+#endif
