@@ -3,6 +3,7 @@ mod block;
 mod deform;
 mod driver;
 mod policy;
+mod rounding;
 mod software;
 mod state;
 mod tables;
@@ -21,6 +22,7 @@ use crate::ray::{Bounds, RayError};
 use block::Block;
 use deform::Deformation;
 use driver::Driver;
+use glam::DVec3;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
 use magpie_shaders::{Address, Rays};
@@ -263,7 +265,7 @@ impl ResidentScene {
             ..acceleration.root()
         };
         let mut made = Self {
-            state: State::new(gpu, animator, fixed, root)?,
+            state: State::new(gpu, animator, fixed, shown.iter().map(|s| s.1).collect(), root)?,
             tables,
             deformation,
             acceleration,
@@ -376,6 +378,11 @@ impl ResidentScene {
     /// Address of the [`magpie_shaders::scene::Scene`].
     pub fn root(&self) -> Address {
         self.state.root()
+    }
+
+    /// The world point that is the origin on the device, of the moment that was gone to. Metres.
+    pub fn origin(&self) -> DVec3 {
+        self.state.origin
     }
 
     /// One draw per instance: opaque ones first, then by what culls them.
