@@ -3,7 +3,7 @@ use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
 use crate::scene::{Camera, ResidentScene};
-use glam::Mat4;
+use glam::{DVec3, Mat4};
 use magpie_shaders::view::{self as shared, NO_LIGHT};
 use std::sync::Arc;
 
@@ -33,23 +33,24 @@ pub struct ViewDesc<'a> {
     pub frame: u32,
     /// Seed of everything random.
     pub seed: u32,
-    /// [`ViewDesc::clip_from_world`] of the frame before; `None` for the first.
-    pub previous_clip_from_world: Option<Mat4>,
+    /// Camera and size of the frame before; `None` for the first, in which nothing moves.
+    pub previous: Option<(&'a Camera, Extent)>,
 }
 
 const BLOCK_BYTES: u64 = size_of::<shared::View>() as u64;
 
+fn clip_from_view(camera: &Camera, extent: Extent) -> Mat4 {
+    camera.clip_from_view(extent.width as f32 / extent.height as f32)
+}
+
+/// Clip space from the world, which is counted from `origin`: reversed infinite depth, y down.
+fn clip_from_world(camera: &Camera, extent: Extent, origin: DVec3) -> Mat4 {
+    clip_from_view(camera, extent) * camera.view_from_world(origin)
+}
+
 impl ViewDesc<'_> {
-    /// Clip space from the world: reversed infinite depth, y down.
-    pub fn clip_from_world(&self) -> Mat4 {
-        self.clip_from_view() * self.camera.view_from_world()
-    }
-
-    fn clip_from_view(&self) -> Mat4 {
-        self.camera.clip_from_view(self.extent.width as f32 / self.extent.height as f32)
-    }
-
-    /// Brings camera, frame and sky into a frame of the graph, in the memory of `block`.
+    /// Brings camera, frame and sky into a frame of the graph, in the memory of `block`. The world is counted from the origin that
+    /// the scene has gone to, that of the frame before too.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`], where an earlier frame's imports still hold that memory.
@@ -60,14 +61,17 @@ impl ViewDesc<'_> {
         g: &mut FrameGraph,
         imports: &mut Imports,
     ) -> Result<View, GpuError> {
-        let clip_from_world = self.clip_from_world();
+        let (camera, extent, origin) = (self.camera, self.extent, scene.origin());
+        let now = clip_from_world(camera, extent, origin);
+        let before = self.previous.map_or(now, |(camera, extent)| clip_from_world(camera, extent, origin));
+        let placed = camera.placed(origin);
         // The product of the two inverses: the inverse of the product loses digits far from the origin.
-        let world_from_clip = Mat4::from(self.camera.world_from_camera) * self.clip_from_view().inverse();
+        let world_from_clip = Mat4::from(placed) * clip_from_view(camera, extent).inverse();
         let contents = shared::View {
-            clip_from_world: clip_from_world.to_cols_array_2d(),
+            clip_from_world: now.to_cols_array_2d(),
             world_from_clip: world_from_clip.to_cols_array_2d(),
-            previous_clip_from_world: self.previous_clip_from_world.unwrap_or(clip_from_world).to_cols_array_2d(),
-            eye: self.camera.eye().to_array(),
+            previous_clip_from_world: before.to_cols_array_2d(),
+            eye: placed.translation.to_array(),
             frame: self.frame,
             size: [self.extent.width, self.extent.height],
             seed: self.seed,

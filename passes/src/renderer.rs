@@ -14,7 +14,7 @@ use magpie::graph::{
 };
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, Moment, ResidentError, ResidentScene, Scene, SharedScene};
+use magpie::scene::{Camera, FloatingOrigin, Moment, ResidentError, ResidentScene, Scene, SharedScene};
 use magpie::stage::{Build, StageError};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -110,7 +110,8 @@ pub struct Renderer {
     poisons: Vec<Poison>,
     options: RenderOptions,
     frame: u32,
-    previous_clip_from_world: Option<glam::Mat4>,
+    previous: Option<(Camera, Extent)>,
+    origin: FloatingOrigin,
 }
 
 /// Images that are copied to the host, in the order they were asked for.
@@ -180,7 +181,8 @@ impl Renderer {
             poisons: Vec::new(),
             options,
             frame: 0,
-            previous_clip_from_world: None,
+            previous: None,
+            origin: FloatingOrigin::default(),
         })
     }
 
@@ -203,7 +205,7 @@ impl Renderer {
     pub fn restart(&mut self) {
         self.executor.restart();
         self.trail.clear();
-        (self.frame, self.previous_clip_from_world) = (0, None);
+        (self.frame, self.previous, self.origin) = (0, None, FloatingOrigin::default());
     }
 
     /// Renders in another size from the next frame on. What histories hold in the old size is lost then, but not before:
@@ -215,7 +217,7 @@ impl Renderer {
     /// The camera jumps: the next frame has nothing to do with the one before. Nothing moves in it, and histories begin anew.
     pub fn cut(&mut self) {
         self.executor.cut();
-        self.previous_clip_from_world = None;
+        self.previous = None;
     }
 
     /// Puts an implementation into a slot, with the settings that the configuration has for it.
@@ -282,10 +284,10 @@ impl Renderer {
             extent,
             frame: self.frame,
             seed: self.options.seed,
-            previous_clip_from_world: self.previous_clip_from_world,
+            previous: self.previous.as_ref().map(|(camera, extent)| (camera, *extent)),
         };
-        let cut = self.previous_clip_from_world.is_none();
-        self.scene.borrow_mut().go(&Moment { time: request.time, cut, ..Default::default() });
+        let (cut, origin) = (self.previous.is_none(), self.origin.follow(request.camera));
+        self.scene.borrow_mut().go(&Moment { time: request.time, origin, cut });
         let view = desc.declare(&mut self.view, &self.scene.borrow(), &mut g, &mut imports.borrow_mut())?;
         let (scene, camera) = (self.scene.clone(), request.camera.clone());
         let scene = AccelerationIn { scene, imports: imports.clone(), camera };
@@ -349,7 +351,7 @@ impl Renderer {
             findings = scanned.findings();
             self.trail.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
         }
-        self.previous_clip_from_world = Some(desc.clip_from_world());
+        self.previous = Some((request.camera.clone(), extent));
         self.frame += 1;
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });

@@ -1,19 +1,129 @@
 // Where a ray starts that leaves a surface.
+//
+// A ray must not meet the surface that it leaves. Two things are done about that, and no effect has an epsilon of its own:
+//
+// 1. The start is a point of the triangle or sphere as rays meet it, made from its corners, not from the depth buffer or from the
+//    distance along a ray: then the error of depth or distance only moves it along the surface (Waechter and Binder 2019, "A Fast
+//    and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, chapter 6; Pharr, Jakob and Humphreys 2023, "Physically
+//    Based Rendering", 4th edition, section 6.8).
+// 2. It is moved off the surface by `Instance.rounding`, a bound of the rounding errors of everything that places the surface or the
+//    ray against it, of either side of the walk. docs/ray-origins.md has it, and what it costs.
 #ifndef LIB_RAY_ORIGIN_GLSL
 #define LIB_RAY_ORIGIN_GLSL
+#include "lib/bindless.glsl"
+#include "lib/ray_types.glsl"
+#include "lib/vector.glsl"
 
-// Moves a point off a surface, to the side of the unit normal `n`, by just more than the rounding error of its coordinates
-// (Waechter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, chapter 6).
-// The step is a number of representable floats, so it grows with the coordinate; near the origin it is a fixed length.
-vec3 offset_origin(vec3 p, vec3 n)
+// A point of a surface, made for rays to leave from.
+struct RayStart {
+    vec3 position;   // world, metres
+    vec3 normal;     // of the triangle or the sphere itself; unit, to the side from which the point was seen
+    float rounding;  // bound of its distance from the surface, as a walk may see it, metres, above 0
+};
+
+// A ray towards a point ends this much of its length before it, so that the surface of a lamp does not hide its light.
+const float BEFORE_THE_END = 1e-3;
+
+// The point of a triangle with these weights of the second and third corner.
+vec3 triangle_point(vec3 a, vec3 b, vec3 c, vec2 weights)
 {
-    const float STEPS = 256.0;
-    const float NEAR_ZERO = 1.0 / 32.0;
-    const float SHORT_STEP = 1.0 / 65536.0;
-    ivec3 steps = ivec3(STEPS * n);
-    // Integers count away from zero on both sides of it.
-    ivec3 moved = floatBitsToInt(p) + mix(steps, -steps, lessThan(p, vec3(0.0)));
-    return mix(intBitsToFloat(moved), p + SHORT_STEP * n, lessThan(abs(p), vec3(NEAR_ZERO)));
+    precise vec3 p = (1.0 - weights.x - weights.y) * a + weights.x * b + weights.y * c;
+    return p;
+}
+
+// Weights of the second and third corner where a line from zero meets a triangle; of the point near it where it just misses.
+vec2 met_weights(vec3 a, vec3 b, vec3 c, vec3 along)
+{
+    vec3 across = b - a;
+    vec3 up = c - a;
+    vec3 normal = cross(across, up);
+    vec3 from_a = (dot(normal, a) / dot(normal, along)) * along - a;
+    vec2 weights = vec2(dot(cross(from_a, up), normal), dot(cross(across, from_a), normal)) / dot(normal, normal);
+    // A triangle seen edge on is thinner than the raster's grid: any point of it will do. The form also refuses a NaN.
+    if (!all(lessThan(abs(weights), vec2(1e6)))) return vec2(1.0 / 3.0);
+    weights = max(weights, 0.0);
+    return weights / max(weights.x + weights.y, 1.0);
+}
+
+RayStart triangle_start(Instance instance, vec3 a, vec3 b, vec3 c, vec2 weights)
+{
+    precise vec3 position = transform_point(instance.world_from_object, triangle_point(a, b, c, weights));
+    vec3 normal = transform_normal(instance.object_from_world, cross(b - a, c - a));
+    return RayStart(position, safe_normalize(normal, vec3(0.0)), instance.rounding);
+}
+
+// `near`: close to the sphere, in object space.
+RayStart sphere_start(Instance instance, vec4 sphere, vec3 near)
+{
+    vec3 outwards = safe_normalize(near - sphere.xyz, vec3(0.0, 1.0, 0.0));
+    precise vec3 position = transform_point(instance.world_from_object, sphere.xyz + sphere.w * outwards);
+    vec3 normal = transform_normal(instance.object_from_world, outwards);
+    return RayStart(position, safe_normalize(normal, vec3(0.0)), instance.rounding);
+}
+
+// The surface that a ray has hit. `normal` points to where the ray came from.
+RayStart hit_start(SceneBuffer scene, Ray ray, Hit hit)
+{
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    RayStart start;
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        vec3 near = transform_point(instance.object_from_world, ray.origin + hit.t * ray.direction);
+        start = sphere_start(instance, SphereBuffer(mesh.positions).at[hit.primitive], near);
+    } else {
+        PositionBuffer corners = PositionBuffer(mesh.positions);
+        uvec3 at = TriangleBuffer(mesh.indices).at[hit.primitive];
+        start = triangle_start(instance, corners.at[at.x], corners.at[at.y], corners.at[at.z], hit.barycentric);
+    }
+    start.normal = hit.front ? start.normal : -start.normal;
+    return start;
+}
+
+// The surface that is seen from `eye` in the direction `along`: `ids` of the G-buffer, so instance + 1 and primitive, and a `position`
+// near it. `normal` points towards the eye.
+RayStart seen_start(SceneBuffer scene, uvec2 ids, vec3 eye, vec3 along, vec3 position)
+{
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[ids.x - 1u];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    RayStart start;
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        start = sphere_start(instance, SphereBuffer(mesh.positions).at[ids.y], transform_point(instance.object_from_world, position));
+    } else {
+        PositionBuffer corners = PositionBuffer(mesh.positions);
+        uvec3 at = TriangleBuffer(mesh.indices).at[ids.y];
+        vec3 a = corners.at[at.x];
+        vec3 b = corners.at[at.y];
+        vec3 c = corners.at[at.z];
+        vec3 from = transform_point(instance.object_from_world, eye);
+        vec2 weights = met_weights(a - from, b - from, c - from, transform_vector(instance.object_from_world, along));
+        start = triangle_start(instance, a, b, c, weights);
+    }
+    start.normal = dot(start.normal, along) > 0.0 ? -start.normal : start.normal;
+    return start;
+}
+
+// Where a ray begins that leaves a surface towards `direction`, to either side.
+vec3 surface_origin(RayStart from, vec3 direction)
+{
+    float side = dot(from.normal, direction) < 0.0 ? -1.0 : 1.0;
+    return from.position + side * from.rounding * from.normal;
+}
+
+// A ray that leaves a surface. What the walk may take for the surface left lies before t_min.
+Ray surface_ray(RayStart from, vec3 direction, float t_max)
+{
+    return make_ray(surface_origin(from, direction), min(from.rounding / length(direction), t_max), direction, t_max);
+}
+
+// A ray that leaves a surface towards a point, and ends short of it.
+Ray surface_ray_to(RayStart from, vec3 point)
+{
+    from.position = surface_origin(from, point - from.position);
+    vec3 direction = point - from.position;
+    // A point on the surface itself: whichever way, nothing is between.
+    direction = direction == vec3(0.0) ? from.normal : direction;
+    float t_max = 1.0 - BEFORE_THE_END;
+    return make_ray(from.position, min(from.rounding / length(direction), t_max), direction, t_max);
 }
 
 #endif

@@ -14,6 +14,8 @@ pub struct TraceParams {
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
+    /// Instance + 1 and primitive.
+    pub ids: SampledImage,
     /// R8: 1 where the key light is visible, 0 where it is hidden.
     pub visibility: StorageImage,
 }

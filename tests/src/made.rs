@@ -1,5 +1,5 @@
 //! Scenes that tests make: planes, spheres, one light.
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use magpie::scene::{Camera, Instance, Light, Material, Mesh, Scene};
 use std::f32::consts::{PI, TAU};
 
@@ -45,7 +45,8 @@ pub fn scene(name: &str, camera: Camera) -> Scene {
 ///
 /// # Panics
 /// When eye and target are one point.
-pub fn camera(eye: Vec3, target: Vec3) -> Camera {
+pub fn camera(eye: impl Into<DVec3>, target: impl Into<DVec3>) -> Camera {
+    let (eye, target) = (eye.into(), target.into());
     let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::Z } else { Vec3::Y };
     Camera::look_at("test", eye, target, up, 40_f32.to_radians()).unwrap_or_else(|e| panic!("{e}"))
 }

@@ -364,14 +364,14 @@ fn directional() -> Result<()> {
 #[test]
 fn point_with_range() -> Result<()> {
     let light =
-        Light::Point { position: Vec3::new(0.7, 2.2, 0.3), intensity: Vec3::new(20.0, 15.0, 9.0), range: Some(4.0) };
+        Light::Point { position: DVec3::new(0.7, 2.2, 0.3), intensity: Vec3::new(20.0, 15.0, 9.0), range: Some(4.0) };
     check("point", light, 0.3)
 }
 
 #[test]
 fn spot_with_cone() -> Result<()> {
     let light = Light::Spot {
-        position: Vec3::new(-1.4, 3.0, -0.6),
+        position: DVec3::new(-1.4, 3.0, -0.6),
         direction: Vec3::new(0.25, -0.8, 0.4).normalize(),
         intensity: Vec3::new(30.0, 30.0, 40.0),
         range: None,
@@ -384,7 +384,7 @@ fn spot_with_cone() -> Result<()> {
 #[test]
 fn rectangle() -> Result<()> {
     let light = Light::Rectangle {
-        centre: Vec3::new(0.2, 3.1, -0.4),
+        centre: DVec3::new(0.2, 3.1, -0.4),
         half_u: Vec3::new(0.5, 0.1, 0.0),
         half_v: Vec3::new(0.0, 0.05, 0.4),
         radiance: Vec3::new(9.0, 8.0, 7.0),

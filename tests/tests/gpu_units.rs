@@ -325,7 +325,7 @@ fn shadow_rays_are_counted() -> Result<()> {
     let mut lamp = scene("lamp", camera(glam::Vec3::new(0.0, 3.0, 5.0), glam::Vec3::ZERO));
     add(&mut lamp, plane(8.0), material([0.5; 3], 0.0, 0.5), glam::Affine3A::IDENTITY);
     add(&mut lamp, sphere(16), material([0.5; 3], 0.0, 0.5), glam::Affine3A::from_translation(glam::Vec3::Y));
-    let (position, intensity) = (glam::Vec3::new(1.0, 3.0, 1.0), glam::Vec3::splat(30.0));
+    let (position, intensity) = (glam::DVec3::new(1.0, 3.0, 1.0), glam::Vec3::splat(30.0));
     lamp.lights.push(Light::Point { position, intensity, range: Some(4.5) });
     shadow_rays(&lamp)
 }

@@ -185,7 +185,7 @@ fn a_surface_lit_and_seen_face_on_has_a_closed_form() {
 
 #[test]
 fn lights_follow_their_laws() {
-    let point = |range| Light::Point { position: Vec3::new(0.0, 0.0, 2.0), intensity: Vec3::splat(8.0), range };
+    let point = |range| Light::Point { position: DVec3::new(0.0, 0.0, 2.0), intensity: Vec3::splat(8.0), range };
     close(incident(&point(None), DVec3::ZERO).irradiance.x, 2.0, 1e-12);
     close(incident(&point(None), DVec3::new(0.0, 0.0, -2.0)).irradiance.x, 0.5, 1e-12);
     close(incident(&point(Some(4.0)), DVec3::ZERO).irradiance.x, 2.0 * (1.0 - 1.0 / 16.0), 1e-12);
@@ -193,7 +193,7 @@ fn lights_follow_their_laws() {
     assert!(incident(&point(None), DVec3::new(0.0, 0.0, 2.0)).irradiance.is_finite());
 
     let spot = Light::Spot {
-        position: Vec3::Z,
+        position: DVec3::Z,
         direction: Vec3::NEG_Z,
         intensity: Vec3::ONE,
         range: None,
@@ -208,7 +208,7 @@ fn lights_follow_their_laws() {
     assert_eq!(by_angle(0.51), 0.0);
 
     let lamp =
-        Light::Rectangle { centre: Vec3::Z, half_u: 0.01 * Vec3::Y, half_v: 0.01 * Vec3::X, radiance: Vec3::ONE };
+        Light::Rectangle { centre: DVec3::Z, half_u: 0.01 * Vec3::Y, half_v: 0.01 * Vec3::X, radiance: Vec3::ONE };
     // Emits downwards: y cross x is -z. Far away it is a point of intensity radiance * area * cos.
     close(incident(&lamp, DVec3::ZERO).irradiance.x, 0.0004, 1e-6);
     close(incident(&lamp, DVec3::new(1.0, 0.0, 0.0)).irradiance.x, 0.0004 * 0.5_f64.sqrt() / 2.0, 1e-6);

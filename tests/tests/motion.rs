@@ -20,18 +20,11 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
     let mut gbuffer = Slots::default()
         .gbuffer
         .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
-    let desc = |camera, previous_clip_from_world| ViewDesc {
-        camera,
-        extent: EXTENT,
-        frame: 1,
-        seed: 0,
-        previous_clip_from_world,
-    };
-    let previous = desc(before, None).clip_from_world();
+    let desc = ViewDesc { camera: now, extent: EXTENT, frame: 1, seed: 0, previous: Some((before, EXTENT)) };
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:depth"];
     let ran = bench.run(EXTENT, &wanted, |g, imports| {
         let mut block = magpie::gpu::Staging::new(&gpu, "view");
-        let view = desc(now, Some(previous)).declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
+        let view = desc.declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
         let scene = resident.borrow_mut().declare(g, &mut imports.borrow_mut(), None, &Policy::default())?;
         let motion = gbuffer.add(g, &view, GBufferIn { scene }).motion;
         g.output(motion);
@@ -61,8 +54,8 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
 
 fn moved(camera: &Camera, step: glam::Vec3, turn: f32) -> Camera {
     let mut other = camera.clone();
-    other.world_from_camera.translation += glam::Vec3A::from(step);
-    other.world_from_camera.matrix3 *= glam::Mat3A::from_rotation_y(turn);
+    other.world_from_camera.translation += step.as_dvec3();
+    other.world_from_camera.matrix3 *= glam::DMat3::from_rotation_y(turn.into());
     other
 }
 
@@ -74,7 +67,7 @@ fn motion_is_where_things_were() -> Result<()> {
     scenes.extend(asset("pica_pica_mini_diorama/scene.gltf")?);
     for scene in &scenes {
         let now = &scene.cameras[0];
-        let reach = now.eye().length() * 0.02;
+        let reach = now.eye().length() as f32 * 0.02;
         for (step, turn) in
             [(glam::Vec3::X * reach, 0.0), (glam::Vec3::ZERO, 0.03), (glam::vec3(0.3, -0.2, 1.0) * reach, -0.02)]
         {

@@ -226,7 +226,7 @@ fn nothing_moves_in_a_cut() -> Result<()> {
     let Some(mut run) = Run::new(&Slots::default(), &Config::default())? else { return Ok(()) };
     let here = run.scene.cameras[0].clone();
     let mut there = here.clone();
-    there.world_from_camera.translation += glam::Vec3A::new(0.05, 0.02, -0.1);
+    there.world_from_camera.translation += glam::DVec3::new(0.05, 0.02, -0.1);
     let motion = |run: &mut Run, camera: &Camera| -> Result<usize> {
         let request = FrameRequest { camera, time: 0.0, view: Some(("gbuffer.draw", "motion")), read_back: true };
         let result = run.renderer.frame(request)?.and_then(|r| r.images).context("no motion")?;

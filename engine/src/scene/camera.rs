@@ -1,6 +1,6 @@
 //! Cameras and camera files.
-use super::SceneError;
-use glam::{Affine3A, Mat3A, Mat4, Vec3, Vec3A};
+use super::{SceneError, single};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat4, Vec3};
 use serde::Deserialize;
 use std::io::Read;
 use std::ops::RangeInclusive;
@@ -17,13 +17,19 @@ pub(super) const MIN_FOV: f32 = 1e-6;
 /// so does the depth of everything a scene can hold.
 pub(super) const NEAR_RANGE: RangeInclusive<f32> = 1e-18..=1e18;
 
+/// A rotation as good as shaders will have it, so that host and device speak of the same.
+fn as_on_the_device(rotation: &DMat3) -> DMat3 {
+    rotation.as_mat3().as_dmat3()
+}
+
 /// A pinhole camera that looks along its -z with y up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Name for `--camera` and messages.
     pub name: String,
-    /// World from camera: a rotation and a translation, metres.
-    pub world_from_camera: Affine3A,
+    /// World from camera: a rotation and a translation, metres. In `f64`, so that a camera far from the world's origin sees near
+    /// things as well as one close to it.
+    pub world_from_camera: DAffine3,
     /// Full vertical angle of view, radians, above 0 and below pi.
     pub vertical_fov: f32,
     /// Distance of the near plane, metres, above 0. There is no far plane.
@@ -39,14 +45,14 @@ impl Camera {
     /// line of sight, or the angle is below a millionth of a radian or not below pi.
     pub fn look_at(
         name: impl Into<String>,
-        eye: Vec3,
-        target: Vec3,
+        eye: impl Into<DVec3>,
+        target: impl Into<DVec3>,
         up: Vec3,
         vertical_fov: f32,
     ) -> Result<Self, SceneError> {
-        let name = name.into();
+        let (name, eye, target) = (name.into(), eye.into(), target.into());
         let refuse = |reason: String| Err(SceneError::Camera { name: name.clone(), reason });
-        for (what, v) in [("position", eye), ("target", target), ("up", up)] {
+        for (what, v) in [("position", eye), ("target", target), ("up", up.as_dvec3())] {
             if !v.is_finite() {
                 return refuse(format!("{what} is {v}, wanted finite numbers"));
             }
@@ -57,8 +63,7 @@ impl Camera {
                 "vertical field of view is {degrees} degrees, wanted at least {least:.5} and less than 180"
             ));
         }
-        // In double precision: eye and target may be close together far from the origin.
-        let back = (eye.as_dvec3() - target.as_dvec3()).try_normalize();
+        let back = (eye - target).try_normalize();
         let Some(back) = back else {
             return refuse(format!("position and target are both {eye}"));
         };
@@ -66,30 +71,35 @@ impl Camera {
         let Some(right) = right.and_then(|r| r.try_normalize()) else {
             return refuse(format!("up {up} has no length or lies along the line of sight"));
         };
-        let matrix =
-            Mat3A::from_cols(right.as_vec3().into(), back.cross(right).as_vec3().into(), back.as_vec3().into());
-        let near = (eye.as_dvec3().distance(target.as_dvec3()) * 1e-3) as f32;
+        let rotation = as_on_the_device(&DMat3::from_cols(right, back.cross(right), back));
+        let near = (eye.distance(target) * 1e-3) as f32;
         Ok(Self {
             name,
-            world_from_camera: Affine3A { matrix3: matrix, translation: eye.into() },
+            world_from_camera: DAffine3 { matrix3: rotation, translation: eye },
             vertical_fov,
             near: near.max(f32::MIN_POSITIVE),
         })
     }
 
     /// A camera from a node's transform, whose scale is dropped: only the directions of its y and z axes count.
-    pub(super) fn rigid(matrix: Mat3A) -> Option<Mat3A> {
+    pub(super) fn rigid(matrix: DMat3) -> Option<DMat3> {
         let z = matrix.z_axis.try_normalize()?;
         let y = (matrix.y_axis - z * matrix.y_axis.dot(z)).try_normalize()?;
-        let rotation = Mat3A::from_cols(y.cross(z), y, z);
-        rotation.is_finite().then_some(rotation)
+        let rotation = DMat3::from_cols(y.cross(z), y, z);
+        rotation.is_finite().then(|| as_on_the_device(&rotation))
     }
 
-    /// Camera from world.
-    pub fn view_from_world(&self) -> Mat4 {
+    /// World from camera on the device, where the world is counted from `origin`, metres.
+    pub fn placed(&self, origin: DVec3) -> Affine3A {
+        single(&DAffine3 { translation: self.eye() - origin, ..self.world_from_camera })
+    }
+
+    /// Camera from world, the world counted from `origin`, metres.
+    pub fn view_from_world(&self, origin: DVec3) -> Mat4 {
+        let placed = self.placed(origin);
         // The inverse of a rotation is its transpose: exact, where a general inverse is not.
-        let rotation = self.world_from_camera.matrix3.transpose();
-        let translation = -(rotation * self.world_from_camera.translation);
+        let rotation = placed.matrix3.transpose();
+        let translation = -(rotation * placed.translation);
         Mat4::from(Affine3A { matrix3: rotation, translation })
     }
 
@@ -106,14 +116,13 @@ impl Camera {
     }
 
     /// Where the camera is, metres.
-    pub fn eye(&self) -> Vec3 {
-        self.world_from_camera.translation.into()
+    pub fn eye(&self) -> DVec3 {
+        self.world_from_camera.translation
     }
 
     /// Unit direction of the line of sight.
     pub fn forward(&self) -> Vec3 {
-        let z: Vec3A = self.world_from_camera.matrix3.z_axis;
-        (-z).into()
+        -self.world_from_camera.matrix3.z_axis.as_vec3()
     }
 }
 
@@ -122,9 +131,9 @@ impl Camera {
 #[serde(deny_unknown_fields)]
 pub struct CameraFile {
     /// Where the camera is, metres.
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     /// What it looks at, metres.
-    pub target: [f32; 3],
+    pub target: [f64; 3],
     /// Which way is up; y by default.
     #[serde(default = "default_up")]
     pub up: [f32; 3],
@@ -178,7 +187,7 @@ impl CameraFile {
             return Err(SceneError::Camera { name: name.to_owned(), reason });
         }
         let fov = self.vertical_fov_degrees.to_radians();
-        let camera = Camera::look_at(name, self.position.into(), self.target.into(), self.up.into(), fov)?;
+        let camera = Camera::look_at(name, DVec3::from(self.position), DVec3::from(self.target), self.up.into(), fov)?;
         Ok(Camera { near, ..camera })
     }
 }
@@ -228,9 +237,9 @@ mod tests {
     #[test]
     fn view_undoes_the_camera_and_sees_the_target_ahead() {
         let c = camera();
-        let both = c.view_from_world() * Mat4::from(c.world_from_camera);
+        let both = c.view_from_world(DVec3::ONE) * Mat4::from(c.placed(DVec3::ONE));
         assert!(both.abs_diff_eq(Mat4::IDENTITY, 1e-5), "{both}");
-        let seen = c.view_from_world().transform_point3(Vec3::new(-4.0, 0.5, -2.0));
+        let seen = c.view_from_world(DVec3::ZERO).transform_point3(Vec3::new(-4.0, 0.5, -2.0));
         assert!(seen.x.abs() < 1e-5 && seen.y.abs() < 1e-5 && seen.z < 0.0, "{seen}");
         assert!((c.world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-5);
         assert!(c.world_from_camera.matrix3.y_axis.y > 0.0);

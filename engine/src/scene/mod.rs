@@ -2,7 +2,7 @@
 //!
 //! Conventions: metres, y up, right-handed, linear Rec.709; a camera looks along its -z.
 
-use glam::{Affine3A, DAffine3, Mat3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 
 mod animation;
 mod builtin;
@@ -12,6 +12,7 @@ mod deform;
 mod error;
 mod import;
 mod mesh;
+mod origin;
 mod pose;
 mod reach;
 mod resident;
@@ -25,6 +26,7 @@ pub use daylight::{Daylight, SkyModel};
 pub use deform::{Deformed, deform};
 pub use error::{Fault, SceneError};
 pub use import::load;
+pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use resident::{Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene};
 pub use supply::supply_missing;
@@ -270,7 +272,7 @@ pub enum Light {
     /// Equal in every direction.
     Point {
         /// Metres.
-        position: Vec3,
+        position: DVec3,
         /// Radiant intensity.
         intensity: Vec3,
         /// Distance at which it has faded to nothing, metres.
@@ -279,7 +281,7 @@ pub enum Light {
     /// A cone with a soft edge.
     Spot {
         /// Metres.
-        position: Vec3,
+        position: DVec3,
         /// Unit direction of travel.
         direction: Vec3,
         /// Radiant intensity on the axis.
@@ -294,7 +296,7 @@ pub enum Light {
     /// A rectangle that emits from one side, Lambertian.
     Rectangle {
         /// Centre, metres.
-        centre: Vec3,
+        centre: DVec3,
         /// Half edges, metres; the side `cross(half_u, half_v)` emits.
         half_u: Vec3,
         /// The other half edge.

@@ -1,8 +1,8 @@
 //! Where everything is at a time.
 use super::animation::{Channel, Local, Node, Property, Skin, rest_worlds};
 use super::reach::Reach;
-use super::{Camera, Light, Scene, SceneError, single};
-use glam::{Affine3A, DAffine3, DVec3, Vec3};
+use super::{Camera, Light, Scene, SceneError};
+use glam::{DAffine3, DVec3, Vec3};
 
 /// Plays one animation of a scene. It owns what that needs and no more: no vertices, no textures.
 ///
@@ -270,7 +270,7 @@ impl Animator {
         let Some(node) = node else { return light };
         let world = self.world(worlds, node);
         let along = (-world.matrix3.z_axis).try_normalize().map(|d| d.as_vec3());
-        let origin = world.translation.as_vec3();
+        let origin = world.translation;
         match &mut light {
             Light::Directional { direction, .. } => *direction = along.unwrap_or(*direction),
             Light::Point { position, .. } => *position = origin,
@@ -281,7 +281,7 @@ impl Animator {
             Light::Rectangle { centre, half_u, half_v, .. } => {
                 if let Some(inverse) = good_inverse(&self.rest[node as usize]) {
                     let by = world * inverse;
-                    *centre = by.transform_point3(centre.as_dvec3()).as_vec3();
+                    *centre = by.transform_point3(*centre);
                     *half_u = by.transform_vector3(half_u.as_dvec3()).as_vec3();
                     *half_v = by.transform_vector3(half_v.as_dvec3()).as_vec3();
                 }
@@ -293,9 +293,9 @@ impl Animator {
     fn camera(&self, camera: &Camera, node: Option<u32>, worlds: &[DAffine3]) -> Camera {
         let mut camera = camera.clone();
         if let Some(node) = node {
-            let world = single(&self.world(worlds, node));
+            let world = self.world(worlds, node);
             let matrix3 = Camera::rigid(world.matrix3).unwrap_or(camera.world_from_camera.matrix3);
-            camera.world_from_camera = Affine3A { matrix3, translation: world.translation };
+            camera.world_from_camera = DAffine3 { matrix3, translation: world.translation };
         }
         camera
     }

@@ -1,5 +1,6 @@
 //! Poses, deformations and their bounds, against results by hand and slow formulas.
 use super::*;
+use glam::Affine3A;
 use crate::scene::{Animation, Influence, Instance, Interpolation, Mesh, MorphTarget, builtin, deform, supply_missing};
 use glam::{DMat3, DQuat, Vec4};
 use proptest::prelude::*;
@@ -140,10 +141,10 @@ fn hung() -> Scene {
         channel(1, Property::Translation, &[0.0, 1.0], &[0.0, 0.0, 0.0, 0.0, 4.0, 0.0]),
         channel(1, Property::Scale, &[0.0, 1.0], &[1.0, 1.0, 1.0, 1.0, 3.0, 1.0]),
     ];
-    let at = |position: Vec3| Light::Point { position, intensity: Vec3::ONE, range: None };
+    let at = |position: DVec3| Light::Point { position, intensity: Vec3::ONE, range: None };
     let camera = |name: &str, z: f32| Camera {
         name: name.into(),
-        world_from_camera: Affine3A::from_translation(Vec3::Z * z),
+        world_from_camera: DAffine3::from_translation(DVec3::Z * f64::from(z)),
         vertical_fov: 1.0,
         near: 0.1,
     };
@@ -157,16 +158,16 @@ fn hung() -> Scene {
         meshes: vec![points(vec![Vec3::X])],
         instances: vec![moving, still, Instance::fixed("fixed", 0, 0, Affine3A::from_scale(Vec3::splat(3.0)))],
         lights: vec![
-            at(Vec3::ONE),
-            at(Vec3::Z * -2.0),
+            at(DVec3::ONE),
+            at(DVec3::Z * -2.0),
             Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::ONE },
             Light::Rectangle {
-                centre: Vec3::new(1.0, 0.0, -2.0),
+                centre: DVec3::new(1.0, 0.0, -2.0),
                 half_u: Vec3::X * 0.5,
                 half_v: Vec3::Y * 0.5,
                 radiance: Vec3::ONE,
             },
-            at(Vec3::ZERO),
+            at(DVec3::ZERO),
         ],
         light_nodes: vec![Some(0), Some(2), Some(2), Some(2)],
         cameras: vec![camera("own", 5.0), camera("rides", -2.0)],
@@ -195,14 +196,14 @@ fn instances_lights_and_cameras_follow_their_nodes() {
         (&rest.lights[0], &rest.lights[4], &rest.cameras[0])
     );
     let Light::Point { position, .. } = pose.lights[1] else { panic!() };
-    near(position, [-2.0, 4.0, 0.0]);
+    near(position.as_vec3(), [-2.0, 4.0, 0.0]);
     let Light::Directional { direction, .. } = pose.lights[2] else { panic!() };
     near(direction, [-1.0, 0.0, 0.0]);
     let Light::Rectangle { centre, half_u, half_v, .. } = pose.lights[3] else { panic!() };
-    near(centre, [-2.0, 4.0, -1.0]);
+    near(centre.as_vec3(), [-2.0, 4.0, -1.0]);
     near(half_u, [0.0, 0.0, -0.5]);
     near(half_v, [0.0, 1.5, 0.0]);
-    near(pose.cameras[1].eye(), [-2.0, 4.0, 0.0]);
+    near(pose.cameras[1].eye().as_vec3(), [-2.0, 4.0, 0.0]);
     near(pose.cameras[1].forward(), [-1.0, 0.0, 0.0]);
     assert!((pose.cameras[1].world_from_camera.matrix3.determinant() - 1.0).abs() < 1e-6);
 }

@@ -57,7 +57,7 @@ fn sun_for(camera: &Camera) -> Vec3 {
     // A camera that looks straight down has its top for a forward direction.
     let flat = Vec3::new(forward.x, 0.0, forward.z);
     let ahead = flat.try_normalize().unwrap_or_else(|| {
-        let up = camera.world_from_camera.matrix3.y_axis;
+        let up = camera.world_from_camera.matrix3.y_axis.as_vec3();
         Vec3::new(up.x, 0.0, up.z).normalize_or(Vec3::NEG_Z)
     });
     let [elevation, side] = SUN.map(f32::to_radians);
@@ -125,7 +125,7 @@ fn frame(scene: &Scene) -> Camera {
     }
     let view = best.map_or_else(|| fit(&things, 0.6, 0.35), |(_, view)| view);
     let world_from_camera =
-        glam::Affine3A { matrix3: glam::Mat3A::from(view.axes.as_mat3()), translation: view.eye.as_vec3().into() };
+        glam::DAffine3 { matrix3: view.axes.as_mat3().as_dmat3(), translation: view.eye };
     let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
 }
@@ -274,7 +274,7 @@ mod tests {
             let mut scene = cloud(corners(half, centre));
             supply_missing(&mut scene);
             let camera = &scene.cameras[0];
-            let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world();
+            let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world(DVec3::ZERO);
             let mut most = 0.0_f32;
             for p in things(&scene)[0].vertices() {
                 let p = clip * p.as_vec3().extend(1.0);
@@ -293,7 +293,7 @@ mod tests {
         scene.instances[0].world_from_object.matrix3.y_axis *= 2.0;
         supply_missing(&mut scene);
         let camera = &scene.cameras[0];
-        let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world();
+        let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world(DVec3::ZERO);
         let mut most = 0.0_f32;
         let place = scene.instances[0].world_from_object;
         for s in &scene.meshes[0].spheres {
@@ -319,7 +319,7 @@ mod tests {
         assert!((to_sun.y.asin().to_degrees() - 50.0).abs() < 0.1);
         let forward = scene.cameras[0].forward();
         assert!(direction.dot(forward) > 0.3, "from behind the camera");
-        let right = Vec3::from(scene.cameras[0].world_from_camera.matrix3.x_axis);
+        let right = scene.cameras[0].world_from_camera.matrix3.x_axis.as_vec3();
         assert!(direction.dot(right) > 0.3, "from its left");
         assert_eq!(scene.supplied.len(), 2, "{:?}", scene.supplied);
     }
@@ -329,7 +329,7 @@ mod tests {
         let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
         let camera = Camera::look_at("own", Vec3::Y * 5.0, Vec3::ZERO, Vec3::X, 1.0).unwrap();
         scene.cameras.push(camera.clone());
-        scene.lights.push(Light::Point { position: Vec3::Y, intensity: Vec3::ONE, range: None });
+        scene.lights.push(Light::Point { position: DVec3::Y, intensity: Vec3::ONE, range: None });
         supply_missing(&mut scene);
         assert_eq!(scene.cameras, [camera]);
         assert!(scene.daylight.is_none() && scene.lights.len() == 1 && scene.supplied.is_empty());

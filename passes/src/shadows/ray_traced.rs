@@ -29,6 +29,7 @@ impl Effect for RayTraced {
         let visibility = g.pass("shadows.trace", Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let ids = p.sample(i.gbuffer.ids);
             let (visibility, target) = p.create("visibility", ImageDesc::like(Format::R8Unorm, i.gbuffer.depth));
             let extent = p.extent(i.gbuffer.depth);
             (visibility.read(), move |c: &mut Record<'_>| {
@@ -37,6 +38,7 @@ impl Effect for RayTraced {
                     rays: c.rays(),
                     depth: c.id(depth),
                     normal: c.id(normal),
+                    ids: c.id(ids),
                     visibility: c.id(target),
                 };
                 c.trace(kernel, tlas, &params, extent);

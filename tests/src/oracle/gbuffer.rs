@@ -18,11 +18,10 @@ pub struct Eye {
 impl Eye {
     /// For pictures of this size.
     pub fn new(camera: &Camera, extent: Extent) -> Self {
-        let m = camera.world_from_camera.matrix3;
-        let rotation = DMat3::from_cols(m.x_axis.as_dvec3(), m.y_axis.as_dvec3(), m.z_axis.as_dvec3());
+        let rotation = camera.world_from_camera.matrix3;
         let half = (0.5 * f64::from(camera.vertical_fov)).tan();
         let size = [f64::from(extent.width), f64::from(extent.height)];
-        let position = camera.eye().as_dvec3();
+        let position = camera.eye();
         Self { position, rotation, scale: [half * size[0] / size[1], half], size, near: camera.near.into() }
     }
 

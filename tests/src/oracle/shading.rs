@@ -96,8 +96,8 @@ pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
 
 /// Light at a point, unoccluded (KHR_lights_punctual; rectangles from their centre).
 pub fn incident(light: &Light, position: DVec3) -> Incident {
-    let towards = |at: glam::Vec3| {
-        let d = at.as_dvec3() - position;
+    let towards = |at: DVec3| {
+        let d = at - position;
         (d.normalize_or_zero(), d.length(), d.length().max(MIN_LIGHT_DISTANCE).powi(2))
     };
     let window = |distance: f64, range: &Option<f32>| {

@@ -5,7 +5,7 @@ use super::shapes::{Shape, block, curve, cushion, lathe, line, sphere};
 use super::stage::{Stage, at, dielectric, finish, matte, metal};
 use crate::scene::{
     AlphaMode, Camera, Daylight, Influence, Interpolation, Light, Local, Material, Mesh, MorphTarget, Property,
-    Sampler, Scene, Skin, Sphere, TextureUse, Wrap, single,
+    Sampler, Scene, Skin, Sphere, TextureUse, Wrap,
 };
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -429,7 +429,7 @@ fn lamp(stage: &mut Stage) {
     // Below the glass, which would else shut it in.
     let light = stage.node("lamp light", Some(globe), moved(DVec3::NEG_Y * f64::from(radius + 0.01)));
     stage.scene.lights.push(Light::Point {
-        position: stage.world(light).translation.as_vec3(),
+        position: stage.world(light).translation,
         intensity: emission * (PI * radius * radius),
         range: Some(6.0),
     });
@@ -441,7 +441,7 @@ fn ride(stage: &mut Stage) {
     let Some(platform) = stage.scene.nodes.iter().position(|n| n.name == "platform") else { return };
     let outwards = turned(DVec3::new(0.0, 1.3, 0.45), std::f64::consts::PI);
     let node = stage.node("ride", Some(platform as u32), outwards);
-    let world_from_camera = single(&stage.world(node));
+    let world_from_camera = stage.world(node);
     stage.scene.camera_nodes = vec![None; stage.scene.cameras.len()];
     stage.scene.cameras.push(Camera { name: "ride".to_owned(), world_from_camera, vertical_fov: 1.0, near: 0.05 });
     stage.scene.camera_nodes.push(Some(node));

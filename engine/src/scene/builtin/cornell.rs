@@ -70,7 +70,7 @@ pub(super) fn scene() -> Scene {
     let [a, b, c, d] = corners.map(point);
     stage.scene.lights.push(Light::Rectangle {
         // A little in front of the shape that shows it, which would else cast a shadow on its own light.
-        centre: 0.25 * (a + b + c + d) - Vec3::Y * 0.002,
+        centre: (0.25 * (a + b + c + d) - Vec3::Y * 0.002).into(),
         half_u: 0.5 * (b - a),
         half_v: 0.5 * (d - a),
         radiance: LAMP,

@@ -201,7 +201,7 @@ fn pergola(stage: &mut Stage, p: &Palette) {
     stage.add("lantern cap", cap, p.iron, Affine3A::from_translation(centre));
     stage.scene.lights.push(Light::Point {
         // Below the glass, which would else shut it in.
-        position: centre - Vec3::Y * (radius + 0.01),
+        position: (centre - Vec3::Y * (radius + 0.01)).into(),
         intensity: emission * (PI * radius * radius),
         range: Some(6.0),
     });

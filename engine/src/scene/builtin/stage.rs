@@ -79,7 +79,7 @@ impl Stage {
 
     /// A camera from numbers that are known to make one.
     pub fn camera(&mut self, name: &str, eye: [f32; 3], target: [f32; 3], fov_degrees: f32) {
-        let camera = Camera::look_at(name, eye.into(), target.into(), Vec3::Y, fov_degrees.to_radians());
+        let camera = Camera::look_at(name, Vec3::from(eye), Vec3::from(target), Vec3::Y, fov_degrees.to_radians());
         self.scene.cameras.extend(camera.map(|c| Camera { near: 0.05, ..c }));
     }
 

@@ -4,7 +4,7 @@ use crate::scene::camera::{MIN_FOV, NEAR_RANGE};
 use crate::scene::error::Fault;
 use crate::scene::pose::good_inverse;
 use crate::scene::{Animator, Camera, Instance, Light, Local, Node, Property, Scene, single};
-use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json;
 use json::camera::Type as CameraType;
 use json::extensions::scene::khr_lights_punctual::{Light as JsonLight, Type as LightType};
@@ -74,8 +74,7 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
         let node = &root.nodes[index];
         let local = local(node).of(element)?;
         let world = from_parent * local.affine();
-        let rounded = single(&world);
-        if !rounded.is_finite() {
+        if !single(&world).is_finite() {
             return Err(Fault::NotFinite { at: 0 }).of(|| format!("node {index} world transform"));
         }
         let here = Some(placed.nodes.len() as u32);
@@ -91,7 +90,7 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
         if let Some(camera) = node.camera {
             let camera = camera.value();
             let from = refer(&root.cameras, camera, "camera").of(element)?;
-            let camera = camera_at(from, camera, node, &rounded, notices).of(|| format!("camera {camera}"))?;
+            let camera = camera_at(from, camera, node, &world, notices).of(|| format!("camera {camera}"))?;
             placed.camera_nodes.extend(camera.is_some().then_some(here));
             placed.cameras.extend(camera);
         }
@@ -100,7 +99,7 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
             let lights = lights.map_or(&[][..], |l| &l.lights);
             let light = light.light.value();
             let from = refer(lights, light, "light").of(element)?;
-            placed.lights.push(light_at(from, &rounded).of(|| format!("light {light}"))?);
+            placed.lights.push(light_at(from, &world).of(|| format!("light {light}"))?);
             placed.light_nodes.push(here);
         }
         let children = node.children.iter().flatten().rev();
@@ -177,7 +176,7 @@ fn camera_at(
     from: &json::Camera,
     index: usize,
     node: &json::Node,
-    world: &Affine3A,
+    world: &DAffine3,
     notices: &mut Vec<String>,
 ) -> Result<Option<Camera>, Fault> {
     let name = label(from.name.as_deref().or(node.name.as_deref()), || format!("camera {index}"));
@@ -198,12 +197,12 @@ fn camera_at(
         notices.push(format!("camera {name} has a singular transform: ignored"));
         return Ok(None);
     };
-    let world_from_camera = Affine3A { matrix3: rotation, translation: world.translation };
+    let world_from_camera = DAffine3 { matrix3: rotation, translation: world.translation };
     Ok(Some(Camera { name, world_from_camera, vertical_fov: lens.yfov, near: lens.znear }))
 }
 
 /// KHR_lights_punctual: the light shines along the node's -z; scale does not change its strength.
-fn light_at(from: &JsonLight, world: &Affine3A) -> Result<Light, Fault> {
+fn light_at(from: &JsonLight, world: &DAffine3) -> Result<Light, Fault> {
     let strength = Vec3::from(from.color) * from.intensity;
     if !(strength.is_finite() && strength.min_element() >= 0.0) {
         let wanted = "finite numbers of at least 0";
@@ -214,8 +213,8 @@ fn light_at(from: &JsonLight, world: &Affine3A) -> Result<Light, Fault> {
     {
         return Err(Fault::Value { what: "range", got: range.to_string(), wanted: "a finite number above 0" });
     }
-    let position = Vec3::from(world.translation);
-    let direction = (-world.matrix3.z_axis.as_dvec3()).try_normalize().map(|d| d.as_vec3());
+    let position = world.translation;
+    let direction = (-world.matrix3.z_axis).try_normalize().map(|d| d.as_vec3());
     let direction = || {
         let (what, got) = ("direction", "of no length".to_owned());
         direction.ok_or(Fault::Value { what, got, wanted: "a node whose z axis has a length" })

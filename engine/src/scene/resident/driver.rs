@@ -320,7 +320,8 @@ impl Top {
 
 /// An instance as the driver wants it.
 fn top_instance(instance: &shared::Instance, index: u32, bottom: Address) -> AccelInstance {
-    let mut flags = AccelInstance::COUNTER_CLOCKWISE;
+    // No flag for the winding: what the driver takes for clockwise in left-handed coordinates is counter-clockwise in ours.
+    let mut flags = 0;
     if instance.flags & shared::INSTANCE_DOUBLE_SIDED != 0 {
         flags |= AccelInstance::DOUBLE_SIDED;
     }

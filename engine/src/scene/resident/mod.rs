@@ -4,6 +4,7 @@ mod deform;
 mod detail;
 mod driver;
 mod policy;
+mod rounding;
 mod software;
 mod state;
 mod tables;
@@ -12,7 +13,7 @@ mod textures;
 pub use policy::{Culling, Policy};
 pub use state::Moment;
 
-use super::{Animator, Camera, Daylight, Mesh, Pose, Scene};
+use super::{Animator, Camera, Daylight, Instance, Mesh, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
@@ -25,6 +26,7 @@ use block::Block;
 use deform::Deformation;
 use detail::Reduced;
 use driver::Driver;
+use glam::DVec3;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
 use magpie_shaders::{Address, Rays};
@@ -263,15 +265,18 @@ impl ResidentScene {
         }
         let mesh_table = tables.add(&entries);
         let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
-        let fixed =
-            (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
+        let fixed = |(instance, (mesh, _)): (&Instance, &(usize, Bounds))| {
+            let deviation = reduced[instance.mesh as usize].as_ref().map_or(0.0, |r| r.deviation);
+            shared::Instance { rounding: deviation, ..tables::instance(scene, instance, *mesh) }
+        };
+        let fixed = scene.instances.iter().zip(&shown).map(fixed).collect();
         let root = shared::Scene {
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
             ..acceleration.root()
         };
         let mut made = Self {
-            state: State::new(gpu, animator, fixed, root)?,
+            state: State::new(gpu, animator, fixed, shown.iter().map(|s| s.1).collect(), root)?,
             tables,
             deformation,
             acceleration,
@@ -384,6 +389,11 @@ impl ResidentScene {
     /// Address of the [`magpie_shaders::scene::Scene`].
     pub fn root(&self) -> Address {
         self.state.root()
+    }
+
+    /// The world point that is the origin on the device, of the moment that was gone to. Metres.
+    pub fn origin(&self) -> DVec3 {
+        self.state.origin
     }
 
     /// One draw per instance: opaque triangles first, then alpha-tested ones, then spheres; in each by what culls them.

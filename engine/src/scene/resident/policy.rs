@@ -61,7 +61,7 @@ impl Culling {
 
     /// Decides about a box in the world, `bounds` and the camera counted from the same `origin`.
     pub(super) fn decide(&self, bounds: &Bounds, camera: &Camera, origin: DVec3, counts: &mut Acceleration) -> bool {
-        let eye = (camera.eye().as_dvec3() - origin).as_vec3();
+        let eye = (camera.eye() - origin).as_vec3();
         let nearest = eye.clamp(bounds.min, bounds.max);
         let distance = eye.distance(nearest);
         let (centre, radius) = (bounds.centre(), 0.5 * (bounds.max - bounds.min).length());
@@ -84,7 +84,7 @@ impl Culling {
     fn in_cone(&self, towards: Vec3, radius: f32, camera: &Camera) -> bool {
         let half = (0.5 * camera.vertical_fov).tan() * 5.0_f32.sqrt();
         let widest = half.atan() * self.frustum;
-        let forward = -Vec3::from(camera.world_from_camera.matrix3.z_axis);
+        let forward = camera.forward();
         let away = forward.angle_between(towards.normalize_or(forward));
         let reach = (radius / towards.length().max(radius)).asin();
         away - reach <= widest

@@ -1,11 +1,12 @@
 //! What may change from frame to frame: where instances and lights are. The device has it in one buffer, behind the scene's root.
 use super::block::Block;
+use super::rounding::rounding;
 use super::tables::{light, rows};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer as GraphBuffer, BufferDesc, FrameGraph, Handle, Queue, Record};
-use crate::ray::object_from_world;
-use crate::scene::{Animator, Light, Pose, single};
+use crate::ray::{Bounds, object_from_world};
+use crate::scene::{Animator, Pose, single};
 use glam::{Affine3A, DAffine3, DVec3};
 use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
@@ -35,6 +36,8 @@ pub(super) struct State {
     root: shared::Scene,
     /// Mesh, material, mask and flags of each instance.
     fixed: Vec<shared::Instance>,
+    /// Box of the mesh of each, object space, where it does not deform.
+    bounds: Vec<Bounds>,
     pub memory: Arc<Buffer>,
     staging: Staging,
     instances: u64,
@@ -47,6 +50,7 @@ impl State {
         gpu: &Gpu,
         animator: Animator,
         fixed: Vec<shared::Instance>,
+        bounds: Vec<Bounds>,
         mut root: shared::Scene,
     ) -> Result<Self, GpuError> {
         let pose = animator.pose(0.0);
@@ -68,6 +72,7 @@ impl State {
             moved: false,
             root,
             fixed,
+            bounds,
             memory,
             staging: Staging::new(gpu, "scene state"),
             instances,
@@ -115,10 +120,13 @@ impl State {
         let world_from_object = self.placed(index);
         // One whose transform is singular has no inside to trace.
         let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
+        let bounds = self.pose.bounds[index].map_or(self.bounds[index], |[min, max]| Bounds { min, max });
         shared::Instance {
             world_from_object: rows(&world_from_object),
             object_from_world: rows(&inverse),
             previous_world_from_object: rows(&single(&shift(&self.previous[index], self.origin))),
+            // What rays see may be coarser than what is drawn; that moves a surface as well.
+            rounding: rounding(&world_from_object, &inverse, &bounds) + self.fixed[index].rounding * greatest_scale(&world_from_object),
             ..self.fixed[index]
         }
     }
@@ -136,7 +144,7 @@ impl State {
         let instances: Vec<_> = (0..self.fixed.len()).map(|i| self.instance(i)).collect();
         let at = block.add(&instances);
         debug_assert_eq!(at, self.instances, "places in the tables");
-        let lights: Vec<_> = self.pose.lights.iter().map(|l| light(&moved(l, -self.origin))).collect();
+        let lights: Vec<_> = self.pose.lights.iter().map(|l| light(l, self.origin)).collect();
         let at = block.add(&lights);
         debug_assert_eq!(at, self.lights, "places in the tables");
         let staged = imports.buffer(self.staging.write(&block.0)?);
@@ -151,19 +159,13 @@ impl State {
     }
 }
 
+/// Upper bound of how much longer a transform makes a vector: the Frobenius norm.
+fn greatest_scale(m: &Affine3A) -> f32 {
+    let a = m.matrix3;
+    (a.x_axis.length_squared() + a.y_axis.length_squared() + a.z_axis.length_squared()).sqrt()
+}
+
 /// A transform counted from another origin.
 pub(super) fn shift(world: &DAffine3, origin: DVec3) -> DAffine3 {
     DAffine3 { matrix3: world.matrix3, translation: world.translation - origin }
-}
-
-/// A light moved by an offset.
-fn moved(light: &Light, by: DVec3) -> Light {
-    let at = |p: &glam::Vec3| (p.as_dvec3() + by).as_vec3();
-    let mut light = light.clone();
-    match &mut light {
-        Light::Directional { .. } => {}
-        Light::Point { position, .. } | Light::Spot { position, .. } => *position = at(position),
-        Light::Rectangle { centre, .. } => *centre = at(centre),
-    }
-    light
 }

@@ -3,7 +3,7 @@ use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
 use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, DVec3, Vec3};
 use magpie_shaders::scene as shared;
 use magpie_shaders::{SampledImage, SamplerId};
 use std::sync::Arc;
@@ -135,7 +135,9 @@ pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Re
     scene.materials.iter().map(one).collect()
 }
 
-pub(super) fn light(light: &Light) -> shared::Light {
+/// A light, its place counted from `origin`.
+pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
+    let place = |p: &DVec3| (*p - origin).as_vec3().to_array();
     match light {
         Light::Directional { direction, illuminance } => shared::Light {
             kind: shared::LIGHT_DIRECTIONAL,
@@ -145,7 +147,7 @@ pub(super) fn light(light: &Light) -> shared::Light {
         },
         Light::Point { position, intensity, range } => shared::Light {
             kind: shared::LIGHT_POINT,
-            position: position.to_array(),
+            position: place(position),
             intensity: intensity.to_array(),
             range: range.unwrap_or(0.0),
             ..Default::default()
@@ -155,7 +157,7 @@ pub(super) fn light(light: &Light) -> shared::Light {
             let cone_scale = 1.0 / (inner.cos() - outer.cos()).max(1e-3);
             shared::Light {
                 kind: shared::LIGHT_SPOT,
-                position: position.to_array(),
+                position: place(position),
                 direction: direction.to_array(),
                 intensity: intensity.to_array(),
                 range: range.unwrap_or(0.0),
@@ -166,7 +168,7 @@ pub(super) fn light(light: &Light) -> shared::Light {
         }
         Light::Rectangle { centre, half_u, half_v, radiance } => shared::Light {
             kind: shared::LIGHT_RECTANGLE,
-            position: centre.to_array(),
+            position: place(centre),
             direction: half_u.cross(*half_v).normalize_or_zero().to_array(),
             intensity: radiance.to_array(),
             half_u: half_u.to_array(),

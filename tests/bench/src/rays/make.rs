@@ -83,12 +83,12 @@ fn task(origin: Vec3, t_min: f32, direction: Vec3, t_max: f32) -> RayTask {
 /// Rays through the centres of the pixels.
 pub fn primary(camera: &Camera, extent: Extent) -> RayTable {
     let (width, height) = (extent.width as f32, extent.height as f32);
-    let (tangent, eye) = ((camera.vertical_fov / 2.0).tan(), camera.eye());
+    let (tangent, eye) = ((camera.vertical_fov / 2.0).tan(), camera.eye().as_vec3());
     let ray = |index: u32| {
         let (x, y) = ((index % extent.width) as f32 + 0.5, (index / extent.width) as f32 + 0.5);
         let across = (2.0 * x / width - 1.0) * tangent * width / height;
         let direction = Vec3::new(across, (1.0 - 2.0 * y / height) * tangent, -1.0);
-        task(eye, camera.near, camera.world_from_camera.transform_vector3(direction).normalize(), FAR)
+        task(eye, camera.near, camera.world_from_camera.transform_vector3(direction.as_dvec3()).normalize().as_vec3(), FAR)
     };
     let rays = (0..extent.width * extent.height).into_par_iter().map(ray).collect();
     RayTable { rays, extent, question: Question::Closest }
@@ -112,7 +112,8 @@ pub fn bounds(scene: &Scene) -> [Vec3; 2] {
         if let Some([lo, hi]) = scene.meshes[instance.mesh as usize].bounds() {
             for corner in 0..8 {
                 let pick = |bit: u32, axis: usize| if corner & bit == 0 { lo[axis] } else { hi[axis] };
-                let p = instance.world_from_object.transform_point3(Vec3::new(pick(1, 0), pick(2, 1), pick(4, 2)));
+                let p = Vec3::new(pick(1, 0), pick(2, 1), pick(4, 2)).as_dvec3();
+                let p = instance.world_from_object.transform_point3(p).as_vec3();
                 all = [all[0].min(p), all[1].max(p)];
             }
         }
@@ -174,8 +175,8 @@ impl Surfaces {
             let towards = |position: Vec3| (position - origin, 1.0 - LIGHT_MARGIN);
             let (direction, t_max) = match light {
                 Light::Directional { direction, .. } => (-*direction, FAR),
-                Light::Point { position, .. } | Light::Spot { position, .. } => towards(*position),
-                Light::Rectangle { centre, .. } => towards(*centre),
+                Light::Point { position, .. } | Light::Spot { position, .. } => towards(position.as_vec3()),
+                Light::Rectangle { centre, .. } => towards(centre.as_vec3()),
             };
             (direction.dot(p.normal) > 0.0).then(|| task(origin, 0.0, direction, t_max))
         })
@@ -203,7 +204,7 @@ fn point(scene: &Scene, ray: &RayTask, answer: &RayAnswer, seed: u64) -> Option<
     let mesh = &scene.meshes[instance.mesh as usize];
     let corner = |k: u32| {
         let index = mesh.indices[(3 * answer.primitive + k) as usize];
-        instance.world_from_object.transform_point3(mesh.positions[index as usize])
+        instance.world_from_object.transform_point3(mesh.positions[index as usize].as_dvec3()).as_vec3()
     };
     let [a, b, c] = [corner(0), corner(1), corner(2)];
     let [v, w] = answer.barycentric;
@@ -222,7 +223,7 @@ pub fn rotation(random: &mut Random) -> glam::Quat {
 /// A camera for the set-ups: at a point, looking along -z, with a full vertical angle of view in radians.
 pub(super) fn camera_at(eye: Vec3, vertical_fov: f32) -> Camera {
     let world_from_camera = Affine3A::from_translation(eye);
-    Camera { name: "bench".to_owned(), world_from_camera, vertical_fov: vertical_fov.min(PI - 0.01), near: 1e-3 }
+    Camera { name: "bench".to_owned(), world_from_camera: magpie::scene::double(&world_from_camera), vertical_fov: vertical_fov.min(PI - 0.01), near: 1e-3 }
 }
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ impl Run<'_> {
     }
 
     fn resident(&self, scene: &Scene, rays: Rays, compaction: bool) -> Result<ResidentScene, RayBenchError> {
-        let options = ResidentOptions { rays, compaction };
+        let options = ResidentOptions { rays, compaction, ..ResidentOptions::default() };
         let failed = |source| RayBenchError::Scene { scene: scene.name.clone(), source };
         ResidentScene::new(self.tracer.gpu(), scene, options).map_err(failed)
     }

@@ -215,7 +215,7 @@ fn a_pose_of_the_file_by_hand() {
         assert!(got.abs_diff_eq(wanted.into(), 1e-4), "{got} {wanted:?}");
     }
     let Light::Point { position, .. } = pose.lights[0] else { panic!() };
-    assert!(position.abs_diff_eq(Vec3::new(5.0, 2.0, 0.0), 1e-5) && pose.cameras[0].eye() == position);
+    assert!(position.abs_diff_eq(DVec3::new(5.0, 2.0, 0.0), 1e-5) && pose.cameras[0].eye() == position);
     // Before the first key it waits, and the file's own transform counts where there is no channel.
     assert_eq!(animator.pose(0.2), animator.pose(0.5));
 }
