@@ -200,7 +200,7 @@ fn build_top(
 /// An instance as the driver wants it.
 fn top_instance(scene: &Scene, placed: &crate::scene::Instance, index: u32, bottom: &[Arc<Accel>]) -> AccelInstance {
     let instance = super::tables::instance(scene, placed);
-    let mut flags = AccelInstance::COUNTER_CLOCKWISE;
+    let mut flags = 0;
     if instance.flags & INSTANCE_DOUBLE_SIDED != 0 {
         flags |= AccelInstance::DOUBLE_SIDED;
     }
