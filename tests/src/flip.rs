@@ -8,7 +8,8 @@ use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool};
 pub fn mean_flip(a: &Pixels, b: &Pixels) -> Result<f64> {
     ensure!(a.extent == b.extent, "images of {:?} and {:?}", a.extent, b.extent);
     let image = |pixels: &Pixels| {
-        let bytes: Vec<u8> = pixels.presentable().as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
+        let bytes: Vec<u8> =
+            pixels.presentable().as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
         FlipImageRgb8::with_data(pixels.extent.width, pixels.extent.height, &bytes)
     };
     let error = nv_flip::flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE);

@@ -2,7 +2,7 @@
 //!
 //! Every ray is put into one class, and the classes are printed:
 //!
-//! - *same*: instance and primitive are those of the software walk;
+//! - *same*: instance, primitive and side are those of the software walk;
 //! - *in one place*: both are crossed, in double precision, at distances that `f32` cannot tell apart. Decals, the bottom of a box on
 //!   the floor, and the two triangles at an edge are such. Which of them is met first is nobody's to say;
 //! - *outline*: one way meets a triangle whose edge the ray passes within rounding, or an alpha-tested one, whose cut-off lies
@@ -16,7 +16,7 @@ use anyhow::{Context, Result, ensure};
 use glam::Vec3;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
-use magpie::scene::{ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_bench::rays::{Question, RayTable, Target, Tracer, bounds, extent_of, random};
 use magpie_shaders::bench::{RayAnswer, RayTask};
 use magpie_tests::harness::{asset, builtin, gpu};
@@ -73,6 +73,11 @@ fn classify(triangles: &Triangles, ray: &RayTask, a: &RayAnswer, b: &RayAnswer, 
     classes.hits += u64::from(a.instance != u32::MAX);
     let apart = (f64::from(a.t) - f64::from(b.t)).abs();
     if (a.instance, a.primitive) == (b.instance, b.primitive) {
+        if a.front != b.front {
+            classes.unexplained += 1;
+            println!("side: {ray:?}: {} from the front {} against {}", name(a), a.front, b.front);
+            return;
+        }
         if a.t == b.t {
             return;
         }
@@ -102,14 +107,16 @@ fn classify(triangles: &Triangles, ray: &RayTask, a: &RayAnswer, b: &RayAnswer, 
 /// The scene for every way.
 struct Ways {
     tracer: Tracer,
-    software: ResidentScene,
-    driver: Option<ResidentScene>,
+    software: SharedScene,
+    driver: Option<SharedScene>,
 }
 
 impl Ways {
     fn new(gpu: &Gpu, scene: &Scene) -> Result<Self> {
         let ways = gpu.rays();
-        let resident = |rays| ResidentScene::new(gpu, scene, ResidentOptions { rays, ..Default::default() });
+        let resident = |rays| {
+            ResidentScene::new(gpu, scene, ResidentOptions { rays, ..Default::default() }).map(ResidentScene::shared)
+        };
         let driver = ways.iter().copied().find(|w| *w != Rays::Software);
         Ok(Self {
             tracer: Tracer::new(gpu, &ways)?,

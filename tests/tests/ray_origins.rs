@@ -15,7 +15,9 @@ use magpie::config::Config;
 use magpie::gpu::{Gpu, RayKernel};
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::prelude::Rays;
-use magpie::scene::{Camera, FloatingOrigin, Instance, Light, Mesh, Moment, ResidentOptions, ResidentScene, Scene, Sphere};
+use magpie::scene::{
+    Camera, FloatingOrigin, Instance, Light, Mesh, Moment, ResidentOptions, ResidentScene, Scene, Sphere,
+};
 use magpie::stage::Build;
 use magpie_passes::Slots;
 use magpie_passes::stages::{GBufferIn, ShadowIn};
@@ -178,7 +180,11 @@ impl SetUp {
         let [eye, target] = self.view.map(|p| world.transform_point3(p));
         let mut s = scene(&format!("{self:?}"), camera(eye, target));
         let ball = if self.procedural {
-            Mesh { name: "ball".to_owned(), spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }], ..Mesh::default() }
+            Mesh {
+                name: "ball".to_owned(),
+                spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }],
+                ..Mesh::default()
+            }
         } else {
             sphere(48)
         };

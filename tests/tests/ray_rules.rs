@@ -110,9 +110,13 @@ fn faces_are_culled_by_their_side_in_object_space() -> Result<()> {
         Placed { double_sided: true, ..at(40.0, 0.0, Vec3::new(-1.0, 1.0, 1.0)) },
     ];
     let mut rays = Vec::new();
-    for (instance, x, faces_up, double_sided) in
-        [(0, 0.0, true, false), (1, 10.0, true, false), (2, 20.0, false, false), (3, 30.0, true, true), (4, 40.0, true, true)]
-    {
+    for (instance, x, faces_up, double_sided) in [
+        (0, 0.0, true, false),
+        (1, 10.0, true, false),
+        (2, 20.0, false, false),
+        (3, 30.0, true, true),
+        (4, 40.0, true, true),
+    ] {
         for from_front in [true, false] {
             let front = from_front == faces_up;
             for (cull, gone) in [(0, false), (CULL_BACK, !front), (CULL_FRONT, front)] {

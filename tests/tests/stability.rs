@@ -146,7 +146,11 @@ fn scales_and_places_far_from_one() -> Result<()> {
 
 #[test]
 fn lights_inside_and_on_surfaces() -> Result<()> {
-    let lamp = |position: Vec3, intensity| Light::Point { position: position.into(), intensity: Vec3::splat(intensity), range: None };
+    let lamp = |position: Vec3, intensity| Light::Point {
+        position: position.into(),
+        intensity: Vec3::splat(intensity),
+        range: None,
+    };
     for (name, light, most) in [
         ("light inside the ball", lamp(Vec3::Y, 10.0), 1e10),
         ("light on the floor", lamp(Vec3::new(1.5, 0.0, 1.0), 10.0), 1e10),

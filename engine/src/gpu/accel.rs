@@ -61,6 +61,9 @@ pub struct AccelSizes {
 }
 
 /// An instance as the driver's top level reads it (`VkAccelerationStructureInstanceKHR`).
+///
+/// Front is where the corners run counter-clockwise in object space: Vulkan's default, which is clockwise in a left-handed system.
+/// `VK_GEOMETRY_INSTANCE_TRIANGLE_FRONT_COUNTERCLOCKWISE_BIT_KHR` would turn it round.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct AccelInstance {
@@ -77,8 +80,6 @@ pub struct AccelInstance {
 impl AccelInstance {
     /// Rays go through none of its faces for their side.
     pub const DOUBLE_SIDED: u32 = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
-    /// Front faces wind counter-clockwise in object space.
-    pub const COUNTER_CLOCKWISE: u32 = vk::GeometryInstanceFlagsKHR::TRIANGLE_FRONT_COUNTERCLOCKWISE.as_raw() << 24;
     /// A shader decides about each of its hits.
     pub const NOT_OPAQUE: u32 = vk::GeometryInstanceFlagsKHR::FORCE_NO_OPAQUE.as_raw() << 24;
     /// Instances that a top level can tell apart.

@@ -1,7 +1,7 @@
 //! Poses, deformations and their bounds, against results by hand and slow formulas.
 use super::*;
-use glam::Affine3A;
 use crate::scene::{Animation, Influence, Instance, Interpolation, Mesh, MorphTarget, builtin, deform, supply_missing};
+use glam::Affine3A;
 use glam::{DMat3, DQuat, Vec4};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};

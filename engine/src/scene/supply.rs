@@ -124,8 +124,7 @@ fn frame(scene: &Scene) -> Camera {
         }
     }
     let view = best.map_or_else(|| fit(&things, 0.6, 0.35), |(_, view)| view);
-    let world_from_camera =
-        glam::DAffine3 { matrix3: view.axes.as_mat3().as_dmat3(), translation: view.eye };
+    let world_from_camera = glam::DAffine3 { matrix3: view.axes.as_mat3().as_dmat3(), translation: view.eye };
     let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
 }

@@ -2,8 +2,8 @@
 //!
 //! The work itself is the engine's ([`magpie::scene::ResidentScene::declare`]); here are its settings.
 use crate::stages::AccelerationIn;
-use magpie::prelude::*;
 use magpie::config::Config;
+use magpie::prelude::*;
 use magpie::scene::{Culling, Policy, ResidentError, ResidentOptions, SceneHandles};
 use magpie::stage::{SettingSpec, Settings, Stage, StageError};
 

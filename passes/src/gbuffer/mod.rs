@@ -39,9 +39,8 @@ impl Raster {
             let desc = RasterDesc { name, vertex, fragment, constants, colours, depth: Some(Format::D32Float) };
             gpu.raster_kernel(&desc).map_err(StageError::other)
         };
-        let triangles = |name, alpha_test: bool| {
-            kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into()])
-        };
+        let triangles =
+            |name, alpha_test: bool| kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into()]);
         Ok(Self {
             opaque: triangles("gbuffer.opaque", false)?,
             alpha_tested: triangles("gbuffer.alpha_tested", true)?,

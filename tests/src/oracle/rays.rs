@@ -46,7 +46,8 @@ impl Triangles {
     /// All of a scene.
     pub fn new(scene: &Scene) -> Self {
         let placed = |instance: &magpie::scene::Instance| {
-            let (mesh, world) = (&scene.meshes[instance.mesh as usize], double(&instance.world_from_object));
+            let (mesh, world) =
+                (&scene.meshes[instance.mesh as usize], double(&magpie::scene::single(&instance.world_from_object)));
             let corner = |i: u32| world.transform_point3(mesh.positions[i as usize].as_dvec3());
             let corners: Vec<_> = mesh.indices.as_chunks::<3>().0.iter().map(|t| t.map(corner)).collect();
             let all = || corners.iter().flatten().copied();

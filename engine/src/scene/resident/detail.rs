@@ -29,8 +29,7 @@ pub(super) fn reduce(mesh: &Mesh, detail: f32) -> Option<Reduced> {
     let vertices = meshopt::VertexDataAdapter::new(positions, size_of::<glam::Vec3>(), 0).ok()?;
     let mut deviation = 0.0;
     let options = meshopt::SimplifyOptions::ErrorAbsolute;
-    let indices =
-        meshopt::simplify(&mesh.indices, &vertices, wanted, furthest, options, Some(&mut deviation));
+    let indices = meshopt::simplify(&mesh.indices, &vertices, wanted, furthest, options, Some(&mut deviation));
     // Nothing is left of a mesh that is smaller than the error allows.
     (!indices.is_empty() && indices.len() < mesh.indices.len()).then_some(Reduced { indices, deviation })
 }
@@ -60,7 +59,12 @@ mod tests {
     fn triangles_go_and_the_surface_stays() {
         let mesh = sheet(40);
         let reduced = reduce(&mesh, 0.25).expect("a smooth sheet can be coarser");
-        assert!(reduced.indices.len() <= mesh.indices.len() * 3 / 10, "{} of {}", reduced.indices.len(), mesh.indices.len());
+        assert!(
+            reduced.indices.len() <= mesh.indices.len() * 3 / 10,
+            "{} of {}",
+            reduced.indices.len(),
+            mesh.indices.len()
+        );
         let diagonal = 2.0_f32.sqrt() * 1.01;
         assert!(reduced.deviation <= FURTHEST * diagonal, "{}", reduced.deviation);
         assert!(reduced.indices.iter().all(|i| (*i as usize) < mesh.positions.len()));

@@ -196,8 +196,11 @@ impl ResidentScene {
         let index_offsets: Vec<_> = scene.meshes.iter().map(|m| indices.add(&tables::raster_indices(m))).collect();
         let animator = Animator::new(scene);
         let reduced = reduce(scene, &animator, options.ray_detail);
-        let ray_offsets: Vec<_> =
-            reduced.iter().zip(&index_offsets).map(|(r, own)| r.as_ref().map_or(*own, |r| indices.add(&r.indices))).collect();
+        let ray_offsets: Vec<_> = reduced
+            .iter()
+            .zip(&index_offsets)
+            .map(|(r, own)| r.as_ref().map_or(*own, |r| indices.add(&r.indices)))
+            .collect();
         let indices = indices.upload(gpu, &mut executor, "scene indices", BufferUse::Index)?;
         let mut vertices = Block::default();
         let offsets: Vec<_> = scene.meshes.iter().map(|m| tables::add_vertices(&mut vertices, m)).collect();

@@ -1,8 +1,8 @@
 //! The trees that Magpie's own walk reads. The host builds them; the device refits those of deforming meshes.
 use super::block::Block;
 use super::deform::{Deformation, Deforming};
-use super::policy::{Policy, Seen};
 use super::detail::Reduced;
+use super::policy::{Policy, Seen};
 use super::{AccelerationReport, Geometry, ResidentError};
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, Staging};
 use crate::graph::execute::{Executor, Imports};
@@ -42,8 +42,7 @@ impl Software {
     ) -> Result<Self, ResidentError> {
         let start = Instant::now();
         let scene = geometry.scene;
-        let trees: Vec<MeshBvh> =
-            scene.meshes.par_iter().zip(geometry.reduced).map(tree).collect::<Result<_, _>>()?;
+        let trees: Vec<MeshBvh> = scene.meshes.par_iter().zip(geometry.reduced).map(tree).collect::<Result<_, _>>()?;
         let deforming = deformation.map(|(d, pose)| Trees::new(gpu, executor, scene, &d.meshes, pose)).transpose()?;
         report.bottom_ms = start.elapsed().as_secs_f64() * 1e3;
 

@@ -126,7 +126,8 @@ impl State {
             object_from_world: rows(&inverse),
             previous_world_from_object: rows(&single(&shift(&self.previous[index], self.origin))),
             // What rays see may be coarser than what is drawn; that moves a surface as well.
-            rounding: rounding(&world_from_object, &inverse, &bounds) + self.fixed[index].rounding * greatest_scale(&world_from_object),
+            rounding: rounding(&world_from_object, &inverse, &bounds)
+                + self.fixed[index].rounding * greatest_scale(&world_from_object),
             ..self.fixed[index]
         }
     }

@@ -17,13 +17,14 @@ pub fn agreement_of_closest(
     for (a, b) in a.iter().zip(b) {
         let (ta, tb) = (f64::from(a.t), f64::from(b.t));
         let apart = if a.t == b.t { 0.0 } else { (ta - tb).abs() / ta.abs().max(tb.abs()) };
-        if (a.instance, a.primitive) == (b.instance, b.primitive) {
+        if (a.instance, a.primitive, a.front) == (b.instance, b.primitive, b.front) {
             agreement.worst_distance = agreement.worst_distance.max(apart);
             continue;
         }
         agreement.differ += 1;
         let both_hit = a.instance != u32::MAX && b.instance != u32::MAX;
-        agreement.differ_at_same_distance += u64::from(both_hit && apart <= SAME_DISTANCE);
+        let other_surface = (a.instance, a.primitive) != (b.instance, b.primitive);
+        agreement.differ_at_same_distance += u64::from(both_hit && other_surface && apart <= SAME_DISTANCE);
     }
     agreement
 }
@@ -68,6 +69,7 @@ mod tests {
         assert_eq!(compare(&[HIT], &[RayAnswer { primitive: 5, ..HIT }]), (1, 1, 0.0));
         assert_eq!(compare(&[HIT], &[RayAnswer { primitive: 5, t: 2.1, ..HIT }]), (1, 0, 0.0));
         assert_eq!(compare(&[HIT], &[RayAnswer { t: 4.0, ..HIT }]), (0, 0, 0.5));
+        assert_eq!(compare(&[HIT], &[RayAnswer { front: 0, ..HIT }]), (1, 0, 0.0));
         assert_eq!(compare(&[HIT], &[]), (1, 0, 0.0));
     }
 }

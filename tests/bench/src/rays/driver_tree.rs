@@ -130,7 +130,7 @@ impl DriverTree {
         AccelInstance {
             world_from_object: rows(&placed.world_from_object),
             index_and_mask: index | placed.mask << 24,
-            group_and_flags: TRIANGLE_GROUP | AccelInstance::COUNTER_CLOCKWISE | double_sided,
+            group_and_flags: TRIANGLE_GROUP | double_sided,
             bottom,
         }
     }

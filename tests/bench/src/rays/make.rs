@@ -88,7 +88,12 @@ pub fn primary(camera: &Camera, extent: Extent) -> RayTable {
         let (x, y) = ((index % extent.width) as f32 + 0.5, (index / extent.width) as f32 + 0.5);
         let across = (2.0 * x / width - 1.0) * tangent * width / height;
         let direction = Vec3::new(across, (1.0 - 2.0 * y / height) * tangent, -1.0);
-        task(eye, camera.near, camera.world_from_camera.transform_vector3(direction.as_dvec3()).normalize().as_vec3(), FAR)
+        task(
+            eye,
+            camera.near,
+            camera.world_from_camera.transform_vector3(direction.as_dvec3()).normalize().as_vec3(),
+            FAR,
+        )
     };
     let rays = (0..extent.width * extent.height).into_par_iter().map(ray).collect();
     RayTable { rays, extent, question: Question::Closest }
@@ -223,7 +228,12 @@ pub fn rotation(random: &mut Random) -> glam::Quat {
 /// A camera for the set-ups: at a point, looking along -z, with a full vertical angle of view in radians.
 pub(super) fn camera_at(eye: Vec3, vertical_fov: f32) -> Camera {
     let world_from_camera = Affine3A::from_translation(eye);
-    Camera { name: "bench".to_owned(), world_from_camera: magpie::scene::double(&world_from_camera), vertical_fov: vertical_fov.min(PI - 0.01), near: 1e-3 }
+    Camera {
+        name: "bench".to_owned(),
+        world_from_camera: magpie::scene::double(&world_from_camera),
+        vertical_fov: vertical_fov.min(PI - 0.01),
+        near: 1e-3,
+    }
 }
 
 #[cfg(test)]

@@ -169,7 +169,7 @@ pub struct Agreement {
     pub second: String,
     /// How many rays.
     pub count: u64,
-    /// Rays for which instance and primitive are not the same; of any-hit rays, the answer.
+    /// Rays for which instance, primitive and side are not the same; of any-hit rays, the answer.
     pub differ: u64,
     /// Of these, hits whose distances are the same within 1e-4: two surfaces in one place, or an edge.
     pub differ_at_same_distance: u64,

@@ -3,7 +3,7 @@ use super::{
     Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target, bounds, extent_of, primary,
     random,
 };
-use magpie::scene::{ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_shaders::Rays;
 
 /// Note of structures that were left as large as they were built.
@@ -26,7 +26,7 @@ impl Run<'_> {
             (&compacted, "driver", "build"),
             (&loose, "driver", "build, not compacted"),
         ] {
-            let Some(report) = resident.as_ref().map(|r| r.acceleration()) else { continue };
+            let Some(report) = resident.as_ref().map(|r| r.borrow().acceleration()) else { continue };
             for (quantity, value) in [
                 (Quantity::BuildBottom, report.bottom_ms),
                 (Quantity::BuildTop, report.top_ms),
@@ -52,10 +52,10 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn resident(&self, scene: &Scene, rays: Rays, compaction: bool) -> Result<ResidentScene, RayBenchError> {
+    fn resident(&self, scene: &Scene, rays: Rays, compaction: bool) -> Result<SharedScene, RayBenchError> {
         let options = ResidentOptions { rays, compaction, ..ResidentOptions::default() };
         let failed = |source| RayBenchError::Scene { scene: scene.name.clone(), source };
-        ResidentScene::new(self.tracer.gpu(), scene, options).map_err(failed)
+        Ok(ResidentScene::new(self.tracer.gpu(), scene, options).map_err(failed)?.shared())
     }
 
     /// Every kind of ray. Where primary rays meet the scene is found out once, in the first way.
@@ -71,7 +71,7 @@ impl Run<'_> {
         let answers = self.tracer.closest(first.rays, first.target, &on_device)?;
         let surfaces = Surfaces::new(scene, &seen, &answers);
         let key_light = match first.target {
-            Target::Scene(resident) => resident.key_light().and_then(|l| scene.lights.get(l as usize)),
+            Target::Scene(resident) => resident.borrow().key_light().and_then(|l| scene.lights.get(l as usize)),
             Target::World(_) => None,
         };
         let none = || RayTable::of(Vec::new(), Question::Any);

@@ -4,7 +4,7 @@ use super::{Change, Placed, RayBenchError, Shape, WorldReport};
 use glam::Affine3A;
 use magpie::gpu::{Buffer, Gpu};
 use magpie::graph::execute::Executor;
-use magpie::ray::{MeshBvh, RayError, SceneBvh};
+use magpie::ray::{MeshBvh, SceneBvh, placements};
 use magpie_shaders::Address;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -20,27 +20,7 @@ pub(super) struct SoftwareTree {
     top_instances: u64,
 }
 
-/// A top level that can follow its instances without a new tree.
-trait Refit {
-    /// Whether it can.
-    const REFITS: bool;
-    /// Follows them, where it can.
-    fn refit(&mut self, instances: &[(Affine3A, u32)], meshes: &[MeshBvh]) -> Result<(), RayError>;
-}
-
-impl Refit for SceneBvh {
-    /// The engine has no refit of the top level yet.
-    const REFITS: bool = false;
-
-    fn refit(&mut self, _: &[(Affine3A, u32)], _: &[MeshBvh]) -> Result<(), RayError> {
-        Ok(())
-    }
-}
-
 impl SoftwareTree {
-    /// Whether the top level can be refitted.
-    pub const REFITS: bool = <SceneBvh as Refit>::REFITS;
-
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
@@ -53,7 +33,7 @@ impl SoftwareTree {
             shapes.par_iter().map(|s| MeshBvh::build(&s.positions, &s.indices)).collect::<Result<_, _>>()?;
         report.bottom_ns = begun.elapsed().as_nanos() as u64;
         let begun = Instant::now();
-        let top = SceneBvh::build(&instances(placed), &trees)?;
+        let top = SceneBvh::build(&placements(&instances(placed), &trees)?)?;
         report.top_ns = begun.elapsed().as_nanos() as u64;
 
         let mut bytes = Vec::new();
@@ -62,7 +42,7 @@ impl SoftwareTree {
             let nodes = bytes.len() as u64;
             bytes.extend_from_slice(bytemuck::cast_slice(&tree.nodes));
             offsets.push((nodes, bytes.len() as u64));
-            bytes.extend_from_slice(bytemuck::cast_slice(&tree.triangles));
+            bytes.extend_from_slice(bytemuck::cast_slice(&tree.primitives));
         }
         report.bottom_bytes = bytes.len() as u64;
         report.uncompacted_bytes = report.bottom_bytes;
@@ -100,19 +80,17 @@ impl SoftwareTree {
         executor: &mut Executor,
         placed: &[Placed],
         change: Change,
-    ) -> Result<Option<u64>, RayBenchError> {
-        if change == Change::Refit && !Self::REFITS {
-            return Ok(None);
-        }
+    ) -> Result<u64, RayBenchError> {
         let placed = instances(placed);
         let begun = Instant::now();
+        let placed = placements(&placed, &self.trees)?;
         match change {
-            Change::Rebuild => self.top = SceneBvh::build(&placed, &self.trees)?,
-            Change::Refit => Refit::refit(&mut self.top, &placed, &self.trees)?,
+            Change::Rebuild => self.top = SceneBvh::build(&placed)?,
+            Change::Refit => self.top.refit(&placed)?,
         }
         let taken = begun.elapsed().as_nanos() as u64;
         (self.top_memory, self.top_instances) = upload_top(gpu, executor, &self.top)?;
-        Ok(Some(taken))
+        Ok(taken)
     }
 }
 

@@ -5,7 +5,7 @@ use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{
     Access, BufferDesc, BufferToken, Domain, Extent, FrameGraph, PassBuilder, Queue, Record, TraceToken,
 };
-use magpie::scene::{ResidentScene, SceneHandles};
+use magpie::scene::{Policy, SceneHandles, SharedScene};
 use magpie_shaders::bench::{RayAnswer, RayTask, TraceParams};
 use magpie_shaders::{Address, BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
 use std::sync::Arc;
@@ -73,22 +73,25 @@ impl DeviceTable {
 #[derive(Clone, Copy)]
 pub enum Target<'a> {
     /// A scene.
-    Scene(&'a ResidentScene),
+    Scene(&'a SharedScene),
     /// Geometry of a benchmark's or a test's own.
     World(&'a World),
 }
 
 impl Target<'_> {
-    fn import(self, g: &mut FrameGraph, imports: &mut Imports) -> Handles {
-        match self {
-            Self::Scene(scene) => Handles::Scene(scene.import(g, imports)),
+    fn import(self, g: &mut FrameGraph, imports: &mut Imports) -> Result<Handles, RayBenchError> {
+        Ok(match self {
+            Self::Scene(scene) => {
+                let declared = scene.borrow_mut().declare(g, imports, None, &Policy::default());
+                Handles::Scene(declared.map_err(|source| RayBenchError::Scene { scene: "scene".to_owned(), source })?)
+            }
             Self::World(world) => Handles::World(world.import(g, imports)),
-        }
+        })
     }
 
     fn root(self) -> Address {
         match self {
-            Self::Scene(scene) => scene.root(),
+            Self::Scene(scene) => scene.borrow().root(),
             Self::World(world) => world.root(),
         }
     }
@@ -217,7 +220,7 @@ impl Tracer {
         let &(_, closest, any) = self.kernels.iter().find(|(way, ..)| *way == rays).ok_or(missing)?;
         let kernel = if table.question == Question::Closest { closest } else { any };
         let (mut g, mut imports) = (self.executor.begin(table.extent), Imports::default());
-        let handles = target.import(&mut g, &mut imports);
+        let handles = target.import(&mut g, &mut imports)?;
         let (scene, extent) = (target.root(), table.extent);
         let mut buffer = |name, buffer: &Arc<Buffer>, last, g: &mut FrameGraph| {
             g.import_buffer(name, BufferDesc::new(buffer.bytes()), last, imports.buffer(buffer))

@@ -159,6 +159,7 @@ impl World {
                 positions: at(positions),
                 previous_positions: at(positions),
                 indices: at(indices),
+                ray_indices: at(indices),
                 primitive_count: (shape.indices.len() / 3) as u32,
                 ..Default::default()
             })
@@ -168,7 +169,7 @@ impl World {
         let tree = if options.rays == Rays::Software {
             let tree = SoftwareTree::new(gpu, executor, shapes, placed, &mut report)?;
             for (mesh, (nodes, triangles)) in meshes.iter_mut().zip(tree.meshes()) {
-                (mesh.nodes, mesh.triangles) = (nodes, triangles);
+                (mesh.nodes, mesh.primitives) = (nodes, triangles);
             }
             Tree::Software(Box::new(tree))
         } else {
@@ -223,7 +224,7 @@ impl World {
             return Err(RayBenchError::Count { wanted: self.count, got: placed.len() });
         }
         let taken = match &mut self.tree {
-            Tree::Software(tree) => tree.follow(&self.gpu, executor, placed, change)?,
+            Tree::Software(tree) => Some(tree.follow(&self.gpu, executor, placed, change)?),
             Tree::Driver(tree) => tree.follow(&self.gpu, executor, placed, change)?,
         };
         if taken.is_some() {
@@ -248,7 +249,7 @@ impl World {
     /// Whether its top level can be refitted.
     pub fn refits(&self) -> bool {
         match self.tree {
-            Tree::Software(_) => SoftwareTree::REFITS,
+            Tree::Software(_) => true,
             Tree::Driver(_) => self.options.refit,
         }
     }
