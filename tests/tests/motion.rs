@@ -1,11 +1,12 @@
 //! Motion vectors of a moving camera, against a projection in double precision.
-use anyhow::Result;
+use anyhow::{Context, Result};
+use glam::DVec3;
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
-use magpie::scene::{Camera, Policy, ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{Camera, FloatingOrigin, Policy, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::Build;
-use magpie_passes::Slots;
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_passes::stages::GBufferIn;
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::{asset, builtin, gpu};
@@ -32,10 +33,14 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
     })?;
     let ran = ran.clean()?;
     let (motion, depth) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
-    let (eye_now, eye_before) = (Eye::new(now, EXTENT), Eye::new(before, EXTENT));
+    Ok(compare(&motion, &depth, &Eye::new(now, EXTENT), &Eye::new(before, EXTENT)))
+}
+
+/// Largest error of the motion, pixels, and how many pixels moved by more than one.
+fn compare(motion: &[[f32; 4]], depth: &[[f32; 4]], eye_now: &Eye, eye_before: &Eye) -> (f64, usize) {
     let size = [f64::from(EXTENT.width), f64::from(EXTENT.height)];
     let (mut worst, mut moved) = (0.0_f64, 0);
-    for (pixel, (motion, depth)) in motion.iter().zip(&depth).enumerate() {
+    for (pixel, (motion, depth)) in motion.iter().zip(depth).enumerate() {
         if depth[0] == 0.0 {
             assert_eq!(motion[..2], [0.0, 0.0], "background does not move");
             continue;
@@ -49,7 +54,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, before: &Camera, now: &Camera) 
         worst = worst.max(error);
         moved += usize::from(expected[0].hypot(expected[1]) > 1.0);
     }
-    Ok((worst, moved))
+    (worst, moved)
 }
 
 fn moved(camera: &Camera, step: glam::Vec3, turn: f32) -> Camera {
@@ -80,5 +85,44 @@ fn motion_is_where_things_were() -> Result<()> {
             assert!(worst < 0.02, "{}: {worst} pixels off", scene.name);
         }
     }
+    Ok(())
+}
+
+/// Frame by frame the eye goes on by more than a cell of the origin's grid, a thousand kilometres from the world's own origin.
+#[test]
+fn motion_stays_right_where_the_origin_steps() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = builtin("courtyard")?;
+    let place = DVec3::new(7e5, 1e4, -7e5);
+    for instance in &mut scene.instances {
+        instance.world_from_object.translation += place;
+    }
+    let camera = &mut scene.cameras[0];
+    camera.world_from_camera.translation += place;
+    // Cells of a quarter of a metre.
+    camera.near = 6e-5;
+    let step = DVec3::new(0.3, -0.02, 0.41);
+    let cameras: Vec<Camera> = (0..3).map(|i| moved(&scene.cameras[0], (f64::from(i) * step).as_vec3(), 0.0)).collect();
+    let origins: Vec<DVec3> = {
+        let mut origin = FloatingOrigin::default();
+        cameras.iter().map(|c| origin.follow(c)).collect()
+    };
+    assert!(origins[0] != origins[1] && origins[1] != origins[2], "{origins:?}");
+    let see = |output: &str| -> Result<Vec<[f32; 4]>> {
+        let options = RenderOptions { width: EXTENT.width, height: EXTENT.height, check: true, ..Default::default() };
+        let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &Config::default(), options)?;
+        let mut last = None;
+        for camera in &cameras {
+            let view = Some(("gbuffer.draw", output));
+            let result = renderer.frame(FrameRequest { camera, time: 0.0, view, read_back: true })?;
+            last = result.and_then(|r| r.images);
+        }
+        Ok(last.context("no image")?.linear.values())
+    };
+    let (motion, depth) = (see("motion")?, see("depth")?);
+    let [now, before] = [2, 1].map(|i| Eye::new(&cameras[i], EXTENT));
+    let (worst, moved) = compare(&motion, &depth, &now, &before);
+    println!("where the origin steps: worst error {worst:.4} pixels, {moved} pixels moved");
+    assert!(worst < 0.05 && moved > 10_000, "worst error {worst} pixels, {moved} moved");
     Ok(())
 }
