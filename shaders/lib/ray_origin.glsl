@@ -72,7 +72,7 @@ RayStart hit_start(SceneBuffer scene, Ray ray, Hit hit)
         start = sphere_start(instance, SphereBuffer(mesh.positions).at[hit.primitive], near);
     } else {
         PositionBuffer corners = PositionBuffer(mesh.positions);
-        uvec3 at = TriangleBuffer(mesh.indices).at[hit.primitive];
+        uvec3 at = TriangleBuffer(mesh.ray_indices).at[hit.primitive];
         start = triangle_start(instance, corners.at[at.x], corners.at[at.y], corners.at[at.z], hit.barycentric);
     }
     start.normal = hit.front ? start.normal : -start.normal;

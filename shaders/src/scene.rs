@@ -71,7 +71,8 @@ pub struct Instance {
     pub mask: u32,
     /// `INSTANCE_*` bits.
     pub flags: u32,
-    /// Greatest distance by which `f32` arithmetic moves a point of it in the world, metres.
+    /// Greatest distance by which `f32` arithmetic moves a point of it in the world against a ray, metres; where rays see less detail
+    /// than the raster, with what that moves. Above 0.
     pub rounding: f32,
 }
 

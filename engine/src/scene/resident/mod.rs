@@ -33,6 +33,7 @@ use magpie_shaders::{Address, Rays};
 use policy::Seen;
 use rayon::prelude::*;
 use software::{Frame, Software};
+use rounding::Shape;
 use state::State;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -268,18 +269,20 @@ impl ResidentScene {
         }
         let mesh_table = tables.add(&entries);
         let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
-        let fixed = |(instance, (mesh, _)): (&Instance, &(usize, Bounds))| {
-            let deviation = reduced[instance.mesh as usize].as_ref().map_or(0.0, |r| r.deviation);
-            shared::Instance { rounding: deviation, ..tables::instance(scene, instance, *mesh) }
+        let fixed =
+            (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
+        let shape = |(s, i): (&(usize, Bounds), &Instance)| {
+            let deviation = reduced[i.mesh as usize].as_ref().map_or(0.0, |r| r.deviation);
+            Shape { bounds: s.1, deviation }
         };
-        let fixed = scene.instances.iter().zip(&shown).map(fixed).collect();
+        let shapes = shown.iter().zip(&scene.instances).map(shape).collect();
         let root = shared::Scene {
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
             ..acceleration.root()
         };
         let mut made = Self {
-            state: State::new(gpu, animator, fixed, shown.iter().map(|s| s.1).collect(), root)?,
+            state: State::new(gpu, animator, fixed, shapes, root)?,
             tables,
             deformation,
             acceleration,

@@ -1,6 +1,6 @@
 //! What may change from frame to frame: where instances and lights are. The device has it in one buffer, behind the scene's root.
 use super::block::Block;
-use super::rounding::rounding;
+use super::rounding::{Shape, rounding};
 use super::tables::{light, rows};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Staging};
 use crate::graph::execute::Imports;
@@ -36,8 +36,8 @@ pub(super) struct State {
     root: shared::Scene,
     /// Mesh, material, mask and flags of each instance.
     fixed: Vec<shared::Instance>,
-    /// Box of the mesh of each, object space, where it does not deform.
-    bounds: Vec<Bounds>,
+    /// Those of the mesh of each, where it does not deform.
+    shapes: Vec<Shape>,
     pub memory: Arc<Buffer>,
     staging: Staging,
     instances: u64,
@@ -50,7 +50,7 @@ impl State {
         gpu: &Gpu,
         animator: Animator,
         fixed: Vec<shared::Instance>,
-        bounds: Vec<Bounds>,
+        shapes: Vec<Shape>,
         mut root: shared::Scene,
     ) -> Result<Self, GpuError> {
         let pose = animator.pose(0.0);
@@ -72,7 +72,7 @@ impl State {
             moved: false,
             root,
             fixed,
-            bounds,
+            shapes,
             memory,
             staging: Staging::new(gpu, "scene state"),
             instances,
@@ -120,14 +120,13 @@ impl State {
         let world_from_object = self.placed(index);
         // One whose transform is singular has no inside to trace.
         let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
-        let bounds = self.pose.bounds[index].map_or(self.bounds[index], |[min, max]| Bounds { min, max });
+        let shape = self.shapes[index];
+        let shape = self.pose.bounds[index].map_or(shape, |[min, max]| Shape { bounds: Bounds { min, max }, ..shape });
         shared::Instance {
             world_from_object: rows(&world_from_object),
             object_from_world: rows(&inverse),
             previous_world_from_object: rows(&single(&shift(&self.previous[index], self.origin))),
-            // What rays see may be coarser than what is drawn; that moves a surface as well.
-            rounding: rounding(&world_from_object, &inverse, &bounds)
-                + self.fixed[index].rounding * greatest_scale(&world_from_object),
+            rounding: rounding(&world_from_object, &inverse, &shape),
             ..self.fixed[index]
         }
     }
@@ -158,12 +157,6 @@ impl State {
         });
         Ok(state.read())
     }
-}
-
-/// Upper bound of how much longer a transform makes a vector: the Frobenius norm.
-fn greatest_scale(m: &Affine3A) -> f32 {
-    let a = m.matrix3;
-    (a.x_axis.length_squared() + a.y_axis.length_squared() + a.z_axis.length_squared()).sqrt()
 }
 
 /// A transform counted from another origin.
