@@ -1,8 +1,7 @@
 //! Primary rays through the pixel centres against the raster G-buffer: what is visible, how far away it is and how it lies.
 //!
 //! What may differ, and by how much:
-//! - **depth** (view depth, relative): 2e-5 for 32-bit rounding on both sides (the shadow pass lifts its origins by the same
-//!   number), plus what 1/256 of a pixel makes on a surface that lies so: vertices are snapped to 1/256 of a pixel when they
+//! - **depth** (view depth, relative): 2e-5 for 32-bit rounding on both sides, plus what 1/256 of a pixel makes on a surface that lies so: vertices are snapped to 1/256 of a pixel when they
 //!   are drawn, and a ray knows nothing of that.
 //! - **geometric normal**: 1e-3 radians. A 16-bit octahedral number is good to 5e-5; the rest is for slivers.
 //! - **instance**: not at all.
