@@ -10,7 +10,7 @@ const SIZE: (u32, u32) = (900, 540);
 const TITLE: i32 = 20;
 const TEXT: i32 = 15;
 /// Room for the legend beside the plot, where it hides nothing.
-const LEGEND: i32 = 222;
+const LEGEND: i32 = 285;
 
 /// A chart could not be drawn.
 #[derive(Debug, thiserror::Error)]

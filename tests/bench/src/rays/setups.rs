@@ -10,6 +10,9 @@ use glam::{Affine3A, IVec3, Quat, Vec3};
 use magpie_shaders::Rays;
 use std::collections::HashMap;
 
+/// A change of the options, and its note.
+type Variant = (&'static str, fn(WorldOptions) -> WorldOptions);
+
 /// Note of structures that were built fast.
 const FAST_BUILD: &str = ", fast build";
 /// Variant of the rays through what the engine does by itself.
@@ -88,7 +91,7 @@ impl Run<'_> {
                 (self.progress)(&format!("1152 instances of a {subject} of {count} triangles"));
                 let case = Case::new("triangles", subject, count as f64, DEFAULT);
                 let shapes = [shape];
-                let options: [(&'static str, fn(WorldOptions) -> WorldOptions); 3] = [
+                let options: [Variant; 3] = [
                     ("", |o| o),
                     (NOT_COMPACTED, |o| WorldOptions { compaction: false, ..o }),
                     (FAST_BUILD, |o| WorldOptions { fast_build: true, ..o }),
@@ -233,14 +236,9 @@ impl Run<'_> {
                     self.report.add(&case("refitted"), by, Quantity::RefitTop, times, 0);
                 }
                 let mut contenders = self.contenders(&rebuilt, ", rebuilt");
-                let follows = |c: &Contender<'_>| matches!(c.target, Target::World(w) if w.refits());
-                contenders.extend(self.contenders(&refitted, ", refitted").into_iter().filter(follows));
+                contenders.extend(self.contenders(&refitted, ", refitted"));
                 self.race(&case(DEFAULT), &contenders, &rays, self.effort.setup_repeats)?;
             }
-        }
-        if self.tracer.ways().contains(&Rays::Software) {
-            let why = "moving: the top level of the software walk is only rebuilt, as the engine cannot refit it yet";
-            self.report.left_out.push(why.to_owned());
         }
         Ok(())
     }
