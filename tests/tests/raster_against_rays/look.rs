@@ -31,7 +31,7 @@ vec3 front_normal(Instance instance, Mesh mesh, uint primitive, vec3 position) {
         vec3 outwards = transform_point(instance.object_from_world, position) - SphereBuffer(mesh.positions).at[primitive].xyz;
         return safe_normalize(transform_normal(instance.object_from_world, outwards), vec3(0.0));
     }
-    uvec3 corners = TriangleBuffer(mesh.indices).at[primitive];
+    uvec3 corners = TriangleBuffer(mesh.ray_indices).at[primitive];
     PositionBuffer positions = PositionBuffer(mesh.positions);
     vec3 a = transform_vector(instance.world_from_object, positions.at[corners.y] - positions.at[corners.x]);
     vec3 b = transform_vector(instance.world_from_object, positions.at[corners.z] - positions.at[corners.x]);
@@ -39,17 +39,17 @@ vec3 front_normal(Instance instance, Mesh mesh, uint primitive, vec3 position) {
 }
 
 // How far alpha is from the cut-off where the ray meets the plane of a triangle; 1 where nothing is tested.
-float margin(ViewBuffer view, SceneBuffer scene, uint index, uint primitive, vec3 ray) {
+float margin(ViewBuffer view, SceneBuffer scene, uint index, uvec2 triangles, uint primitive, vec3 ray) {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[index];
     if ((instance.flags & INSTANCE_ALPHA_TEST) == 0u) return 1.0;
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     vec3 origin = transform_point(instance.object_from_world, view.at[0].eye);
     TriangleRay object_ray = triangle_ray(origin, transform_vector(instance.object_from_world, ray));
-    uvec3 corners = TriangleBuffer(mesh.indices).at[primitive];
+    uvec3 corners = TriangleBuffer(triangles).at[primitive];
     PositionBuffer positions = PositionBuffer(mesh.positions);
     SurfaceHit hit;
     hit_triangle(object_ray, positions.at[corners.x], positions.at[corners.y], positions.at[corners.z], 0.0, 1e30, hit);
-    float alpha = alpha_at(scene, index, primitive, hit.barycentric, ray, pixel_spread(view) * hit.t);
+    float alpha = alpha_at(scene, index, corners, hit.barycentric, ray, pixel_spread(view) * hit.t);
     float off = abs(alpha - MaterialBuffer(scene.at[0].materials).at[instance.material].alpha_cutoff);
     return off <= 1.0 ? off : 1.0;
 }
@@ -80,10 +80,14 @@ void main() {
         Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
         normal = front_normal(instance, mesh, hit.primitive, view.at[0].eye + hit.t * ray);
         normal = hit.front ? normal : -normal;
-        off.y = margin(view, scene, hit.instance, hit.primitive, ray);
+        off.y = margin(view, scene, hit.instance, mesh.ray_indices, hit.primitive, ray);
     }
     uvec2 raster = load_uint(raster_ids, pixel).xy;
-    if (raster.x != 0u) off.x = margin(view, scene, raster.x - 1u, raster.y, ray);
+    if (raster.x != 0u) {
+        Instance instance = InstanceBuffer(scene.at[0].instances).at[raster.x - 1u];
+        uvec2 triangles = MeshBuffer(scene.at[0].meshes).at[instance.mesh].indices;
+        off.x = margin(view, scene, raster.x - 1u, triangles, raster.y, ray);
+    }
     store(geometry, pixel, vec4(normal, found ? hit.t : 0.0));
     store(margins, pixel, vec4(off, 0.0, 0.0));
 }
