@@ -34,7 +34,8 @@ fn keep(texture: &mut Texture, cutoff: f32) {
         let here = Histogram::new(&texture.mips[mip], texture.mip_size(mip));
         // The threshold that as much of this mip reaches; where several are as good, the one nearest to the cut-off.
         let off = |t: usize| ((here.share(t) - wanted).abs(), t.abs_diff(step(cutoff)));
-        let Some(threshold) = (1..STEPS).min_by(|a, b| off(*a).partial_cmp(&off(*b)).unwrap_or(std::cmp::Ordering::Equal))
+        let Some(threshold) =
+            (1..STEPS).min_by(|a, b| off(*a).partial_cmp(&off(*b)).unwrap_or(std::cmp::Ordering::Equal))
         else {
             continue;
         };
@@ -117,7 +118,12 @@ mod tests {
     fn mips_cover_as_much() {
         let tested = |alpha, cutoff_of: f32| {
             let base_colour_texture = Some(TextureUse { texture: 0, sampler: 0, uv_set: 0, rows: [Vec3::X, Vec3::Y] });
-            let material = Material { alpha, base_colour: Vec4::new(1.0, 1.0, 1.0, 0.8), base_colour_texture, ..Material::default() };
+            let material = Material {
+                alpha,
+                base_colour: Vec4::new(1.0, 1.0, 1.0, 0.8),
+                base_colour_texture,
+                ..Material::default()
+            };
             let mut scene = Scene { textures: vec![grass()], materials: vec![material], ..Scene::default() };
             let before = scene.textures[0].clone();
             preserve_coverage(&mut scene);

@@ -72,7 +72,8 @@ impl Kinds {
         let animator = Animator::new(scene);
         let (rest, later) = (animator.pose(0.0), animator.pose(1.3));
         let kinds = scene.instances.iter().enumerate().map(|(i, instance)| {
-            let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
+            let (mesh, material) =
+                (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
             let is = [
                 ("alpha-tested", material.alpha != AlphaMode::Opaque && mesh.spheres.is_empty()),
                 ("opaque", material.alpha == AlphaMode::Opaque || !mesh.spheres.is_empty()),
@@ -236,7 +237,11 @@ pub fn check(counts: &Counts, label: &str) -> Result<()> {
         let small = matches!(*kind, "skinned" | "morphed" | "moving");
         let least = if small { LEAST_OF_SMALL } else { LEAST };
         let allowed = ((1.0 - least) * f64::from(count.pixels)).max(1.0);
-        ensure!(f64::from(count.disagree()) <= allowed, "{label}, {kind}: {} pixels disagree: {count:?}", count.disagree());
+        ensure!(
+            f64::from(count.disagree()) <= allowed,
+            "{label}, {kind}: {} pixels disagree: {count:?}",
+            count.disagree()
+        );
         ensure!(count.of(Cause::Other) == 0, "{label}, {kind}: pixels disagree without a known cause: {count:?}");
     }
     Ok(())
