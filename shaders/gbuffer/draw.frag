@@ -51,7 +51,7 @@ bool is_there(ViewBuffer view, SceneBuffer scene, Instance instance, Mesh mesh) 
     SurfaceHit hit;
     // Whether it hits does not matter: fragments at the edges may lie just outside.
     hit_triangle(object_ray, at.at[corners.x], at.at[corners.y], at.at[corners.z], 0.0, 0.0, hit);
-    return alpha_passes(scene, instance_index, uint(gl_PrimitiveID), hit.barycentric, ray, pixel_spread(view) * hit.t);
+    return alpha_passes(scene, instance_index, corners, hit.barycentric, ray, pixel_spread(view) * hit.t);
 }
 
 void main() {

@@ -22,13 +22,12 @@ float cone_lod(TextureSlot slot, vec3 e1, vec3 e2, vec2 uv1, vec2 uv2, vec3 dire
     return log2(max(texels_per_width, 1e-20) / max(cosine, 1e-20));
 }
 
-// The alpha of a triangle at a point, which a cone of this width meets along `direction`; both of the world.
-float alpha_at(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric, vec3 direction, float width) {
+// The alpha of a triangle, given by its vertices, at a point, which a cone of this width meets along `direction`; both of the world.
+float alpha_at(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
     Instance placed = InstanceBuffer(scene.at[0].instances).at[instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[placed.mesh];
     MaterialBuffer materials = MaterialBuffer(scene.at[0].materials);
     VertexAttributesBuffer attributes = VertexAttributesBuffer(mesh.attributes);
-    uvec3 corners = TriangleBuffer(mesh.ray_indices).at[triangle];
     vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
 
     float alpha = materials.at[placed.material].base_colour.a;
@@ -53,10 +52,10 @@ float alpha_at(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric
 }
 
 // Whether an alpha-tested surface is there at that point.
-bool alpha_passes(SceneBuffer scene, uint instance, uint triangle, vec2 barycentric, vec3 direction, float width) {
+bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
     uint material = InstanceBuffer(scene.at[0].instances).at[instance].material;
     float cutoff = MaterialBuffer(scene.at[0].materials).at[material].alpha_cutoff;
-    return alpha_at(scene, instance, triangle, barycentric, direction, width) >= cutoff;
+    return alpha_at(scene, instance, corners, barycentric, direction, width) >= cutoff;
 }
 
 #endif

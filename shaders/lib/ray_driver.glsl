@@ -17,4 +17,11 @@ vec4 driver_sphere(SceneBuffer scene, uint instance, uint primitive)
     return SphereBuffer(MeshBuffer(scene.at[0].meshes).at[mesh].positions).at[primitive];
 }
 
+// Vertices of a triangle.
+uvec3 driver_corners(SceneBuffer scene, uint instance, uint primitive)
+{
+    uint mesh = InstanceBuffer(scene.at[0].instances).at[instance].mesh;
+    return TriangleBuffer(MeshBuffer(scene.at[0].meshes).at[mesh].ray_indices).at[primitive];
+}
+
 #endif

@@ -17,7 +17,8 @@ void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
         if (rayQueryGetIntersectionTypeEXT(query, false) == gl_RayQueryCandidateIntersectionTriangleEXT) {
             float width = cone_width_at(ray, rayQueryGetIntersectionTEXT(query, false));
             vec2 barycentric = rayQueryGetIntersectionBarycentricsEXT(query, false);
-            if (alpha_passes(scene, instance, primitive, barycentric, ray.direction, width)) {
+            uvec3 corners = driver_corners(scene, instance, primitive);
+            if (alpha_passes(scene, instance, corners, barycentric, ray.direction, width)) {
                 rayQueryConfirmIntersectionEXT(query);
             }
         } else {

@@ -95,7 +95,7 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
             }
             met = met && !is_culled(ray, flags, found.front);
             if (met && (flags & INSTANCE_ALPHA_TEST) != 0u) {
-                met = alpha_passes(scene, instance, candidate.primitive, found.barycentric, ray.direction, cone_width_at(ray, found.t));
+                met = alpha_passes(scene, instance, candidate.corners, found.barycentric, ray.direction, cone_width_at(ray, found.t));
             }
             if (met) {
                 hit = Hit(found.t, instance, candidate.primitive, found.barycentric, found.front);

@@ -1,16 +1,20 @@
-//! Motion vectors of a moving camera, against a projection in double precision.
-use anyhow::{Context, Result};
-use glam::DVec3;
+//! Motion vectors of a moving camera, and of what moves and deforms, against projections in double precision.
+use anyhow::{Context, Result, ensure};
+use glam::{DVec3, Vec3};
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
-use magpie::scene::{Camera, FloatingOrigin, Policy, ResidentOptions, ResidentScene, Scene};
+use magpie::graph::execute::Imports;
+use magpie::scene::{
+    Animator, Camera, FloatingOrigin, Moment, Policy, Pose, ResidentOptions, ResidentScene, Scene, deform,
+};
 use magpie::stage::Build;
-use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_passes::stages::GBufferIn;
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::{asset, builtin, gpu};
 use magpie_tests::oracle::gbuffer::Eye;
+use std::collections::BTreeMap;
 
 const EXTENT: Extent = Extent { width: 240, height: 135 };
 
@@ -124,5 +128,126 @@ fn motion_stays_right_where_the_origin_steps() -> Result<()> {
     let (worst, moved) = compare(&motion, &depth, &now, &before);
     println!("where the origin steps: worst error {worst:.4} pixels, {moved} pixels moved");
     assert!(worst < 0.05 && moved > 10_000, "worst error {worst} pixels, {moved} moved");
+    Ok(())
+}
+
+/// What an instance is, for the figures.
+fn kind(scene: &Scene, instance: usize, moving: bool) -> &'static str {
+    let mesh = &scene.meshes[scene.instances[instance].mesh as usize];
+    match () {
+        () if scene.instances[instance].skin.is_some() => "skinned",
+        () if !mesh.targets.is_empty() => "morphed",
+        () if !mesh.spheres.is_empty() => "spheres",
+        () if moving => "rigid",
+        () => "still",
+    }
+}
+
+/// A scene at two times, in double precision.
+struct Moments<'a> {
+    scene: &'a Scene,
+    /// Of every instance before and now: positions, where it deforms.
+    deformed: [Vec<Option<Vec<Vec3>>>; 2],
+    poses: [Pose; 2],
+}
+
+impl<'a> Moments<'a> {
+    fn new(scene: &'a Scene, times: [f64; 2]) -> Self {
+        let animator = Animator::new(scene);
+        let poses = times.map(|t| animator.pose(t));
+        let deformed = [0, 1].map(|at: usize| {
+            let positions = |i: usize| {
+                let pose: &Pose = &poses[at];
+                let mesh = &scene.meshes[scene.instances[i].mesh as usize];
+                animator.deforms(i).then(|| deform(mesh, &pose.joints[i], &pose.weights[i]).positions)
+            };
+            (0..scene.instances.len()).map(positions).collect()
+        });
+        Self { scene, deformed, poses }
+    }
+
+    /// Where the surface that a ray meets in a primitive is now, and where it was.
+    fn follow(&self, eye: &Eye, ray: DVec3, instance: usize, primitive: usize) -> [DVec3; 2] {
+        let [before, now] = [0, 1].map(|at| self.poses[at].instances[instance]);
+        let (from, along) = (now.inverse().transform_point3(eye.position), now.inverse().transform_vector3(ray));
+        let mesh = &self.scene.meshes[self.scene.instances[instance].mesh as usize];
+        let points = if let Some(sphere) = mesh.spheres.get(primitive) {
+            let (f, radius) = (from - sphere.centre.as_dvec3(), f64::from(sphere.radius));
+            let (a, b, c) = (along.length_squared(), f.dot(along), f.length_squared() - radius * radius);
+            // The nearer point; at the very edge, the nearest to the sphere.
+            let t = (-b - (b * b - a * c).max(0.0).sqrt()) / a;
+            [from + t * along; 2]
+        } else {
+            let corners = |at: usize| {
+                let positions = self.deformed[at][instance].as_ref().unwrap_or(&mesh.positions);
+                [0, 1, 2].map(|k| positions[mesh.indices[3 * primitive + k] as usize].as_dvec3())
+            };
+            let [a, b, c] = corners(1);
+            // Cramer's rule (Moeller and Trumbore 1997).
+            let (e1, e2, to) = (b - a, c - a, from - a);
+            let (p, q) = (along.cross(e2), to.cross(e1));
+            let (u, v) = (to.dot(p) / e1.dot(p), along.dot(q) / e1.dot(p));
+            [corners(0), [a, b, c]].map(|[a, b, c]| a * (1.0 - u - v) + b * u + c * v)
+        };
+        [before.transform_point3(points[0]), now.transform_point3(points[1])]
+    }
+}
+
+/// Pixels by kind: how many, how many moved by more than half a pixel, and the worst error in pixels.
+type Followed = BTreeMap<&'static str, (usize, usize, f64)>;
+
+#[test]
+fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut bench = Bench::new(&gpu)?;
+    let scene = builtin("carousel")?;
+    let camera = &scene.cameras[0];
+    let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
+    let build = Build { gpu: &gpu, rays: magpie::prelude::Rays::Software };
+    let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
+    let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids", "gbuffer.draw:depth"];
+    let size = [f64::from(EXTENT.width), f64::from(EXTENT.height)];
+    let eye = Eye::new(camera, EXTENT);
+    let mut followed = Followed::new();
+    for times in [[0.0, 0.05], [0.7, 0.75], [1.9, 1.95], [3.28, 3.3]] {
+        let moments = Moments::new(&scene, times);
+        resident.borrow_mut().go(&Moment { time: times[0], cut: true, ..Moment::default() });
+        let (mut g, mut imports) = (bench.executor.begin(Extent::new(1, 1)), Imports::default());
+        resident.borrow_mut().declare(&mut g, &mut imports, None, &Policy::default())?;
+        bench.executor.run(g, &imports)?;
+        resident.borrow_mut().go(&Moment { time: times[1], ..Moment::default() });
+        let desc = ViewDesc { camera, extent: EXTENT, frame: 1, seed: 0, previous: Some((camera, EXTENT)) };
+        let ran = bench.run(EXTENT, &wanted, |g, imports| {
+            let mut block = magpie::gpu::Staging::new(&gpu, "view");
+            let view = desc.declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
+            let scene = resident.borrow_mut().declare(g, &mut imports.borrow_mut(), None, &Policy::default())?;
+            g.output(gbuffer.add(g, &view, GBufferIn { scene }).motion);
+            Ok(())
+        })?;
+        let ran = ran.clean()?;
+        let (motion, ids) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
+        for (pixel, (motion, id)) in motion.iter().zip(&ids).enumerate() {
+            let Some(instance) = (id[0] as usize).checked_sub(1) else { continue };
+            let [before, now] = moments.follow(&eye, eye.pixel_ray(pixel), instance, id[1] as usize);
+            let (Some(here), Some(there)) = (eye.project(now), eye.project(before)) else { continue };
+            let expected = [0, 1].map(|i| (here[i] - there[i]) * size[i]);
+            let error = |i: usize| (f64::from(motion[i]) * size[i] - expected[i]).abs() - expected[i].abs() / 2048.0;
+            let moving = moments.poses[0].instances[instance] != moments.poses[1].instances[instance];
+            let count = followed.entry(kind(&scene, instance, moving)).or_default();
+            count.0 += 1;
+            count.1 += usize::from(expected[0].hypot(expected[1]) > 0.5);
+            count.2 = count.2.max(error(0)).max(error(1));
+            ensure!(
+                error(0).is_finite() && error(1).is_finite(),
+                "pixel {pixel}: motion {motion:?}, expected {expected:?}"
+            );
+        }
+    }
+    for (kind, (pixels, moved, worst)) in &followed {
+        println!("{kind}: {pixels} pixels, {moved} moved, off by at most {worst:.4} pixels");
+        ensure!(*worst <= 0.01, "{kind}: {worst} pixels off");
+        ensure!(*kind == "still" || *moved > 100, "{kind}: only {moved} pixels moved");
+    }
+    ensure!(followed.len() == 5, "not every kind is seen: {followed:?}");
     Ok(())
 }

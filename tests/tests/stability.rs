@@ -3,7 +3,9 @@
 use anyhow::{Result, ensure};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use magpie::graph::Extent;
-use magpie::scene::{Camera, FloatingOrigin, Light, Material, Mesh, Moment, ResidentOptions, ResidentScene, Scene, supply_missing};
+use magpie::scene::{
+    Camera, FloatingOrigin, Light, Material, Mesh, Moment, ResidentOptions, ResidentScene, Scene, supply_missing,
+};
 use magpie_tests::bench::{Bench, Ran, Shot};
 use magpie_tests::harness::{builtin, config, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};

@@ -7,6 +7,7 @@ use glam::{Affine3A, DAffine3, DVec3, Mat3A, Vec2, Vec3, Vec4};
 mod animation;
 mod builtin;
 mod camera;
+mod coverage;
 mod daylight;
 mod deform;
 mod error;

@@ -1,5 +1,6 @@
 //! Scenes that are made here, so that nothing has to be downloaded to see a picture.
 use super::Scene;
+use super::coverage::preserve_coverage;
 
 mod carousel;
 mod cornell;
@@ -20,12 +21,14 @@ pub const BUILTIN: &[(&str, &str)] = &[
 
 /// The built-in scene of this name, complete: with cameras and lights.
 pub fn builtin(name: &str) -> Option<Scene> {
-    match name {
-        "courtyard" => Some(courtyard::scene()),
-        "carousel" => Some(carousel::scene()),
-        "cornell" => Some(cornell::scene()),
-        _ => None,
-    }
+    let mut scene = match name {
+        "courtyard" => courtyard::scene(),
+        "carousel" => carousel::scene(),
+        "cornell" => cornell::scene(),
+        _ => return None,
+    };
+    preserve_coverage(&mut scene);
+    Some(scene)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! glTF 2.0 import (.gltf, .glb). The file is untrusted: sizes are checked before memory is taken, and nothing is indexed
 //! that was not checked. The `gltf` crate parses the text; its own validation is not used, because it knows no
 //! KHR_mesh_quantization and does not look at the data.
+use super::coverage::preserve_coverage;
 use super::error::Fault;
 use super::{Scene, SceneError};
 use gltf::json;
@@ -188,6 +189,7 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
     if needs_default {
         scene.materials.push(super::Material::default());
     }
+    preserve_coverage(&mut scene);
     scene.warnings = notices;
     Ok(scene)
 }

@@ -76,7 +76,9 @@ mod tests {
 
     #[test]
     fn it_grows_with_the_mesh_and_with_the_distance_and_with_nothing_else() {
-        let turned = |scale: f32, at: Vec3| Affine3A::from_scale_rotation_translation(Vec3::splat(scale), Quat::from_rotation_y(0.7), at);
+        let turned = |scale: f32, at: Vec3| {
+            Affine3A::from_scale_rotation_translation(Vec3::splat(scale), Quat::from_rotation_y(0.7), at)
+        };
         let near = |a: f32, b: f32| assert!((a / b - 1.0).abs() < 0.1, "{a:e}, wanted {b:e}");
         // 35 roundoffs of a corner.
         near(of(Affine3A::IDENTITY, 1.0), 35.0 * U as f32 * 3.0_f32.sqrt());
