@@ -49,25 +49,7 @@ pub struct ImageParams {
     pub number: u32,
 }
 
-/// A ray that was made beforehand, so that every way to trace gets the very same.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct RayTask {
-    /// Where it begins, world space, metres.
-    pub origin: [f32; 3],
-    /// Hits count from here on, in lengths of `direction`.
-    pub t_min: f32,
-    /// Where it goes; need not be a unit vector.
-    pub direction: [f32; 3],
-    /// Hits count up to here.
-    pub t_max: f32,
-    /// Instances that share a bit with it are seen.
-    pub mask: u32,
-    /// `RAY_CULL_*` bits of `lib/ray_types.glsl`: 1 back faces, 2 front faces.
-    pub cull: u32,
-}
-
-/// What a [`RayTask`] met first.
+/// What a [`RayTask`](super::rays::RayTask) met first.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct RayAnswer {
@@ -89,10 +71,12 @@ pub struct RayAnswer {
 pub struct TraceParams {
     /// Root of the scene's tables.
     pub scene: Address,
-    /// [`RayTask`] table, row after row.
+    /// [`RayTask`](super::rays::RayTask) table, row after row.
     pub rays: Address,
     /// [`RayAnswer`] table for `closest.ray`; for `any.ray` a [`Cell`] each, 1 where anything was met.
     pub answers: Address,
+    /// Indices of rays in the order in which they are traced; zero for the order of the table.
+    pub order: Address,
     /// Rays in a row.
     pub width: u32,
     /// Rows.

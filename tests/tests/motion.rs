@@ -61,7 +61,7 @@ fn compare(motion: &[[f32; 4]], depth: &[[f32; 4]], eye_now: &Eye, eye_before: &
     (worst, moved)
 }
 
-fn moved(camera: &Camera, step: glam::Vec3, turn: f32) -> Camera {
+fn moved(camera: &Camera, step: Vec3, turn: f32) -> Camera {
     let mut other = camera.clone();
     other.world_from_camera.translation += step.as_dvec3();
     other.world_from_camera.matrix3 *= glam::DMat3::from_rotation_y(turn.into());
@@ -77,9 +77,7 @@ fn motion_is_where_things_were() -> Result<()> {
     for scene in &scenes {
         let now = &scene.cameras[0];
         let reach = now.eye().length() as f32 * 0.02;
-        for (step, turn) in
-            [(glam::Vec3::X * reach, 0.0), (glam::Vec3::ZERO, 0.03), (glam::vec3(0.3, -0.2, 1.0) * reach, -0.02)]
-        {
+        for (step, turn) in [(Vec3::X * reach, 0.0), (Vec3::ZERO, 0.03), (glam::vec3(0.3, -0.2, 1.0) * reach, -0.02)] {
             let (worst, moving) = worst_error(&mut bench, scene, &moved(now, step, turn), now)?;
             println!(
                 "{}: step {step}, turn {turn}: off by at most {worst:.4} pixels, {moving} pixels moved",
@@ -221,7 +219,8 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
             let mut block = magpie::gpu::Staging::new(&gpu, "view");
             let view = desc.declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
             let scene = resident.borrow_mut().declare(g, &mut imports.borrow_mut(), None, &Policy::default())?;
-            g.output(gbuffer.add(g, &view, GBufferIn { scene }).motion);
+            let motion = gbuffer.add(g, &view, GBufferIn { scene }).motion;
+            g.output(motion);
             Ok(())
         })?;
         let ran = ran.clean()?;

@@ -5,7 +5,8 @@ use glam::{Affine3A, Vec3};
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
 use magpie_bench::rays::{Placed, Question, RayTable, Shape, Target, Tracer, World, WorldOptions};
-use magpie_shaders::bench::{RayAnswer, RayTask};
+use magpie_shaders::bench::RayAnswer;
+use magpie_shaders::rays::RayTask;
 use magpie_tests::harness::gpu;
 
 const CULL_BACK: u32 = 1;

@@ -11,7 +11,7 @@ use magpie::prelude::Rays;
 use magpie_bench::rays::{
     Change, Placed, Question, Random, RayTable, Shape, Target, Tracer, World, WorldOptions, rotation,
 };
-use magpie_shaders::bench::RayTask;
+use magpie_shaders::rays::RayTask;
 use magpie_shaders::scene::INSTANCE_MASK_ALL;
 use magpie_tests::harness::{asset, gpu};
 use magpie_tests::oracle::rays::{double, is_inside};
@@ -156,7 +156,7 @@ fn placing(number: usize, span: f32, random: &mut Random) -> Affine3A {
     if number % 2 == 1 {
         scales.x = -scales.x;
     }
-    let far = if number % 3 == 0 { OFFSET * 0.25 * span * scale } else { 2.0 * span * scale };
+    let far = if number.is_multiple_of(3) { OFFSET * 0.25 * span * scale } else { 2.0 * span * scale };
     Affine3A::from_scale_rotation_translation(scales, rotation(random), random.direction() * far)
 }
 
@@ -176,7 +176,7 @@ fn ray(shape: &Shape, points: &[Vec3], world: &Affine3A, random: &mut Random) ->
     let along = [0.0, 0.5, f64::from(random.unit())][pick(3, random)];
     let target: DVec3 = exact.transform_point3(corner(edge).lerp(corner(edge + 1), along));
     let mut target = target.as_vec3();
-    if random.bits() % 2 == 0 {
+    if random.bits().is_multiple_of(2) {
         target = Vec3::new(nudge(target.x, random), nudge(target.y, random), nudge(target.z, random));
     }
     let origin = exact.transform_point3(points[pick(points.len(), random)].as_dvec3()).as_vec3();

@@ -6,12 +6,14 @@
 mod bounds;
 mod cwbvh;
 mod fit;
+mod sort;
 mod split;
 mod top;
 
 pub use bounds::Bounds;
 pub use cwbvh::MeshBvh;
 pub use fit::{Child, Levels, children};
+pub use sort::RaySort;
 pub use top::{Placement, SceneBvh, object_from_world, placements};
 
 /// Largest coordinate that a tree takes, in either level: products of three of them still fit `f32` in the triangle test.

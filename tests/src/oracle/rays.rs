@@ -1,7 +1,7 @@
 //! Rays against every triangle of a scene in double precision (Möller and Trumbore 1997).
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use magpie::scene::{AlphaMode, Scene};
-use magpie_shaders::bench::RayTask;
+use magpie_shaders::rays::RayTask;
 
 /// Where a ray meets the plane of a triangle.
 #[derive(Clone, Copy, Debug)]

@@ -57,6 +57,8 @@ pub enum Quantity {
     BuildTop,
     /// Milliseconds to refit the top level.
     RefitTop,
+    /// Milliseconds to sort rays.
+    Sort,
     /// Bytes of bottom levels.
     BottomBytes,
     /// Bytes of the top level.
@@ -70,7 +72,7 @@ impl Quantity {
     pub fn unit(self) -> &'static str {
         match self {
             Self::Rate => "Mrays/s",
-            Self::BuildBottom | Self::Compact | Self::BuildTop | Self::RefitTop => "ms",
+            Self::BuildBottom | Self::Compact | Self::BuildTop | Self::RefitTop | Self::Sort => "ms",
             Self::BottomBytes | Self::TopBytes | Self::ScratchBytes => "bytes",
         }
     }
@@ -82,6 +84,7 @@ impl Quantity {
             Self::Compact => "compact",
             Self::BuildTop => "build_top",
             Self::RefitTop => "refit_top",
+            Self::Sort => "sort",
             Self::BottomBytes => "bottom_bytes",
             Self::TopBytes => "top_bytes",
             Self::ScratchBytes => "scratch_bytes",

@@ -1,8 +1,10 @@
 //! The rays of effects on whole scenes.
 use super::{
-    Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target, bounds, extent_of, primary,
-    random,
+    Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target,
+    agreement::agreement_of_closest, bounds, extent_of, primary, random,
 };
+use glam::Vec3;
+use magpie::ray::Bounds;
 use magpie::scene::{ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_shaders::Rays;
 
@@ -48,6 +50,42 @@ impl Run<'_> {
         for (kind, table) in self.tables(scene, &contenders)? {
             (self.progress)(&format!("{}: {kind} rays", scene.name));
             self.race(&case(kind), &contenders, &table, self.effort.repeats)?;
+            // Rays that go every way are those that an order may help.
+            if ["bounce", "random"].contains(&kind) {
+                self.sorted(&case(kind), &contenders, &table)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The same rays in sorted order: what the sort costs, and what it gains.
+    fn sorted(&mut self, case: &Case, contenders: &[Contender<'_>], table: &RayTable) -> Result<(), RayBenchError> {
+        let origins: Vec<Vec3> = table.rays.iter().map(|r| r.origin.into()).collect();
+        let bounds = Bounds::of_points(&origins);
+        let table = self.tracer.upload(table)?;
+        let of = |variant: &str| Case { variant: format!("{}, {variant}", case.variant), ..case.clone() };
+        for contender in contenders.iter().filter(|c| c.note.is_empty()) {
+            let Contender { rays, target, .. } = *contender;
+            let (mut sorts, mut traces, mut both) = (Vec::new(), Vec::new(), Vec::new());
+            let rate = |ns: u64| table.count() as f64 * 1e3 / ns.max(1) as f64;
+            for turn in 0..=self.effort.setup_repeats {
+                let (sort, trace) = self.tracer.time_sorted(rays, target, &table, &bounds)?;
+                if turn > 0 {
+                    sorts.push(sort as f64 * 1e-6);
+                    traces.push(rate(trace));
+                    both.push(rate(sort + trace));
+                }
+            }
+            self.report.add(&of("sorted"), rays.name(), Quantity::Sort, sorts, table.count());
+            self.report.add(&of("sorted"), rays.name(), Quantity::Rate, traces, table.count());
+            self.report.add(&of("sorted, with the sort"), rays.name(), Quantity::Rate, both, table.count());
+            if table.question() == Question::Closest {
+                let plain = self.tracer.closest(rays, target, &table)?;
+                let sorted = self.tracer.closest_sorted(rays, target, &table, &bounds)?;
+                let names = (format!("{rays}"), format!("{rays}, sorted"));
+                let (first, second) = ((names.0, plain.as_slice()), (names.1, sorted.as_slice()));
+                self.report.agreement.push(agreement_of_closest(&of("sorted"), first, second));
+            }
         }
         Ok(())
     }

@@ -5,8 +5,10 @@ use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{
     Access, BufferDesc, BufferToken, Domain, Extent, FrameGraph, PassBuilder, Queue, Record, TraceToken,
 };
+use magpie::ray::{Bounds, RaySort};
 use magpie::scene::{Policy, SceneHandles, SharedScene};
-use magpie_shaders::bench::{RayAnswer, RayTask, TraceParams};
+use magpie_shaders::bench::{RayAnswer, TraceParams};
+use magpie_shaders::rays::RayTask;
 use magpie_shaders::{Address, BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
 use std::sync::Arc;
 
@@ -119,6 +121,7 @@ pub struct Tracer {
     /// Runs its frames, and those of worlds that change.
     pub executor: Executor,
     kernels: Vec<(Rays, RayKernel, RayKernel)>,
+    sort: RaySort,
 }
 
 impl Tracer {
@@ -137,6 +140,7 @@ impl Tracer {
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
+            sort: RaySort::new(gpu)?,
             kernels: ways.iter().map(kernels).collect::<Result<_, _>>()?,
         })
     }
@@ -168,8 +172,43 @@ impl Tracer {
     /// # Errors
     /// A lost device, or one without timestamps.
     pub fn time(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<u64, RayBenchError> {
-        let executed = self.run(rays, target, table, None)?;
+        let executed = self.run(rays, target, table, None, None)?;
         pass_ns(&executed, "bench.trace")
+    }
+
+    /// Sorts all rays of a table, whose origins lie in `bounds`, and traces them: nanoseconds of the one and of the other.
+    ///
+    /// # Errors
+    /// As [`Tracer::time`].
+    pub fn time_sorted(
+        &mut self,
+        rays: Rays,
+        target: Target<'_>,
+        table: &DeviceTable,
+        bounds: &Bounds,
+    ) -> Result<(u64, u64), RayBenchError> {
+        let executed = self.run(rays, target, table, Some(bounds), None)?;
+        let steps = ["rays.sort_clear", "rays.sort_count", "rays.sort_scan", "rays.sort_place"];
+        let mut sort = 0;
+        for step in steps {
+            sort += pass_ns(&executed, step)?;
+        }
+        Ok((sort, pass_ns(&executed, "bench.trace")?))
+    }
+
+    /// What each ray of a closest-hit table meets, traced in sorted order.
+    ///
+    /// # Errors
+    /// As [`Tracer::closest`].
+    pub fn closest_sorted(
+        &mut self,
+        rays: Rays,
+        target: Target<'_>,
+        table: &DeviceTable,
+        bounds: &Bounds,
+    ) -> Result<Vec<RayAnswer>, RayBenchError> {
+        self.expect(table, Question::Closest)?;
+        Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, Some(bounds))?))
     }
 
     /// What each ray of a closest-hit table meets.
@@ -183,7 +222,7 @@ impl Tracer {
         table: &DeviceTable,
     ) -> Result<Vec<RayAnswer>, RayBenchError> {
         self.expect(table, Question::Closest)?;
-        Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table)?))
+        Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, None)?))
     }
 
     /// Whether each ray of an any-hit table meets anything.
@@ -192,7 +231,7 @@ impl Tracer {
     /// As [`Tracer::closest`].
     pub fn any(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<Vec<bool>, RayBenchError> {
         self.expect(table, Question::Any)?;
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.read(rays, target, table)?);
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.read(rays, target, table, None)?);
         Ok(words.into_iter().map(|word| word != 0).collect())
     }
 
@@ -201,11 +240,17 @@ impl Tracer {
         if got == wanted { Ok(()) } else { Err(RayBenchError::Question { wanted, got }) }
     }
 
-    fn read(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<Vec<u8>, RayBenchError> {
+    fn read(
+        &mut self,
+        rays: Rays,
+        target: Target<'_>,
+        table: &DeviceTable,
+        sorted: Option<&Bounds>,
+    ) -> Result<Vec<u8>, RayBenchError> {
         let bytes = table.answers.bytes();
         let host = Buffer::new(&self.gpu, "answers on the host", bytes, BufferMemory::ReadBack, BufferUse::Storage)?;
         let host = Arc::new(host);
-        self.run(rays, target, table, Some(&host))?;
+        self.run(rays, target, table, sorted, Some(&host))?;
         Ok(host.contents()[..bytes as usize].to_vec())
     }
 
@@ -214,6 +259,7 @@ impl Tracer {
         rays: Rays,
         target: Target<'_>,
         table: &DeviceTable,
+        sorted: Option<&Bounds>,
         host: Option<&Arc<Buffer>>,
     ) -> Result<Executed, RayBenchError> {
         let missing = RayBenchError::Way { rays: rays.name() };
@@ -227,12 +273,15 @@ impl Tracer {
         };
         let tasks = buffer("rays", &table.rays, Access::CopyWrite, &mut g).read();
         let answers = buffer("answers", &table.answers, Access::BufferWrite, &mut g);
+        let order = sorted.map(|bounds| self.sort.add(&mut g, tasks, table.count as u32, bounds));
         let answers = g.pass("bench.trace", Queue::Graphics, |p| {
             let (token, tasks) = (handles.trace(p), p.read(tasks));
+            let order = order.map(|order| p.read(order));
             let (answers, to): (_, BufferToken) = p.write_buffer(answers);
             (answers, move |c: &mut Record<'_>| {
                 let (width, height) = (extent.width, extent.height);
-                let params = TraceParams { scene, rays: c.id(tasks), answers: c.id(to), width, height };
+                let order = order.map_or_else(Default::default, |order| c.id(order));
+                let params = TraceParams { scene, rays: c.id(tasks), answers: c.id(to), order, width, height };
                 c.trace(kernel, token, &params, extent);
             })
         });
