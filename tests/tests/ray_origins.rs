@@ -169,7 +169,7 @@ impl SetUp {
         DAffine3::from_scale_rotation_translation(DVec3::splat(self.scale), turn, place)
     }
 
-    fn to_light(&self, from: DVec3) -> DVec3 {
+    fn to_light(self, from: DVec3) -> DVec3 {
         match self.light {
             Lit::Sun(degrees) => {
                 let (up, along) = degrees.to_radians().sin_cos();
