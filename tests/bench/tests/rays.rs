@@ -61,8 +61,8 @@ fn a_quick_run_measures_everything_and_all_ways_meet_the_same() {
         plain.map(|r| format!("{} {} {} {}", r["setup"], r["subject"], r["x"], r["variant"])).collect()
     };
     let software = cases(Rays::Software);
-    // Five kinds of ray on two scenes, three sizes of two meshes, three counts of two placements, three stops.
-    assert_eq!(software.len(), 10 + 6 + 6 + 3, "{software:?}");
+    // Five kinds of ray on each scene, three sizes of two meshes, three counts of two placements, three stops.
+    assert_eq!(software.len(), 5 * scenes.len() + 6 + 6 + 3, "{software:?} {:?}", report.left_out);
     for way in ways {
         assert_eq!(cases(way), software, "{way}");
     }

@@ -205,18 +205,24 @@ impl Surfaces {
     }
 }
 
+/// The normal is that of the surface at rest, which is near enough for rays around it where a mesh deforms.
 fn point(scene: &Scene, ray: &RayTask, answer: &RayAnswer, seed: u64) -> Option<Point> {
     let instance = scene.instances.get(answer.instance as usize)?;
     let mesh = &scene.meshes[instance.mesh as usize];
-    let corner = |k: u32| {
-        let index = mesh.indices[(3 * answer.primitive + k) as usize];
-        instance.world_from_object.transform_point3(mesh.positions[index as usize].as_dvec3()).as_vec3()
+    let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+    let position = origin + answer.t * direction;
+    let world = |p: Vec3| instance.world_from_object.transform_point3(p.as_dvec3()).as_vec3();
+    let outwards = match mesh.spheres.get(answer.primitive as usize) {
+        Some(sphere) => position - world(sphere.centre),
+        None => {
+            let corners = mesh.indices.get(3 * answer.primitive as usize..)?.first_chunk::<3>()?;
+            let [a, b, c] = corners.map(|i| world(mesh.positions[i as usize]));
+            (b - a).cross(c - a)
+        }
     };
-    let [a, b, c] = [corner(0), corner(1), corner(2)];
-    let [v, w] = answer.barycentric;
-    let normal = (b - a).cross(c - a).try_normalize()?;
-    let normal = if normal.dot(Vec3::from(ray.direction)) > 0.0 { -normal } else { normal };
-    Some(Point { position: a + v * (b - a) + w * (c - a), normal, seed })
+    let normal = outwards.try_normalize()?;
+    let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+    Some(Point { position, normal, seed })
 }
 
 /// A uniformly random rotation (Shoemake 1992, "Uniform Random Rotations").
