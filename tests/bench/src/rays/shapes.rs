@@ -92,7 +92,8 @@ mod tests {
     #[test]
     fn the_cube_is_as_large_as_the_documents() {
         let reach = rounded_cube().positions.iter().map(|p| p.length()).fold(0.0, f32::max);
-        assert!((1.5..1.65).contains(&reach), "{reach}");
+        // No corner of the mesh lies quite in a corner of the cube.
+        assert!((1.45..1.6).contains(&reach), "{reach}");
         let half = rounded_cube().positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
         assert!((0.97..=1.001).contains(&half), "{half}");
     }

@@ -207,7 +207,7 @@ impl Tracer {
         table: &DeviceTable,
         bounds: &Bounds,
     ) -> Result<Vec<RayAnswer>, RayBenchError> {
-        self.expect(table, Question::Closest)?;
+        self.demand(table, Question::Closest)?;
         Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, Some(bounds))?))
     }
 
@@ -221,7 +221,7 @@ impl Tracer {
         target: Target<'_>,
         table: &DeviceTable,
     ) -> Result<Vec<RayAnswer>, RayBenchError> {
-        self.expect(table, Question::Closest)?;
+        self.demand(table, Question::Closest)?;
         Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, None)?))
     }
 
@@ -230,12 +230,12 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::closest`].
     pub fn any(&mut self, rays: Rays, target: Target<'_>, table: &DeviceTable) -> Result<Vec<bool>, RayBenchError> {
-        self.expect(table, Question::Any)?;
+        self.demand(table, Question::Any)?;
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(&self.read(rays, target, table, None)?);
         Ok(words.into_iter().map(|word| word != 0).collect())
     }
 
-    fn expect(&self, table: &DeviceTable, wanted: Question) -> Result<(), RayBenchError> {
+    fn demand(&self, table: &DeviceTable, wanted: Question) -> Result<(), RayBenchError> {
         let got = table.question;
         if got == wanted { Ok(()) } else { Err(RayBenchError::Question { wanted, got }) }
     }
