@@ -66,7 +66,7 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
             for &instance in &instances {
                 let count = scene.meshes[scene.instances[instance].mesh as usize].positions.len() as u32;
                 let bytes = u64::from(count) * size_of::<Vertex>() as u64;
-                let vertices = g.pass("test.vertices", Queue::Graphics, |p| {
+                let vertices = g.pass(&format!("test.vertices.{instance}"), Queue::Graphics, |p| {
                     handles.read(p);
                     let (vertices, to) = p.create_buffer("vertices", BufferDesc::new(bytes));
                     (vertices.read(), move |c: &mut Record<'_>| {
@@ -74,8 +74,8 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
                         c.dispatch_groups(kernel, &params, [count.div_ceil(64), 1, 1]);
                     })
                 });
-                let (target, buffer) = results(&gpu, g, imports, "read back", bytes)?;
-                let target = g.pass("test.copy", Queue::Transfer, |p| {
+                let (target, buffer) = results(&gpu, g, imports, &format!("read back.{instance}"), bytes)?;
+                let target = g.pass(&format!("test.copy.{instance}"), Queue::Transfer, |p| {
                     let from = p.copy_from(vertices);
                     let (target, to) = p.copy_to(target);
                     (target, move |c: &mut Record<'_>| c.copy_buffer(from, 0, to, 0, bytes))

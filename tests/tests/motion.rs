@@ -1,6 +1,6 @@
 //! Motion vectors of a moving camera, and of what moves and deforms, against projections in double precision.
 use anyhow::{Context, Result, ensure};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::graph::Extent;
@@ -64,7 +64,7 @@ fn compare(motion: &[[f32; 4]], depth: &[[f32; 4]], eye_now: &Eye, eye_before: &
 fn moved(camera: &Camera, step: Vec3, turn: f32) -> Camera {
     let mut other = camera.clone();
     other.world_from_camera.translation += step.as_dvec3();
-    other.world_from_camera.matrix3 *= glam::DMat3::from_rotation_y(turn.into());
+    other.world_from_camera.matrix3 *= DMat3::from_rotation_y(turn.into());
     other
 }
 
@@ -77,7 +77,7 @@ fn motion_is_where_things_were() -> Result<()> {
     for scene in &scenes {
         let now = &scene.cameras[0];
         let reach = now.eye().length() as f32 * 0.02;
-        for (step, turn) in [(Vec3::X * reach, 0.0), (Vec3::ZERO, 0.03), (glam::vec3(0.3, -0.2, 1.0) * reach, -0.02)] {
+        for (step, turn) in [(Vec3::X * reach, 0.0), (Vec3::ZERO, 0.03), (Vec3::new(0.3, -0.2, 1.0) * reach, -0.02)] {
             let (worst, moving) = worst_error(&mut bench, scene, &moved(now, step, turn), now)?;
             println!(
                 "{}: step {step}, turn {turn}: off by at most {worst:.4} pixels, {moving} pixels moved",
