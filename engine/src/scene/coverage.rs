@@ -137,9 +137,10 @@ mod tests {
         let (before, after, _) = tested(AlphaMode::Mask(0.4), 0.5);
         println!("before {before:.3?}\nafter {after:.3?}");
         assert_eq!(before[3], 0.0, "a mip with a texel for eight has lost every blade");
-        // Down to the mip that still has a texel to a blade and one to its gap: the points there are an eighth of that apart.
-        for mip in 1..=3 {
-            assert!((after[mip] - after[0]).abs() < 0.07, "mip {mip}");
+        // Down to the mip that still has a texel to a blade and one to its gap. There, four of eight points across both see more than
+        // half of the blade, two of them most of it: shares go by quarters, and the nearest is at most an eighth off.
+        for (mip, off) in [(1, 0.07), (2, 0.07), (3, 0.125)] {
+            assert!((after[mip] - after[0]).abs() < off, "mip {mip}");
         }
         let (_, _, same) = tested(AlphaMode::Opaque, 0.5);
         assert!(same, "what is not tested stays");
