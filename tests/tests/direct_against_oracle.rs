@@ -288,8 +288,13 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
 
 /// Whether the light is hidden, by double-precision rays against every triangle near enough.
 fn hidden(scene: &Scene, pixel: &Pixel, light: &Light) -> bool {
+    hidden_at(scene, pixel.point.position, pixel.geometric, light)
+}
+
+/// The same for a point of a plane.
+fn hidden_at(scene: &Scene, position: DVec3, normal: DVec3, light: &Light) -> bool {
     // A tenth of a millimetre off the surface: far less than a pixel.
-    let origin = pixel.point.position + 1e-4 * pixel.geometric;
+    let origin = position + 1e-4 * normal;
     let to = incident(light, origin);
     scene.instances.iter().any(|instance| {
         let place = instance.world_from_object;
@@ -330,7 +335,7 @@ fn shadows(label: &str, scene: &Scene, light: &Light, pixels: &[Pixel]) -> Resul
             f32::from(u8::from(reached && !hidden(scene, pixel, light)))
         })
         .collect();
-    let width = EXTENT.width as i64;
+    let (width, eye) = (EXTENT.width as i64, Eye::new(&scene.cameras[0], EXTENT));
     let (mut differ, mut away) = (0, 0);
     for (i, pixel) in pixels.iter().enumerate() {
         if pixel.visibility == expected[i] {
@@ -339,10 +344,21 @@ fn shadows(label: &str, scene: &Scene, light: &Light, pixels: &[Pixel]) -> Resul
         differ += 1;
         let (x, y) = (i as i64 % width, i as i64 / width);
         let near = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
-        let edge = near
+        let around = near
             .filter(|(x, y)| (0..width).contains(x) && (0..i64::from(EXTENT.height)).contains(y))
             .any(|(x, y)| expected[(y * width + x) as usize] != expected[i]);
-        if !edge {
+        // An edge may also lie inside of the pixel, as at the foot of a wall: then the light is hidden from a part of the pixel's plane.
+        let within = || {
+            let steps = (-4..=4).flat_map(|v| (-4..=4).map(move |u| (f64::from(u) / 8.0, f64::from(v) / 8.0)));
+            let on_plane = |(u, v): (f64, f64)| {
+                let along = eye.ray(x as f64 + 0.5 + u, y as f64 + 0.5 + v);
+                let away = (pixel.point.position - eye.position).dot(pixel.geometric) / along.dot(pixel.geometric);
+                eye.position + away * along
+            };
+            let is_hidden = |at: DVec3| hidden_at(scene, at, pixel.geometric, light);
+            steps.map(on_plane).any(|at| is_hidden(at) == (expected[i] == 1.0))
+        };
+        if !around && !within() {
             away += 1;
             println!("{label}: ({x}, {y}) has visibility {}, instance {:?}", pixel.visibility, pixel.instance);
         }

@@ -62,9 +62,14 @@ pub const WIRING: &[Insertion] = &[
         "let post = stages.post.add(",
         "let radiance = stages.new_pass.add(g, view, NewPassIn { colour: radiance }).colour;\n",
     ),
-    insert(FRAME, Before, "post: slots.post.from_config(", "new_pass: slots.new_pass.from_config(&build, config)?,\n"),
-    insert(FRAME, Before, "slots.post.change(", "slots.new_pass.change(&mut self.new_pass, &build, config)?,\n"),
-    insert("tests/tests/images.rs", Before, "use anyhow::Result;", "#[path = \"images/new_pass.rs\"]\nmod new_pass;\n"),
+    insert(FRAME, Before, "post: slots.post.from_config(", "new_pass: slots.new_pass.from_config(build, config)?,\n"),
+    insert(FRAME, Before, "slots.post.change(", "slots.new_pass.change(&mut self.new_pass, build, config)?,\n"),
+    insert(
+        "tests/tests/images.rs",
+        Before,
+        "use anyhow::{Context, Result, ensure};",
+        "#[path = \"images/new_pass.rs\"]\nmod new_pass;\n",
+    ),
     insert("demo/configs/default.toml", Before, "post = \"standard\"", "new_pass = \"off\" # or \"example\"\n"),
     insert("README.md", Before, "[post](docs/passes/post.md)", "[new_pass](docs/passes/new_pass.md) · "),
 ];
