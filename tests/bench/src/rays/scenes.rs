@@ -76,7 +76,7 @@ impl Run<'_> {
                     both.push(rate(sort + trace));
                 }
             }
-            self.report.add(&of("sorted"), rays.name(), Quantity::Sort, sorts, 0);
+            self.report.add(&of("sorted"), rays.name(), Quantity::Sort, sorts, table.count());
             self.report.add(&of("sorted"), rays.name(), Quantity::Rate, traces, table.count());
             self.report.add(&of("sorted, with the sort"), rays.name(), Quantity::Rate, both, table.count());
             if table.question() == Question::Closest {
