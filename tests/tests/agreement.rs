@@ -52,11 +52,12 @@ struct Classes {
     worst: f64,
 }
 
-/// What rounding can make of a distance.
+/// What rounding can make of a distance: of the corners against the ray, more where it grazes, and along a sliver, whose point is told
+/// by weights that are small differences.
 fn rounding(crossing: &Crossing, ray: &RayTask, reach: f64) -> f64 {
     let length = f64::from(Vec3::from(ray.direction).length());
     let largest = reach.max(f64::from(Vec3::from(ray.origin).abs().max_element()));
-    ROUNDINGS * (largest / length + crossing.t) / crossing.cosine.max(1e-9)
+    ROUNDINGS * (largest / length + crossing.t) / crossing.cosine.max(1e-9) * crossing.slender
 }
 
 fn name(answer: &RayAnswer) -> String {
@@ -89,7 +90,7 @@ fn classify(triangles: &Triangles, ray: &RayTask, a: &RayAnswer, b: &RayAnswer, 
             classes.rounded += 1;
         } else {
             classes.unexplained += 1;
-            println!("distance: {ray:?}: {} against {}", name(a), name(b));
+            println!("distance: {ray:?}: {} against {}; in f64 {:?}", name(a), name(b), at(a));
         }
         return;
     }

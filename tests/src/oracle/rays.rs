@@ -16,6 +16,8 @@ pub struct Crossing {
     pub inside: f64,
     /// Cosine of the angle between ray and normal.
     pub cosine: f64,
+    /// Longest edge over the height on it, at least 1.15: by so much more than its corners' rounding moves the point that is met.
+    pub slender: f64,
     /// Its material is alpha-tested.
     pub tested: bool,
 }
@@ -70,8 +72,9 @@ impl Triangles {
             }
             for (primitive, corners) in (0..).zip(&placed.corners) {
                 let Some((t, inside, cosine)) = cross(origin, direction, corners) else { continue };
+                let slender = slender(corners);
                 if inside >= -near && t > f64::from(ray.t_min) && t < f64::from(ray.t_max) {
-                    found.push(Crossing { instance, primitive, t, inside, cosine, tested: placed.tested });
+                    found.push(Crossing { instance, primitive, t, inside, cosine, slender, tested: placed.tested });
                 }
             }
         }
@@ -83,8 +86,9 @@ impl Triangles {
     pub fn crossing(&self, ray: &RayTask, instance: u32, primitive: u32) -> Option<Crossing> {
         let placed = self.instances.get(instance as usize)?;
         let (origin, direction) = (Vec3::from(ray.origin).as_dvec3(), Vec3::from(ray.direction).as_dvec3());
-        let (t, inside, cosine) = cross(origin, direction, placed.corners.get(primitive as usize)?)?;
-        Some(Crossing { instance, primitive, t, inside, cosine, tested: placed.tested })
+        let corners = placed.corners.get(primitive as usize)?;
+        let ((t, inside, cosine), slender) = (cross(origin, direction, corners)?, slender(corners));
+        Some(Crossing { instance, primitive, t, inside, cosine, slender, tested: placed.tested })
     }
 
     /// Size of the greatest coordinate, metres.
@@ -123,6 +127,12 @@ fn cross(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<(f64
     let (second, third) = (v.dot(across) / slope, -u.dot(across) / slope);
     let inside = second.min(third).min(1.0 - second - third);
     Some((t, inside, slope.abs() / (normal.length() * direction.length())))
+}
+
+/// Longest edge of a triangle over the height on it.
+fn slender([a, b, c]: &[DVec3; 3]) -> f64 {
+    let longest = (*b - *a).length_squared().max((*c - *b).length_squared()).max((*a - *c).length_squared());
+    longest / (*b - *a).cross(*c - *a).length()
 }
 
 /// Whether a point lies inside of a closed mesh: the solid angle of its triangles is a full turn (Van Oosterom and Strackee 1983,
