@@ -272,6 +272,14 @@ impl Renderer {
     /// [`RenderError::View`] when the image that was asked for does not exist, and whatever the device says. With
     /// `check`, messages of the validation layers are errors.
     pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
+        let result = self.try_frame(request);
+        if result.is_err() {
+            self.scene.borrow_mut().forget();
+        }
+        result
+    }
+
+    fn try_frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
         if self.options.width == 0 || self.options.height == 0 {
             return Ok(None);
         }

@@ -84,6 +84,11 @@ impl AccelInstance {
     pub const NOT_OPAQUE: u32 = vk::GeometryInstanceFlagsKHR::FORCE_NO_OPAQUE.as_raw() << 24;
     /// Instances that a top level can tell apart.
     pub const LIMIT: u32 = 1 << 24;
+
+    /// The index that shaders see.
+    pub fn index(&self) -> u32 {
+        self.index_and_mask & (Self::LIMIT - 1)
+    }
 }
 
 /// An acceleration structure in a piece of a buffer. Freed when dropped, after the device is done with it.

@@ -134,6 +134,11 @@ impl Deformation {
         }))
     }
 
+    /// What the device has is unknown: the next frame makes all vertices.
+    pub fn forget(&mut self) {
+        self.made = false;
+    }
+
     /// Bytes on the device.
     pub fn bytes(&self) -> u64 {
         self.memory.bytes() + self.sources.bytes()

@@ -8,7 +8,10 @@ use crate::gpu::{
     SPHERE_GROUP, Staging, TRIANGLE_GROUP,
 };
 use crate::graph::execute::{Executed, Executor, Imports};
-use crate::graph::{Access, Blas, BufferDesc, Domain, Extent, FrameGraph, Handle, Queue, Record, Tlas, WriteHandle};
+use crate::graph::{
+    Accel as AccelKind, Access, Blas, BufferDesc, Domain, Extent, FrameGraph, Handle, PassBuilder, Queue, Record, Tlas,
+    WriteHandle,
+};
 use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
 use std::sync::Arc;
@@ -70,6 +73,12 @@ impl Driver {
         self.top.accel.address()
     }
 
+    /// What the device has is unknown: the next frame builds.
+    pub fn forget(&mut self) {
+        self.deforming.iter_mut().for_each(|d| d.made = false);
+        self.top.built = None;
+    }
+
     /// Brings the top level into a frame, with the passes that bring both levels up to date.
     pub fn declare(
         &mut self,
@@ -92,15 +101,7 @@ impl Driver {
             let made = g.pass(&format!("acceleration.{name}.{index}"), Queue::AsyncCompute, |p| {
                 p.build_input(vertices);
                 p.build_input(frame.indices);
-                let (made, into) = if refit { p.refit(target) } else { p.rebuild(target) };
-                let scratch = p.scratch("scratch", BufferDesc::new(room));
-                (made, move |c: &mut Record<'_>| {
-                    if refit {
-                        c.refit_accel(into, scratch, &desc);
-                    } else {
-                        c.build_accel(into, scratch, &desc);
-                    }
-                })
+                update(p, target, desc, room, refit)
             });
             deformed.push(made.read());
         }
@@ -114,6 +115,25 @@ impl Driver {
         let table = || traced.filter_map(entry).collect::<Vec<_>>();
         self.top.declare(g, imports, frame, &deformed, table)
     }
+}
+
+/// Declares that a pass refits a structure or builds it anew, in `room` bytes of working memory, and records it.
+fn update<K: AccelKind>(
+    p: &mut PassBuilder<'_>,
+    target: WriteHandle<K>,
+    desc: AccelDesc,
+    room: u64,
+    refit: bool,
+) -> (WriteHandle<K>, impl FnOnce(&mut Record<'_>) + Send + 'static + use<K>) {
+    let (made, into) = if refit { p.refit(target) } else { p.rebuild(target) };
+    let scratch = p.scratch("scratch", BufferDesc::new(room));
+    (made, move |c: &mut Record<'_>| {
+        if refit {
+            c.refit_accel(into, scratch, &desc);
+        } else {
+            c.build_accel(into, scratch, &desc);
+        }
+    })
 }
 
 /// Room for the bottom level of a deforming instance, built for being refitted.
@@ -257,8 +277,8 @@ struct Top {
     desc: AccelDesc,
     sizes: AccelSizes,
     staging: Staging,
-    /// Instances that were in it when it was built; none before.
-    built: Option<u32>,
+    /// Indices of the instances that were in it when it was built; none before.
+    built: Option<Vec<u32>>,
 }
 
 impl Top {
@@ -287,10 +307,10 @@ impl Top {
         }
         let table = table();
         let count = table.len() as u32;
-        // A refit wants the very same instances; with as many of them, others in their places would only be a bad tree, but the
-        // bottom levels behind them may not change.
-        let refit = self.built == Some(count) && frame.policy.culling.is_off() && frame.policy.refits(frame.number);
-        self.built = Some(count);
+        // A refit wants the very same instances: the bottom levels behind them may not change.
+        let indices: Vec<u32> = table.iter().map(|i| i.index()).collect();
+        let refit = self.built.as_ref() == Some(&indices) && frame.policy.refits(frame.number);
+        self.built = Some(indices);
         let instances = self.staging.write(bytemuck::cast_slice(&table))?;
         let geometry = AccelGeometry::Instances { instances: instances.address(), count };
         let desc = AccelDesc { geometry, ..self.desc };
@@ -304,15 +324,7 @@ impl Top {
             for bottom in deformed {
                 p.build_input(*bottom);
             }
-            let (made, into) = if refit { p.refit(target) } else { p.rebuild(target) };
-            let scratch = p.scratch("scratch", BufferDesc::new(room));
-            (made, move |c: &mut Record<'_>| {
-                if refit {
-                    c.refit_accel(into, scratch, &desc);
-                } else {
-                    c.build_accel(into, scratch, &desc);
-                }
-            })
+            update(p, target, desc, room, refit)
         });
         Ok(made.read())
     }

@@ -316,6 +316,19 @@ impl ResidentScene {
         self.cut = moment.cut;
     }
 
+    /// The frame that was declared did not run: the next one brings everything up to date.
+    pub fn forget(&mut self) {
+        self.state.forget();
+        if let Some(deformation) = &mut self.deformation {
+            deformation.forget();
+        }
+        match &mut self.acceleration {
+            Acceleration::Software(trees) => trees.forget(),
+            Acceleration::Driver(driver) => driver.forget(),
+        }
+        self.changed = true;
+    }
+
     /// Brings the scene into a frame, with the passes that bring it up to date: none where nothing has changed. The camera decides
     /// what the policy leaves out.
     ///

@@ -64,6 +64,11 @@ impl Software {
         Ok(Self { bottom, meshes, known, top, deforming })
     }
 
+    /// What the device has is unknown: the next frame builds the top level, and refits what deforms.
+    pub fn forget(&mut self) {
+        self.top.tree = None;
+    }
+
     /// Nodes of the top level, and its instances.
     pub fn top(&self) -> (Address, Address) {
         (self.top.memory.address(), self.top.memory.address().offset(self.top.instances))

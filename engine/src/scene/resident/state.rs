@@ -31,8 +31,6 @@ pub(super) struct State {
     pub origin: DVec3,
     /// What the device has is not what the frame needs.
     stale: bool,
-    /// The last frame moved: one more is needed to say that nothing does.
-    moved: bool,
     root: shared::Scene,
     /// Mesh, material, mask and flags of each instance.
     fixed: Vec<shared::Instance>,
@@ -69,7 +67,6 @@ impl State {
             pose,
             origin: DVec3::ZERO,
             stale: true,
-            moved: false,
             root,
             fixed,
             shapes,
@@ -92,22 +89,24 @@ impl State {
 
     /// Goes to another moment. Says whether what rays see has changed.
     pub fn go(&mut self, moment: &Moment) -> bool {
-        let animated = self.animator.is_animated();
         let shifted = self.origin != moment.origin;
         self.origin = moment.origin;
-        let before = if animated {
-            let pose = self.animator.pose(moment.time);
-            std::mem::replace(&mut self.pose, pose).instances
-        } else {
-            self.pose.instances.clone()
-        };
-        let changed = animated && before != self.pose.instances;
-        let was_stale = self.stale;
+        self.stale |= shifted;
+        if !self.animator.is_animated() {
+            return shifted;
+        }
+        // What moves is written anew even where it pauses: then nothing is in motion.
+        self.stale = true;
+        let pose = self.animator.pose(moment.time);
+        let before = std::mem::replace(&mut self.pose, pose).instances;
+        let changed = before != self.pose.instances;
         self.previous = if moment.cut { self.pose.instances.clone() } else { before };
-        // One frame after the last movement the tables are written once more, with nothing in motion.
-        self.stale |= animated || shifted || self.moved;
-        self.moved = changed && !moment.cut;
-        was_stale || shifted || changed
+        shifted || changed
+    }
+
+    /// What the device has is unknown: the tables are written with the next frame.
+    pub fn forget(&mut self) {
+        self.stale = true;
     }
 
     /// World from object of an instance, counted from the origin.
