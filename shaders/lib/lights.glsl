@@ -15,7 +15,7 @@ struct LightSample {
     vec3 direction;
     // Metres.
     float distance;
-    // On a surface that faces the light, unoccluded. 0 outside a cone, a range or on the dark side of a rectangle.
+    // On a surface that faces the light, unoccluded. 0 outside a cone, a range or on the dark side of a rectangle or disc.
     vec3 irradiance;
 };
 
@@ -46,6 +46,18 @@ LightSample sample_light(Light light, vec3 position) {
         float area = 4.0 * length(cross(light.half_u, light.half_v));
         float cosine = max(dot(light.direction, -result.direction), 0.0);
         result.irradiance = light.intensity * (area * cosine / max(square, area / PI));
+        return result;
+    }
+    if (light.kind == LIGHT_DISC) {
+        float area = PI * light.radius * light.radius;
+        float cosine = max(dot(light.direction, -result.direction), 0.0);
+        result.irradiance = light.intensity * (area * cosine / max(square, area / PI));
+        return result;
+    }
+    if (light.kind == LIGHT_SPHERE) {
+        // pi * radiance * sin² of the angle that it subtends: exact where all of it is above the horizon.
+        float radius_square = light.radius * light.radius;
+        result.irradiance = light.intensity * (PI * radius_square / max(square, radius_square));
         return result;
     }
     float factor = range_window(result.distance, light.range) / square;

@@ -8,6 +8,10 @@ pub const MATERIAL_ALPHA_TEST: u32 = 1;
 pub const MATERIAL_DOUBLE_SIDED: u32 = 2;
 /// [`Material::flags`]: the base colour is emitted and nothing is reflected.
 pub const MATERIAL_UNLIT: u32 = 4;
+/// [`Material::flags`]: alpha is the share of light that the surface stops; passes that know no blending test it at 0.5.
+pub const MATERIAL_BLEND: u32 = 8;
+/// [`Material::flags`]: the emission is the look of a light, which alone lights what it shines on.
+pub const MATERIAL_SHOWS_LIGHT: u32 = 16;
 /// [`Light::kind`]: parallel light; `intensity` is illuminance.
 pub const LIGHT_DIRECTIONAL: u32 = 0;
 /// [`Light::kind`]: a point; `intensity` is radiant intensity.
@@ -16,6 +20,12 @@ pub const LIGHT_POINT: u32 = 1;
 pub const LIGHT_SPOT: u32 = 2;
 /// [`Light::kind`]: a one-sided rectangle; `intensity` is radiance.
 pub const LIGHT_RECTANGLE: u32 = 3;
+/// [`Light::kind`]: a one-sided disc; `intensity` is radiance.
+pub const LIGHT_DISC: u32 = 4;
+/// [`Light::kind`]: a sphere; `intensity` is radiance.
+pub const LIGHT_SPHERE: u32 = 5;
+/// [`Material::layers`] of a material that has none.
+pub const NO_LAYERS: u32 = 4294967295;
 /// [`TextureSlot::image`] of a slot without a texture.
 pub const NO_TEXTURE: u32 = 4294967295;
 /// [`Instance::mask`] of what every ray sees.
@@ -39,6 +49,8 @@ pub struct Scene {
     pub meshes: Address,
     /// [`Material`] table.
     pub materials: Address,
+    /// [`MaterialLayers`] table; zero where no material has any.
+    pub layers: Address,
     /// [`Light`] table.
     pub lights: Address,
     /// The driver's top-level acceleration structure; zero where rays are traced in software.
@@ -205,6 +217,8 @@ pub struct Material {
     pub alpha_cutoff: f32,
     /// `MATERIAL_*` bits.
     pub flags: u32,
+    /// Index of its [`MaterialLayers`], or [`NO_LAYERS`].
+    pub layers: u32,
     /// Base colour (sRGB) and alpha.
     pub base_colour_texture: TextureSlot,
     /// Roughness in green, metalness in blue.
@@ -217,15 +231,39 @@ pub struct Material {
     pub emission_texture: TextureSlot,
 }
 
+/// What few materials have: transmission, a volume inside, a clear coat, another index of refraction than 1.5.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MaterialLayers {
+    /// Share of the light that enters a dielectric and goes through, 0 to 1.
+    pub transmission: f32,
+    /// Index of refraction, at least 1.
+    pub ior: f32,
+    /// Above 0 where the surface is the border of a volume.
+    pub thickness: f32,
+    /// Absorption inside of the volume, per metre, at least 0.
+    pub absorption: [f32; 3],
+    /// Strength of the clear coat, 0 to 1.
+    pub clearcoat: f32,
+    /// Perceptual roughness of the coat, 0 to 1.
+    pub clearcoat_roughness: f32,
+    /// Transmission in red.
+    pub transmission_texture: TextureSlot,
+    /// Strength of the coat in red.
+    pub clearcoat_texture: TextureSlot,
+    /// Roughness of the coat in green.
+    pub clearcoat_roughness_texture: TextureSlot,
+}
+
 /// A light. Units follow KHR_lights_punctual.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Light {
     /// `LIGHT_*`.
     pub kind: u32,
-    /// Position in the world, metres (rectangle: its centre).
+    /// Position in the world, metres (rectangle, disc, sphere: its centre).
     pub position: [f32; 3],
-    /// Unit direction of travel (rectangle: its normal, the side that emits).
+    /// Unit direction of travel (rectangle, disc: its normal, the side that emits).
     pub direction: [f32; 3],
     /// Linear Rec.709 strength; the unit depends on the kind.
     pub intensity: [f32; 3],
@@ -239,4 +277,6 @@ pub struct Light {
     pub half_u: [f32; 3],
     /// The other half edge.
     pub half_v: [f32; 3],
+    /// Of a disc or sphere, metres; of directional light, half the angle of its disc, radians, 0 for parallel light.
+    pub radius: f32,
 }

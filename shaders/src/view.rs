@@ -1,5 +1,5 @@
 //! What every pass knows of the camera, the frame and the sky.
-use super::types::Address;
+use super::types::{Address, SampledImage, SamplerId};
 use bytemuck::{Pod, Zeroable};
 
 /// [`View::key_light`] when no light casts a shadow.
@@ -53,6 +53,15 @@ pub struct Sky {
     pub sun_radiance: [f32; 3],
     /// Cosine of the sun's angular radius; above 1 when there is no disc.
     pub sun_cos_radius: f32,
+    /// An image that takes the place of sky, ground and disc, latitude over longitude, or
+    /// [`NO_TEXTURE`](super::scene::NO_TEXTURE).
+    pub environment: SampledImage,
+    /// Its sampler: repeats from left to right.
+    pub environment_sampler: SamplerId,
+    /// What its texels are multiplied with.
+    pub environment_scale: f32,
+    /// Sine and cosine of the angle about +y by which it is turned.
+    pub environment_turn: [f32; 2],
     /// Irradiance of the sky and the ground as order-2 spherical harmonics (Ramamoorthi and Hanrahan 2001), cosine-convolved.
     pub irradiance_sh: [[f32; 3]; 9],
 }

@@ -67,5 +67,5 @@ pub fn material(base_colour: [f32; 3], metalness: f32, roughness: f32) -> Materi
 
 /// A sun that shines from this direction, illuminance pi.
 pub fn sun(towards: Vec3) -> Light {
-    Light::Directional { direction: -towards.normalize(), illuminance: Vec3::splat(PI) }
+    Light::Directional { direction: -towards.normalize(), illuminance: Vec3::splat(PI), angular_radius: 0.0 }
 }

@@ -136,8 +136,11 @@ fn nothing_is_infinite_or_negative() {
                         for phi in [0.0, 1.0, PI] {
                             let mut p = surface(base_colour, metalness, roughness);
                             p.to_viewer = at(theta_v, 0.0);
-                            let light =
-                                Light::Directional { direction: -at(theta_l, phi).as_vec3(), illuminance: Vec3::ONE };
+                            let light = Light::Directional {
+                                direction: -at(theta_l, phi).as_vec3(),
+                                illuminance: Vec3::ONE,
+                                angular_radius: 0.0,
+                            };
                             let out = reflected(&p, &light);
                             assert!(out.is_finite() && out.min_element() >= 0.0, "{p:?} {light:?}: {out}");
                         }
@@ -177,7 +180,7 @@ fn a_surface_lit_and_seen_face_on_has_a_closed_form() {
         let a = alpha(roughness);
         // F = 0.04, D = 1 / (pi a²), G2 = 1.
         let want = 3.0 * (0.96 * 0.5 / PI + 0.04 / (4.0 * PI * a * a));
-        let sun = Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::splat(3.0) };
+        let sun = Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::splat(3.0), angular_radius: 0.0 };
         close(direct(&p, std::slice::from_ref(&sun)).x, want, 1e-12);
         close(direct(&p, &[sun.clone(), sun]).x, 2.0 * want, 1e-12);
     }

@@ -3,8 +3,11 @@
 //! The luminance and chromaticity of the sky are `zenith * F(theta, gamma) / F(0, theta_sun)` with the function of Perez,
 //! `F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos^2 gamma)`. Only the shape of the luminance is
 //! the paper's: it is scaled to [`Daylight::irradiance`].
+use super::Light;
 use glam::{DMat3, DVec3, Vec3};
+use magpie_shaders::scene::NO_TEXTURE;
 use magpie_shaders::view::Sky;
+use magpie_shaders::{SampledImage, SamplerId};
 use std::f64::consts::PI;
 
 /// `cos theta` in the function of Perez is at least this: the exponent stays finite at the horizon. The GLSL twin
@@ -56,6 +59,12 @@ pub struct SkyModel {
 }
 
 impl Daylight {
+    /// The sun as a light of the scene, with its angular size.
+    pub fn sun(&self) -> Light {
+        let angular_radius = 0.5 * self.sun_angular_diameter;
+        Light::Directional { direction: -self.to_sun, illuminance: self.sun_illuminance, angular_radius }
+    }
+
     /// The model's coefficients, scale and ground.
     pub fn model(&self) -> SkyModel {
         let t = self.turbidity.clamp(1.9, 10.0) as f64;
@@ -128,6 +137,10 @@ impl Daylight {
             ground: model.ground.as_vec3().to_array(),
             sun_radiance: disc.as_vec3().to_array(),
             sun_cos_radius: if has_disc { radius.cos() as f32 } else { 2.0 },
+            environment: SampledImage(NO_TEXTURE),
+            environment_sampler: SamplerId::default(),
+            environment_scale: 0.0,
+            environment_turn: [0.0, 1.0],
             irradiance_sh: model.irradiance_sh().map(|c| c.as_vec3().to_array()),
         }
     }

@@ -10,6 +10,7 @@ mod camera;
 mod coverage;
 mod daylight;
 mod deform;
+mod environment;
 mod error;
 mod import;
 mod mesh;
@@ -25,6 +26,7 @@ pub use builtin::{BUILTIN, builtin};
 pub use camera::{Camera, CameraFile};
 pub use daylight::{Daylight, SkyModel};
 pub use deform::{Deformed, deform};
+pub use environment::Environment;
 pub use error::{Fault, SceneError};
 pub use import::load;
 pub use origin::FloatingOrigin;
@@ -63,6 +65,8 @@ pub struct Scene {
     pub light_nodes: Vec<Option<u32>>,
     /// Analytic daylight, if the scene has any.
     pub daylight: Option<Daylight>,
+    /// Light from all around, from an image; it takes the place of the sky of `daylight`.
+    pub environment: Option<Environment>,
     /// Cameras, the default first, in the rest pose.
     pub cameras: Vec<Camera>,
     /// The node of each camera; those beyond the table, or with `None`, stay where they are.
@@ -202,6 +206,23 @@ pub struct Material {
     pub double_sided: bool,
     /// The base colour is shown as it is.
     pub unlit: bool,
+    /// Its emission is the look of a light of the scene: seen by the camera, but what it shines on is lit by that light alone.
+    pub shows_light: bool,
+    /// Share of the light that enters a dielectric and goes through instead of being scattered, 0 to 1
+    /// (KHR_materials_transmission).
+    pub transmission: f32,
+    /// Index of refraction, at least 1 (KHR_materials_ior).
+    pub ior: f32,
+    /// Above 0 where the surface is the border of a volume, which refracts; 0 where it is a thin sheet (KHR_materials_volume).
+    pub thickness: f32,
+    /// What is left of white light after `attenuation_distance` inside of the volume, linear, 0 to 1.
+    pub attenuation_colour: Vec3,
+    /// Metres, above 0; infinite where the volume absorbs nothing.
+    pub attenuation_distance: f32,
+    /// Strength of a clear coat, 0 to 1 (KHR_materials_clearcoat).
+    pub clearcoat: f32,
+    /// Perceptual roughness of the coat, 0 to 1.
+    pub clearcoat_roughness: f32,
     /// sRGB base colour and alpha.
     pub base_colour_texture: Option<TextureUse>,
     /// Roughness in green, metalness in blue.
@@ -212,6 +233,12 @@ pub struct Material {
     pub occlusion_texture: Option<TextureUse>,
     /// sRGB emission.
     pub emission_texture: Option<TextureUse>,
+    /// Transmission in red.
+    pub transmission_texture: Option<TextureUse>,
+    /// Strength of the coat in red.
+    pub clearcoat_texture: Option<TextureUse>,
+    /// Roughness of the coat in green.
+    pub clearcoat_roughness_texture: Option<TextureUse>,
 }
 
 /// A texture as a material uses it.
@@ -269,6 +296,8 @@ pub enum Light {
         direction: Vec3,
         /// Illuminance at normal incidence.
         illuminance: Vec3,
+        /// Half the angle that its disc subtends, radians, below a quarter turn; 0 for strictly parallel light.
+        angular_radius: f32,
     },
     /// Equal in every direction.
     Point {
@@ -305,6 +334,39 @@ pub enum Light {
         /// Emitted radiance.
         radiance: Vec3,
     },
+    /// A disc that emits from one side, Lambertian.
+    Disc {
+        /// Centre, metres.
+        centre: DVec3,
+        /// Unit normal of the side that emits.
+        normal: Vec3,
+        /// Metres, above 0.
+        radius: f32,
+        /// Emitted radiance.
+        radiance: Vec3,
+    },
+    /// A sphere that emits all around, Lambertian. Inside of it there is no light.
+    Sphere {
+        /// Centre, metres.
+        centre: DVec3,
+        /// Metres, above 0.
+        radius: f32,
+        /// Emitted radiance.
+        radiance: Vec3,
+    },
+}
+
+impl Material {
+    /// Whether it has any of transmission, a coat, or an index of refraction of its own.
+    pub fn is_layered(&self) -> bool {
+        self.transmission > 0.0 || self.clearcoat > 0.0 || self.ior != Self::default().ior
+    }
+
+    /// Absorption inside of its volume, per metre: `-ln(attenuation_colour) / attenuation_distance` (KHR_materials_volume). A colour
+    /// of 0 counts as 1e-6, the least that is told from it.
+    pub fn absorption(&self) -> Vec3 {
+        -self.attenuation_colour.max(Vec3::splat(1e-6)).min(Vec3::ONE).map(f32::ln) / self.attenuation_distance
+    }
 }
 
 impl Default for Material {
@@ -320,11 +382,22 @@ impl Default for Material {
             alpha: AlphaMode::Opaque,
             double_sided: false,
             unlit: false,
+            shows_light: false,
+            transmission: 0.0,
+            ior: 1.5,
+            thickness: 0.0,
+            attenuation_colour: Vec3::ONE,
+            attenuation_distance: f32::INFINITY,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
             base_colour_texture: None,
             metallic_roughness_texture: None,
             normal_texture: None,
             occlusion_texture: None,
             emission_texture: None,
+            transmission_texture: None,
+            clearcoat_texture: None,
+            clearcoat_roughness_texture: None,
         }
     }
 }

@@ -274,6 +274,11 @@ impl Animator {
         match &mut light {
             Light::Directional { direction, .. } => *direction = along.unwrap_or(*direction),
             Light::Point { position, .. } => *position = origin,
+            Light::Sphere { centre, .. } => *centre = origin,
+            Light::Disc { centre, normal, .. } => {
+                *centre = origin;
+                *normal = along.unwrap_or(*normal);
+            }
             Light::Spot { position, direction, .. } => {
                 *position = origin;
                 *direction = along.unwrap_or(*direction);

@@ -160,7 +160,7 @@ fn hung() -> Scene {
         lights: vec![
             at(DVec3::ONE),
             at(DVec3::Z * -2.0),
-            Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::ONE },
+            Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::ONE, angular_radius: 0.0 },
             Light::Rectangle {
                 centre: DVec3::new(1.0, 0.0, -2.0),
                 half_u: Vec3::X * 0.5,

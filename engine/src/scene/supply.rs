@@ -1,5 +1,5 @@
 //! What a scene lacks to make a picture: a camera that frames it, a sun, a sky.
-use super::{Animator, Camera, Daylight, Light, Material, Scene, deform};
+use super::{Animator, Camera, Daylight, Material, Scene, deform};
 use crate::ray::COORDINATE_LIMIT;
 use glam::{DMat3, DVec3, Vec3};
 use std::borrow::Cow;
@@ -45,7 +45,7 @@ pub fn supply_missing(scene: &mut Scene) {
     if scene.lights.is_empty() && scene.daylight.is_none() {
         let to_sun = sun_for(&scene.cameras[0]);
         let daylight = Daylight { to_sun, ..Daylight::default() };
-        scene.lights.push(Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance });
+        scene.lights.push(daylight.sun());
         scene.daylight = Some(daylight);
         scene.supplied.push(format!("the scene has no light: a sun from {to_sun:.2} and a clear sky are supplied"));
     }
@@ -241,6 +241,7 @@ fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Light;
     use crate::scene::{Instance, Mesh, Sphere};
     use glam::{Affine3A, Vec4};
 

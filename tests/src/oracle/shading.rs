@@ -104,7 +104,7 @@ pub fn incident(light: &Light, position: DVec3) -> Incident {
         range.map_or(1.0, |r| (1.0 - (distance / f64::from(r)).powi(4)).clamp(0.0, 1.0))
     };
     match light {
-        Light::Directional { direction, illuminance } => {
+        Light::Directional { direction, illuminance, .. } => {
             Incident { direction: -direction.as_dvec3(), distance: f64::INFINITY, irradiance: illuminance.as_dvec3() }
         }
         Light::Point { position: at, intensity, range } => {
@@ -125,6 +125,19 @@ pub fn incident(light: &Light, position: DVec3) -> Incident {
             let cosine = across.normalize_or_zero().dot(-direction).max(0.0);
             // No emitter of this radiance gives more than pi times it.
             let irradiance = radiance.as_dvec3() * area * cosine / square.max(area / PI);
+            Incident { direction, distance, irradiance }
+        }
+        Light::Disc { centre, normal, radius, radiance } => {
+            let (direction, distance, square) = towards(*centre);
+            let area = PI * f64::from(*radius).powi(2);
+            let cosine = normal.as_dvec3().dot(-direction).max(0.0);
+            let irradiance = radiance.as_dvec3() * area * cosine / square.max(area / PI);
+            Incident { direction, distance, irradiance }
+        }
+        Light::Sphere { centre, radius, radiance } => {
+            let (direction, distance, square) = towards(*centre);
+            let radius_square = f64::from(*radius).powi(2);
+            let irradiance = radiance.as_dvec3() * (PI * radius_square / square.max(radius_square));
             Incident { direction, distance, irradiance }
         }
     }

@@ -29,7 +29,7 @@ pub(super) fn scene() -> Scene {
     let to_sun = Vec3::new(-0.50, 0.74, 0.62).normalize();
     let daylight =
         Daylight { to_sun, turbidity: 2.6, ground_albedo: Vec3::new(0.28, 0.27, 0.25), ..Daylight::default() };
-    stage.scene.lights.push(Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance });
+    stage.scene.lights.push(daylight.sun());
     stage.scene.light_nodes.push(None);
     stage.scene.daylight = Some(daylight);
     lamp(&mut stage);
@@ -406,6 +406,7 @@ fn lamp(stage: &mut Stage) {
     let emission = Vec3::new(46.0, 27.0, 10.0);
     let mut glow = dielectric("lamp glass", [0.8, 0.7, 0.5], 0.3);
     glow.emission = emission;
+    glow.shows_light = true;
     let glow = stage.material(glow);
     let iron = stage.material(metal("lamp iron", [0.25, 0.24, 0.24], 0.5));
     // A post with an arm, from which it hangs.

@@ -45,6 +45,7 @@ pub(super) fn scene() -> Scene {
     let green = stage.material(matte("green", GREEN));
     let mut lamp = dielectric("lamp", [0.0; 3], 1.0);
     lamp.emission = LAMP;
+    lamp.shows_light = true;
     let lamp = stage.material(lamp);
 
     let here = Affine3A::IDENTITY;

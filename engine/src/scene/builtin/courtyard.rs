@@ -81,7 +81,7 @@ pub(super) fn scene() -> Scene {
         sun_illuminance: Vec3::new(5.0, 4.5, 3.8),
         ..Daylight::default()
     };
-    let sun = Light::Directional { direction: -to_sun, illuminance: daylight.sun_illuminance };
+    let sun = daylight.sun();
     stage.scene.lights.insert(0, sun);
     stage.scene.daylight = Some(daylight);
     stage.camera("default", [-1.55, 1.72, 8.1], [0.33, 1.2, -0.9], 40.0);
@@ -187,6 +187,7 @@ fn pergola(stage: &mut Stage, p: &Palette) {
     let emission = Vec3::new(42.0, 25.0, 9.0);
     let mut glow = dielectric("lantern glass", [0.8, 0.7, 0.5], 0.3);
     glow.emission = emission;
+    glow.shows_light = true;
     let glow = stage.material(glow);
     stage.add("lantern glass", sphere(radius, 14, 24), glow, Affine3A::from_translation(centre));
     let cap = lathe(

@@ -177,6 +177,7 @@ impl<'a> Reader<'a> {
             occlusion_texture: self.slot(index, occlusion)?,
             emission_texture: self.slot(index, emissive)?,
             name,
+            ..Material::default()
         })
     }
 

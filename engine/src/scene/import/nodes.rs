@@ -221,7 +221,7 @@ fn light_at(from: &JsonLight, world: &DAffine3) -> Result<Light, Fault> {
     };
     match from.type_ {
         Checked::Valid(LightType::Directional) => {
-            Ok(Light::Directional { direction: direction()?, illuminance: strength })
+            Ok(Light::Directional { direction: direction()?, illuminance: strength, angular_radius: 0.0 })
         }
         Checked::Valid(LightType::Point) => Ok(Light::Point { position, intensity: strength, range: from.range }),
         Checked::Valid(LightType::Spot) => {

@@ -414,7 +414,7 @@ fn lights_and_cameras_stand_in_the_world() {
         nodes[node]["extensions"] = json!({ "KHR_lights_punctual": { "light": light } });
     }
     let scene = load_json(&root, &bin).unwrap();
-    let Light::Directional { direction, illuminance } = &scene.lights[0] else { panic!("{:?}", scene.lights) };
+    let Light::Directional { direction, illuminance, .. } = &scene.lights[0] else { panic!("{:?}", scene.lights) };
     assert!(direction.abs_diff_eq(Vec3::NEG_X, 1e-6) && *illuminance == Vec3::new(3.0, 1.5, 0.0));
     assert!(matches!(scene.lights[1], Light::Point { range: Some(7.0), .. }));
     assert!(matches!(scene.lights[2], Light::Spot { outer: 0.5, inner: 0.0, .. }));

@@ -241,7 +241,8 @@ impl ResidentScene {
 
         // Tables. Every instance that deforms has a mesh of its own behind those of the scene.
         let mut tables = Block::default();
-        let material_table = tables.add(&tables::materials(gpu, scene, &textures)?);
+        let (materials, layers) = tables::materials(gpu, scene, &textures)?;
+        let (material_table, layer_table) = (tables.add(&materials), tables.add(&layers));
         let deforming = deformation.as_ref().map_or(&[][..], |d| &d.meshes);
         let mut entries: Vec<shared::Mesh> =
             (0..scene.meshes.len()).map(|m| entry(&geometry, &acceleration, m)).collect();
@@ -279,6 +280,7 @@ impl ResidentScene {
         let root = shared::Scene {
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
+            layers: if layers.is_empty() { Address::default() } else { tables.address().offset(layer_table) },
             ..acceleration.root()
         };
         let mut made = Self {

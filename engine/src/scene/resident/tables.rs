@@ -6,6 +6,7 @@ use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse
 use glam::{Affine3A, DVec3, Vec3};
 use magpie_shaders::scene as shared;
 use magpie_shaders::{SampledImage, SamplerId};
+use std::f32::consts::PI;
 use std::sync::Arc;
 
 pub(super) fn attributes(mesh: &Mesh) -> Vec<shared::VertexAttributes> {
@@ -86,7 +87,12 @@ pub(super) fn add_vertices(block: &mut Block, mesh: &Mesh) -> [u64; 3] {
     [spheres, spheres, block.add(&boxes)]
 }
 
-pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Result<Vec<shared::Material>, GpuError> {
+/// The tables of materials and of the layers that some of them have.
+pub(super) fn materials(
+    gpu: &Gpu,
+    scene: &Scene,
+    textures: &[Arc<Image>],
+) -> Result<(Vec<shared::Material>, Vec<shared::MaterialLayers>), GpuError> {
     let slot = |used: Option<TextureUse>| -> Result<shared::TextureSlot, GpuError> {
         let Some(used) = used else {
             return Ok(shared::TextureSlot { image: SampledImage(shared::NO_TEXTURE), ..Default::default() });
@@ -102,7 +108,24 @@ pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Re
             row_v: used.rows[1].to_array(),
         })
     };
-    let one = |m: &Material| -> Result<shared::Material, GpuError> {
+    let mut layers = Vec::new();
+    let mut one = |m: &Material| -> Result<shared::Material, GpuError> {
+        let layered = if m.is_layered() {
+            layers.push(shared::MaterialLayers {
+                transmission: m.transmission,
+                ior: m.ior,
+                thickness: m.thickness,
+                absorption: m.absorption().to_array(),
+                clearcoat: m.clearcoat,
+                clearcoat_roughness: m.clearcoat_roughness,
+                transmission_texture: slot(m.transmission_texture)?,
+                clearcoat_texture: slot(m.clearcoat_texture)?,
+                clearcoat_roughness_texture: slot(m.clearcoat_roughness_texture)?,
+            });
+            layers.len() as u32 - 1
+        } else {
+            shared::NO_LAYERS
+        };
         let mut flags = 0;
         let (tested, alpha_cutoff) = match m.alpha {
             AlphaMode::Opaque => (false, 0.0),
@@ -113,6 +136,8 @@ pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Re
             (tested, shared::MATERIAL_ALPHA_TEST),
             (m.double_sided, shared::MATERIAL_DOUBLE_SIDED),
             (m.unlit, shared::MATERIAL_UNLIT),
+            (m.alpha == AlphaMode::Blend, shared::MATERIAL_BLEND),
+            (m.shows_light, shared::MATERIAL_SHOWS_LIGHT),
         ] {
             flags |= if set { bit } else { 0 };
         }
@@ -125,6 +150,7 @@ pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Re
             occlusion_strength: m.occlusion_strength,
             alpha_cutoff,
             flags,
+            layers: layered,
             base_colour_texture: slot(m.base_colour_texture)?,
             metallic_roughness_texture: slot(m.metallic_roughness_texture)?,
             normal_texture: slot(m.normal_texture)?,
@@ -132,17 +158,19 @@ pub(super) fn materials(gpu: &Gpu, scene: &Scene, textures: &[Arc<Image>]) -> Re
             emission_texture: slot(m.emission_texture)?,
         })
     };
-    scene.materials.iter().map(one).collect()
+    let materials = scene.materials.iter().map(&mut one).collect::<Result<_, _>>()?;
+    Ok((materials, layers))
 }
 
 /// A light, its place counted from `origin`.
 pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
     let place = |p: &DVec3| (*p - origin).as_vec3().to_array();
     match light {
-        Light::Directional { direction, illuminance } => shared::Light {
+        Light::Directional { direction, illuminance, angular_radius } => shared::Light {
             kind: shared::LIGHT_DIRECTIONAL,
             direction: direction.to_array(),
             intensity: illuminance.to_array(),
+            radius: *angular_radius,
             ..Default::default()
         },
         Light::Point { position, intensity, range } => shared::Light {
@@ -175,6 +203,21 @@ pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
             half_v: half_v.to_array(),
             ..Default::default()
         },
+        Light::Disc { centre, normal, radius, radiance } => shared::Light {
+            kind: shared::LIGHT_DISC,
+            position: place(centre),
+            direction: normal.to_array(),
+            intensity: radiance.to_array(),
+            radius: *radius,
+            ..Default::default()
+        },
+        Light::Sphere { centre, radius, radiance } => shared::Light {
+            kind: shared::LIGHT_SPHERE,
+            position: place(centre),
+            intensity: radiance.to_array(),
+            radius: *radius,
+            ..Default::default()
+        },
     }
 }
 
@@ -186,6 +229,10 @@ pub(super) fn key_light(lights: &[Light]) -> Option<u32> {
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => luminance(*intensity),
         Light::Rectangle { half_u, half_v, radiance, .. } => {
             luminance(*radiance) * half_u.cross(*half_v).length() * 4.0
+        }
+        // As strong straight ahead as a point of this radiant intensity.
+        Light::Disc { radius, radiance, .. } | Light::Sphere { radius, radiance, .. } => {
+            luminance(*radiance) * PI * radius * radius
         }
     };
     let strongest = || (0..lights.len()).max_by(|a, b| power(&lights[*a]).total_cmp(&power(&lights[*b])));

@@ -182,7 +182,9 @@ impl Surfaces {
             let (direction, t_max) = match light {
                 Light::Directional { direction, .. } => (-*direction, FAR),
                 Light::Point { position, .. } | Light::Spot { position, .. } => towards(position.as_vec3()),
-                Light::Rectangle { centre, .. } => towards(centre.as_vec3()),
+                Light::Rectangle { centre, .. } | Light::Disc { centre, .. } | Light::Sphere { centre, .. } => {
+                    towards(centre.as_vec3())
+                }
             };
             (direction.dot(p.normal) > 0.0).then(|| task(origin, 0.0, direction, t_max))
         })
