@@ -20,13 +20,14 @@ const BENCH_UNSAFE: [&str; 3] = [FLOOR, "tests/bench/src/vulkano.rs", "tests/ben
 const FLOOR: &str = "tests/bench/src/floor.rs";
 
 /// Each crate of the workspace and those that it may depend on.
-const MAY_DEPEND: [(&str, &[&str]); 7] = [
+const MAY_DEPEND: [(&str, &[&str]); 8] = [
     ("magpie-shaders", &[]),
     ("magpie", &["magpie-shaders"]),
     ("magpie-passes", &["magpie", "magpie-shaders"]),
     ("magpie-bench", &["magpie", "magpie-shaders"]),
-    ("magpie-demo", &["magpie", "magpie-bench", "magpie-passes", "magpie-shaders"]),
-    ("magpie-tests", &["magpie", "magpie-bench", "magpie-demo", "magpie-passes", "magpie-shaders"]),
+    ("magpie-accuracy", &["magpie", "magpie-passes", "magpie-shaders"]),
+    ("magpie-demo", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-passes", "magpie-shaders"]),
+    ("magpie-tests", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-demo", "magpie-passes", "magpie-shaders"]),
     ("xtask", &[]),
 ];
 
