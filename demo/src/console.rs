@@ -44,9 +44,14 @@ pub(crate) struct Progress(ProgressBar);
 impl Progress {
     /// Shows nothing when told to be quiet or when standard error is no terminal.
     pub(crate) fn new(frames: u64, loudness: &Loudness) -> Self {
+        Self::of(frames, "frames", loudness)
+    }
+
+    /// The same, counting something else.
+    pub(crate) fn of(count: u64, what: &str, loudness: &Loudness) -> Self {
         let target = if loudness.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} frames, {eta} left");
-        let bar = ProgressBar::with_draw_target(Some(frames), target)
+        let style = ProgressStyle::with_template(&format!("{{msg}} {{wide_bar}} {{pos}}/{{len}} {what}, {{eta}} left"));
+        let bar = ProgressBar::with_draw_target(Some(count), target)
             .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
             .with_message("rendering");
         *BAR.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
@@ -55,7 +60,12 @@ impl Progress {
 
     /// One more frame is done.
     pub(crate) fn step(&self) {
-        self.0.inc(1);
+        self.advance(1);
+    }
+
+    /// So many more are done.
+    pub(crate) fn advance(&self, by: u64) {
+        self.0.inc(by);
     }
 }
 

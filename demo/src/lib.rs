@@ -8,6 +8,7 @@ mod exit;
 mod input;
 mod output;
 mod picture;
+mod reference;
 mod render;
 mod session;
 
@@ -17,10 +18,11 @@ use clap::Parser;
 
 pub use args::{
     Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command, Extent, Loudness, Rays,
-    RenderArguments, ViewName,
+    ReferenceArguments, RenderArguments, ViewName,
 };
 pub use exit::Failure;
 pub use picture::{PictureError, write_exr, write_png};
+pub use reference::reference;
 pub use render::render;
 
 /// Runs one command line, the program's name first, and gives the exit status: 0 done, 1 it failed while running, 2 wrong
@@ -40,6 +42,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
         Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
         Command::Render(render) => render::render(render, &arguments.loudness),
+        Command::Reference(wanted) => reference(wanted, &arguments.loudness),
     };
     match done {
         Ok(()) => 0,

@@ -158,7 +158,7 @@ impl Session {
 }
 
 /// The way to trace that was asked for, or the one that suits the device, and says so.
-fn choose_rays(gpu: &Gpu, wanted: Rays) -> Result<Way, Failure> {
+pub(crate) fn choose_rays(gpu: &Gpu, wanted: Rays) -> Result<Way, Failure> {
     let way = match wanted {
         Rays::Auto => {
             let choice = gpu.choose_rays();

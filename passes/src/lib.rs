@@ -33,6 +33,7 @@ mod gbuffer;
 mod gi;
 mod post;
 mod rays;
+mod read_back;
 pub mod reference;
 mod reflections;
 pub mod renderer;

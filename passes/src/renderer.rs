@@ -1,17 +1,15 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::acceleration::resident_options;
 use crate::frame::{Stages, frame};
+use crate::read_back::Copies;
 use crate::slots::Slots;
 use crate::stages::AccelerationIn;
 use magpie::config::{Config, ConfigError};
 use magpie::frame::ViewDesc;
-use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
+use magpie::gpu::{Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
-use magpie::graph::{
-    Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, GraphError, Handle, Image, MipCopy, Observer,
-    Plan, Queue, Record, Switches,
-};
+use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
 use magpie::measure::FrameSample;
 use magpie::pixels::Pixels;
 use magpie::scene::{Camera, FloatingOrigin, Moment, ResidentError, ResidentScene, Scene, SharedScene};
@@ -112,47 +110,6 @@ pub struct Renderer {
     frame: u32,
     previous: Option<(Camera, Extent)>,
     origin: FloatingOrigin,
-}
-
-/// Images that are copied to the host, in the order they were asked for.
-#[derive(Clone)]
-struct Copies {
-    gpu: Gpu,
-    imports: Rc<RefCell<Imports>>,
-    made: Rc<RefCell<Vec<Copy>>>,
-}
-
-/// One image's buffer, or why it could not be made.
-type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
-
-impl Copies {
-    /// Adds a pass that copies mip 0 of an image.
-    fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
-        let (format, extent) = (g.desc(image).format, g.extent(image));
-        let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
-        let made = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
-        if let Ok(buffer) = &made {
-            let key = self.imports.borrow_mut().buffer(buffer);
-            let target = g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key);
-            let target = g.pass(name, Queue::Transfer, |p| {
-                let from = p.copy_from(image);
-                let (target, to) = p.copy_to(target);
-                (target, move |c: &mut Record<'_>| c.copy_from_image(from, to, MipCopy { offset: 0, mip: 0 }))
-            });
-            g.leave(target.read(), Access::HostRead, Domain::Copy);
-        }
-        self.made.borrow_mut().push(made.map(|buffer| (format, extent, buffer)));
-    }
-
-    /// The images, once the frame ran.
-    fn finish(&self) -> Result<Vec<Pixels>, GpuError> {
-        let made = self.made.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
-        let pixels = |(format, extent, buffer): (Format, Extent, Arc<Buffer>)| {
-            let bytes = extent.width as usize * extent.height as usize * format.bytes_per_pixel() as usize;
-            Pixels { extent, format, bytes: buffer.contents()[..bytes].to_vec() }
-        };
-        Ok(made.into_iter().map(pixels).collect())
-    }
 }
 
 impl Renderer {
@@ -310,7 +267,7 @@ impl Renderer {
             scan = Some(scanned);
             scanner = Some(Box::new(observer));
         }
-        let copies = Copies { gpu: self.gpu.clone(), imports: imports.clone(), made: Rc::default() };
+        let copies = Copies::new(&self.gpu, &imports);
         let mut wanted = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
         let viewer = copies.clone();
         g.observe_passes(move |g, pass| {

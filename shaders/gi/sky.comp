@@ -13,10 +13,8 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);
     Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!s.exists) return vec3(0.0);
-    // The split of energy with reflections/sky.comp: what the specular lobe reflects of uniform light does not reach the diffuse one.
     vec3 f0 = specular_f0(s.base_colour, s.metalness);
-    vec3 specular = environment_brdf(f0, s.roughness, max(dot(s.normal, s.to_eye), 0.0));
-    vec3 albedo = (vec3(1.0) - specular) * (1.0 - s.metalness) * s.base_colour;
+    vec3 albedo = diffuse_albedo(f0, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
     return albedo * sky_irradiance(view.at[0].sky, s.normal) * (s.occlusion / PI);
 }
 

@@ -1,8 +1,9 @@
 #ifndef LIB_BRDF_GLSL
 #define LIB_BRDF_GLSL
 #include "lib/vector.glsl"
-// The surface model: GGX specular over Lambert diffuse, glTF 2.0 appendix B.
-//   f = (1 - F) (1 - metalness) base_colour / pi + D V F,   F0 = mix(0.04, base_colour, metalness)
+// The surface model: GGX over coupled Lambert. Materials and specular part are those of glTF 2.0, appendix B:
+//   f = D V F + diffuse,   F0 = mix(0.04, base_colour, metalness)
+// Its diffuse part, (1 - F(v·h)) base_colour / pi, is not taken: at grazing angles it returns up to 1.7 times the light that comes in.
 
 // Reflectance of a dielectric at normal incidence: index of refraction 1.5.
 const float DIELECTRIC_F0 = 0.04;
@@ -63,6 +64,26 @@ vec3 schlick_f(vec3 f0, float v_h) {
     return f0 + (vec3(specular_f90(f0)) - f0) * (m2 * m2 * m);
 }
 
+// What rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3, the diffuse part has less, so that no surface returns
+// more light than comes in.
+const float DIFFUSE_SHARE = 0.998;
+
+// Diffuse reflection under a surface that reflects F, times n·l, per steradian: light enters with 1 - F(n·l) and leaves with
+// 1 - F(n·v), and what is held back on the way is returned: with a smooth surface and white below it, all light comes back
+// (Shirley, Hu, Smits and Lafortune 1997, "A Practitioners' Assessment of Light Reflection Models", section 3).
+// `albedo`: (1 - metalness) base_colour. 0 below the horizon.
+vec3 diffuse_cosine(vec3 f0, vec3 albedo, float n_v, float n_l) {
+    // The mean of F over the hemisphere, weighed with the cosine, is f0 + (f90 - f0) / 21. A perfect mirror has 0 / 0 here: nothing.
+    vec3 held = vec3(1.0) - f0 - (vec3(specular_f90(f0)) - f0) / 21.0;
+    vec3 passed = (vec3(1.0) - schlick_f(f0, n_l)) * (vec3(1.0) - schlick_f(f0, n_v));
+    return albedo * (max(n_l, 0.0) * DIFFUSE_SHARE / PI) * (passed / max(held, vec3(1e-6)));
+}
+
+// What it reflects of uniform light: the integral over n·l.
+vec3 diffuse_albedo(vec3 f0, vec3 albedo, float n_v) {
+    return albedo * DIFFUSE_SHARE * (vec3(1.0) - schlick_f(f0, n_v));
+}
+
 // BRDF times n·l, per steradian: what incident irradiance at normal incidence is multiplied with. All vectors unit and away from
 // the surface. 0 when the light is below the surface; a viewer below it counts as a grazing one.
 vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness) {
@@ -72,9 +93,9 @@ vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, floa
     float alpha = alpha_of_roughness(roughness);
     // l = -v has no half vector. It needs a viewer on the horizon or below, and there the normal is a fair one.
     vec3 h = safe_normalize(v + l, n);
-    vec3 f = schlick_f(specular_f0(base_colour, metalness), dot(v, h));
-    vec3 diffuse = (vec3(1.0) - f) * (1.0 - metalness) * base_colour * (n_l / PI);
-    return diffuse + f * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
+    vec3 f0 = specular_f0(base_colour, metalness);
+    vec3 diffuse = diffuse_cosine(f0, (1.0 - metalness) * base_colour, n_v, n_l);
+    return diffuse + schlick_f(f0, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
 }
 
 // Directional albedo of the specular lobe under uniform light: the integral of D V F n·l over the hemisphere.

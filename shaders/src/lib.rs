@@ -14,6 +14,7 @@ pub mod direct;
 pub mod gbuffer;
 pub mod post;
 pub mod rays;
+pub mod reference;
 pub mod scene;
 pub mod shadows;
 pub mod sky;

@@ -87,7 +87,8 @@ pub fn resident_options(
     rays: Rays,
 ) -> Result<ResidentOptions, StageError> {
     let settings = stage.settings(config)?;
-    Ok(ResidentOptions { rays, compaction: settings.switch("compaction")?, ray_detail: settings.f32("ray_detail")? })
+    let (compaction, ray_detail) = (settings.switch("compaction")?, settings.f32("ray_detail")?);
+    Ok(ResidentOptions { rays, compaction, ray_detail, ..ResidentOptions::default() })
 }
 
 fn policy(settings: &Settings) -> Result<Policy, StageError> {

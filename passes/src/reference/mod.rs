@@ -1,9 +1,30 @@
 //! The truth: a progressive path tracer, unbiased and unclamped.
 mod estimate;
+mod file;
+mod lights;
+mod subject;
 
 pub use estimate::{Estimate, SizeMismatch};
+pub use file::EstimateFileError;
 
-use magpie_shaders::Rays;
+use crate::read_back::Copies;
+use glam::DVec3;
+use lights::Tables;
+use magpie::frame::ViewDesc;
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, RayKernel, Staging};
+use magpie::graph::execute::{ExecuteError, Executor, Imports};
+use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
+use magpie::scene::{
+    AlphaMode, Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene,
+};
+use magpie_shaders::reference::{
+    PATH_BACKGROUND, PATH_BALANCE, PATH_BLENDED, PATH_CENTRE, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_SAMPLES,
+    PATH_SKY, PathParams,
+};
+use magpie_shaders::{REFERENCE_AO_RAY, REFERENCE_PATH_RAY, REFERENCE_SHADOWS_RAY, RayShader, Rays};
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
 
 /// Which light is wanted: all of it, or what the slot of that name gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -82,6 +103,288 @@ pub struct ReferenceOptions {
     pub time: f64,
     /// How rays are traced; the device must be able to.
     pub rays: Rays,
-    /// Ask the validation layers, and refuse samples that are not finite.
+    /// Ask the validation layers.
     pub check: bool,
+    /// How what several strategies find is combined.
+    pub strategy: Strategy,
+}
+
+/// How paths find light. All are unbiased; they differ in noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Strategy {
+    /// Lights and surfaces are sampled and weighed by the power heuristic.
+    #[default]
+    Power,
+    /// The same by the balance heuristic.
+    Balance,
+    /// Only surfaces are sampled. Lights without a size are never found.
+    SurfacesOnly,
+}
+
+impl Default for ReferenceOptions {
+    fn default() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            seed: 0,
+            depth: 0,
+            only: Only::All,
+            pixel: PixelSampling::Area,
+            ao_range: 1.0,
+            time: 0.0,
+            rays: Rays::Software,
+            check: false,
+            strategy: Strategy::Power,
+        }
+    }
+}
+
+/// Why there is no truth.
+#[derive(Debug, thiserror::Error)]
+pub enum ReferenceError {
+    /// The scene could not be brought to the device.
+    #[error("scene: {0}")]
+    Scene(#[from] ResidentError),
+    /// A pass did not run.
+    #[error(transparent)]
+    Execute(#[from] ExecuteError),
+    /// The device refused.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A sample is NaN or infinite.
+    #[error("reference: pixel {x}, {y}: samples {first} to {last} have the mean {mean}")]
+    NotFinite {
+        /// Pixel from the left.
+        x: u32,
+        /// Pixel from the top.
+        y: u32,
+        /// First sample.
+        first: u64,
+        /// Last sample.
+        last: u64,
+        /// What they came to.
+        mean: DVec3,
+    },
+    /// An estimate of another size.
+    #[error(transparent)]
+    Size(#[from] SizeMismatch),
+}
+
+/// Pixels on a side of what is traced at once, and samples of each: what a device is busy with for a while and no more.
+const TILE: u32 = 256;
+const BATCH: u32 = 16;
+
+/// A picture of the truth that gets better with every sample.
+pub struct Reference {
+    gpu: Gpu,
+    executor: Executor,
+    kernel: RayKernel,
+    scene: ResidentScene,
+    camera: Camera,
+    options: ReferenceOptions,
+    flags: u32,
+    first_lobes: u32,
+    view: Staging,
+    lights: Arc<Buffer>,
+    estimate: Estimate,
+    rays: [u64; 2],
+}
+
+impl Only {
+    fn shader(self) -> &'static RayShader {
+        match self {
+            Self::Shadows => &REFERENCE_SHADOWS_RAY,
+            Self::AmbientOcclusion => &REFERENCE_AO_RAY,
+            _ => &REFERENCE_PATH_RAY,
+        }
+    }
+
+    /// Which light counts, and which lobes of the first surface scatter it (`LOBE_*` of `lib/bsdf.glsl`).
+    fn path(self) -> (u32, u32) {
+        const DIFFUSE: u32 = 1;
+        const SPECULAR: u32 = 2;
+        const TRANSMISSION: u32 = 4;
+        const EVERY: u32 = DIFFUSE | SPECULAR | TRANSMISSION;
+        match self {
+            Self::All => (PATH_EMISSION | PATH_LIGHTS | PATH_SKY | PATH_BACKGROUND, EVERY),
+            Self::Direct => (PATH_EMISSION | PATH_LIGHTS, EVERY),
+            Self::Gi => (PATH_SKY, DIFFUSE),
+            Self::Reflections => (PATH_SKY, SPECULAR),
+            Self::Transparency => (PATH_SKY, TRANSMISSION),
+            Self::Shadows | Self::AmbientOcclusion => (0, 0),
+        }
+    }
+}
+
+impl Reference {
+    /// Uploads the scene and makes the pipeline. No samples yet.
+    ///
+    /// # Errors
+    /// [`ReferenceError`].
+    pub fn new(gpu: &Gpu, scene: &Scene, camera: &Camera, options: ReferenceOptions) -> Result<Self, ReferenceError> {
+        // The raster tests blended surfaces, and what stands for one of its slots does so too.
+        let blended = options.only == Only::All && scene.materials.iter().any(|m| m.alpha == AlphaMode::Blend);
+        let resident = ResidentOptions {
+            rays: options.rays,
+            blend_cutoff: if blended { 0.0 } else { ResidentOptions::default().blend_cutoff },
+            ..ResidentOptions::default()
+        };
+        let mut resident = ResidentScene::new(gpu, scene, resident)?;
+        let origin = FloatingOrigin::default().follow(camera);
+        resident.go(&Moment { time: options.time, origin, cut: true });
+        let (counted, first_lobes) = options.only.path();
+        let strategy = match options.strategy {
+            Strategy::Power => 0,
+            Strategy::Balance => PATH_BALANCE,
+            Strategy::SurfacesOnly => PATH_NO_LIGHT_SAMPLES,
+        };
+        let centre = if options.pixel == PixelSampling::Centre { PATH_CENTRE } else { 0 };
+        let mut executor = Executor::new(gpu)?;
+        Ok(Self {
+            kernel: gpu.ray_kernel(options.only.shader(), options.rays)?,
+            lights: upload(gpu, &mut executor, &Tables::new(scene, options.time))?,
+            gpu: gpu.clone(),
+            executor,
+            scene: resident,
+            camera: camera.clone(),
+            options,
+            flags: counted | strategy | centre | if blended { PATH_BLENDED } else { 0 },
+            first_lobes,
+            view: Staging::new(gpu, "view"),
+            estimate: Estimate::new(options.width, options.height),
+            rays: [0; 2],
+        })
+    }
+
+    /// What the samples so far came to.
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// How many rays were traced: those that look for the nearest hit, and those that look for any.
+    pub fn rays(&self) -> [u64; 2] {
+        self.rays
+    }
+
+    /// Goes on from an estimate of the same picture. If other seeds had a part in it, samples that it has are not taken again.
+    ///
+    /// # Errors
+    /// [`ReferenceError::Size`].
+    pub fn resume(&mut self, from: &Estimate) -> Result<(), ReferenceError> {
+        let mut begun = Estimate::new(self.options.width, self.options.height);
+        begun.merge(from)?;
+        self.estimate = begun;
+        Ok(())
+    }
+
+    /// Takes so many more samples of every pixel. Deterministic: the same samples come to the same numbers, however they were asked for
+    /// up to rounding.
+    ///
+    /// # Errors
+    /// [`ReferenceError`]; the estimate is then as it was before the batch that failed.
+    pub fn add(&mut self, samples: u32) -> Result<(), ReferenceError> {
+        let mut left = samples;
+        while left > 0 {
+            let batch = left.min(BATCH);
+            let mut added = Estimate::new(self.options.width, self.options.height);
+            for y in (0..self.options.height).step_by(TILE as usize) {
+                for x in (0..self.options.width).step_by(TILE as usize) {
+                    self.trace([x, y], batch, &mut added)?;
+                }
+            }
+            added.samples = u64::from(batch);
+            self.estimate.merge(&added)?;
+            left -= batch;
+        }
+        Ok(())
+    }
+
+    /// Traces one tile.
+    fn trace(&mut self, tile: [u32; 2], samples: u32, added: &mut Estimate) -> Result<(), ReferenceError> {
+        let Estimate { width, height, .. } = *added;
+        let extent = Extent::new(TILE.min(width - tile[0]), TILE.min(height - tile[1]));
+        let mut g = self.executor.begin(extent);
+        let imports = Rc::<RefCell<Imports>>::default();
+        let full = Extent::new(width, height);
+        let desc = ViewDesc { camera: &self.camera, extent: full, frame: 0, seed: self.options.seed, previous: None };
+        let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?.block;
+        let camera = Some(&self.camera);
+        let scene = self.scene.declare(&mut g, &mut imports.borrow_mut(), camera, &Policy::default())?;
+        let key = imports.borrow_mut().buffer(&self.lights);
+        let lights = g.import_buffer("reference.lights", BufferDesc::new(self.lights.bytes()), Access::BufferRead, key);
+
+        let first = self.estimate.samples;
+        let (kernel, mut params) = (
+            self.kernel,
+            PathParams {
+                tile,
+                first_sample: first as u32,
+                samples,
+                depth: self.options.depth,
+                first_lobes: self.first_lobes,
+                flags: self.flags,
+                range: self.options.ao_range,
+                ..PathParams::default()
+            },
+        );
+        let (mean, squares) = g.pass("reference.trace", Queue::Graphics, |p| {
+            let (view, tlas, lights) = (p.read(view), scene.trace(p), p.read(lights.read()));
+            let (mean, mean_target) = p.create("mean", ImageDesc::full(Format::Rgba32Float));
+            let (squares, squares_target) = p.create("squares", ImageDesc::full(Format::Rgba32Float));
+            ((mean.read(), squares.read()), move |c: &mut Record<'_>| {
+                params.view = c.id(view);
+                params.rays = c.rays();
+                params.lights = c.id(lights);
+                params.mean = c.id(mean_target);
+                params.squares = c.id(squares_target);
+                c.trace(kernel, tlas, &params, extent);
+            })
+        });
+        let copies = Copies::new(&self.gpu, &imports);
+        copies.copy(&mut g, "read_back.mean", mean);
+        copies.copy(&mut g, "read_back.squares", squares);
+        let executed = self.executor.run(g, &imports.borrow())?;
+        if self.options.check {
+            self.gpu.check_validation()?;
+        }
+        for pass in &executed.sample.passes {
+            self.rays[0] += pass.rays_closest;
+            self.rays[1] += pass.rays_any;
+        }
+
+        let images: Vec<_> = copies.finish()?.iter().map(|pixels| pixels.values()).collect();
+        let [means, squares] = &images[..] else { return Ok(()) };
+        for (at, (mean, squares)) in means.iter().zip(squares).enumerate() {
+            let (x, y) = (tile[0] + at as u32 % extent.width, tile[1] + at as u32 / extent.width);
+            let value = |v: &[f32; 4]| DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]));
+            let (mean, squares) = (value(mean), value(squares));
+            if !(mean.is_finite() && squares.is_finite()) {
+                return Err(ReferenceError::NotFinite { x, y, first, last: first + u64::from(samples) - 1, mean });
+            }
+            let index = y as usize * width as usize + x as usize;
+            added.mean[index] = mean;
+            added.squares[index] = squares;
+        }
+        Ok(())
+    }
+}
+
+/// Brings the tables to the device.
+fn upload(gpu: &Gpu, executor: &mut Executor, tables: &Tables) -> Result<Arc<Buffer>, ReferenceError> {
+    let bytes = tables.len();
+    let buffer = Arc::new(Buffer::new(gpu, "reference lights", bytes, BufferMemory::Device, BufferUse::Storage)?);
+    let mut staging = Staging::new(gpu, "reference lights");
+    let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
+    let staged = imports.buffer(staging.write(&tables.placed(buffer.address()))?);
+    let from = g.import_buffer("reference.staged", BufferDesc::new(bytes), Access::CopyRead, staged);
+    let target = imports.buffer(&buffer);
+    let target = g.import_buffer("reference.lights", BufferDesc::new(bytes), Access::CopyWrite, target);
+    let target = g.pass("reference.upload", Queue::Transfer, |p| {
+        let from = p.copy_from(from.read());
+        let (target, to) = p.copy_to(target);
+        (target, move |c: &mut Record<'_>| c.copy_buffer(from, 0, to, 0, bytes))
+    });
+    g.output(target.read());
+    executor.run(g, &imports)?;
+    Ok(buffer)
 }

@@ -73,11 +73,14 @@ pub struct ResidentOptions {
     /// Share of the triangles that rays see of each mesh that keeps its shape, 0 to 1. Below 1, surfaces that rays meet lie up to a
     /// hundredth of a mesh's size beside those that are drawn.
     pub ray_detail: f32,
+    /// Alpha below which blended surfaces are not there for raster and rays, 0 to 1. At 0 they always are, and whoever meets them asks
+    /// for their alpha.
+    pub blend_cutoff: f32,
 }
 
 impl Default for ResidentOptions {
     fn default() -> Self {
-        Self { rays: Rays::Software, compaction: true, ray_detail: 1.0 }
+        Self { rays: Rays::Software, compaction: true, ray_detail: 1.0, blend_cutoff: 0.5 }
     }
 }
 
@@ -241,7 +244,7 @@ impl ResidentScene {
 
         // Tables. Every instance that deforms has a mesh of its own behind those of the scene.
         let mut tables = Block::default();
-        let (materials, layers) = tables::materials(gpu, scene, &textures)?;
+        let (materials, layers) = tables::materials(gpu, scene, &textures, options.blend_cutoff)?;
         let (material_table, layer_table) = (tables.add(&materials), tables.add(&layers));
         let deforming = deformation.as_ref().map_or(&[][..], |d| &d.meshes);
         let mut entries: Vec<shared::Mesh> =

@@ -92,6 +92,7 @@ pub(super) fn materials(
     gpu: &Gpu,
     scene: &Scene,
     textures: &[Arc<Image>],
+    blend_cutoff: f32,
 ) -> Result<(Vec<shared::Material>, Vec<shared::MaterialLayers>), GpuError> {
     let slot = |used: Option<TextureUse>| -> Result<shared::TextureSlot, GpuError> {
         let Some(used) = used else {
@@ -130,7 +131,7 @@ pub(super) fn materials(
         let (tested, alpha_cutoff) = match m.alpha {
             AlphaMode::Opaque => (false, 0.0),
             AlphaMode::Mask(cutoff) => (true, cutoff),
-            AlphaMode::Blend => (true, 0.5),
+            AlphaMode::Blend => (true, blend_cutoff),
         };
         for (set, bit) in [
             (tested, shared::MATERIAL_ALPHA_TEST),

@@ -1,0 +1,127 @@
+//! `magpie reference`.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use magpie::gpu::{Gpu, GpuOptions};
+use magpie::scene::ResidentError;
+use magpie_passes::reference::{Estimate, EstimateFileError, Reference, ReferenceError, ReferenceOptions};
+
+use crate::{
+    args::{Loudness, ReferenceArguments},
+    console::{self, Progress},
+    exit::Failure,
+    output::{Output, keep_apart},
+    session,
+};
+
+/// Samples between two looks at the clock, and how long a run that is stopped may lose.
+const STEP: u32 = 16;
+const SAVE_EVERY: Duration = Duration::from_secs(30);
+
+/// Traces the truth, goes on where an earlier run stopped, and writes what it has come to.
+///
+/// # Errors
+/// [`Failure`] of the kind that gives the right exit status.
+pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<(), Failure> {
+    let output = Output::plan("--out", &arguments.out, &["exr"])?;
+    let inputs: Vec<(&str, &Path)> = [("scene", Some(&arguments.scene)), ("camera file", arguments.camera.as_ref())]
+        .into_iter()
+        .filter_map(|(what, path)| Some((what, path?.as_path())))
+        .chain(arguments.merge.iter().map(|path| ("estimate to merge", path.as_path())))
+        .collect();
+    keep_apart(&[&output], &inputs)?;
+    let scene = session::load_scene(&arguments.scene)?;
+    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    let (only, extent) = (arguments.only.which(), arguments.size);
+    let options = ReferenceOptions {
+        width: extent.width,
+        height: extent.height,
+        seed: arguments.seed,
+        depth: arguments.depth,
+        only,
+        pixel: arguments.pixel(),
+        ao_range: arguments.ao_range,
+        time: f64::from(arguments.time),
+        check: arguments.check,
+        ..ReferenceOptions::default()
+    };
+    let subject = options.subject(&scene, &camera);
+
+    // What earlier runs have found.
+    let mut begun = Estimate::new(extent.width, extent.height);
+    let earlier = arguments.out.exists() && !arguments.restart;
+    for path in earlier.then_some(&arguments.out).into_iter().chain(&arguments.merge) {
+        let found = Estimate::load(path, Some(&subject)).map_err(|error| foreign(error, path == &arguments.out))?;
+        log::info!("{}: {} samples", path.display(), found.samples);
+        begun.merge(&found).map_err(Failure::input)?;
+    }
+    let missing = u64::from(arguments.samples).saturating_sub(begun.samples);
+
+    let mut done = begun;
+    if missing > 0 {
+        let gpu = Gpu::new(&GpuOptions {
+            device: arguments.device.clone(),
+            validation: arguments.check,
+            ..GpuOptions::default()
+        })?;
+        let rays = session::choose_rays(&gpu, arguments.rays)?;
+        let mut reference =
+            Reference::new(&gpu, &scene, &camera, ReferenceOptions { rays, ..options }).map_err(failure)?;
+        reference.resume(&done).map_err(failure)?;
+        let progress = Progress::of(missing, "samples", loudness);
+        let (start, mut saved, mut left) = (Instant::now(), Instant::now(), missing);
+        while left > 0 {
+            let step = left.min(u64::from(STEP));
+            reference.add(step as u32).map_err(failure)?;
+            left -= step;
+            progress.advance(step);
+            if saved.elapsed() > SAVE_EVERY && left > 0 {
+                save(reference.estimate(), &arguments.out, &subject)?;
+                saved = Instant::now();
+            }
+        }
+        drop(progress);
+        let [closest, any] = reference.rays();
+        log::info!(
+            "{missing} samples in {:.1} s, {:.1} million rays",
+            start.elapsed().as_secs_f64(),
+            (closest + any) as f64 * 1e-6
+        );
+        done = reference.estimate().clone();
+    }
+    save(&done, &arguments.out, &subject)?;
+    console::print(&summary(&done, only.name()))
+}
+
+fn save(estimate: &Estimate, path: &Path, subject: &str) -> Result<(), Failure> {
+    estimate.save(path, subject).map_err(|error| Failure::running(error).context("--out"))
+}
+
+/// What came out, in one line.
+fn summary(estimate: &Estimate, name: &str) -> String {
+    let pixels = estimate.mean.len() as f64;
+    let mean = estimate.mean.iter().copied().sum::<glam::DVec3>() / pixels;
+    let square: f64 = estimate.standard_error().iter().map(|e| e.length_squared() / 3.0).sum::<f64>() / pixels;
+    format!(
+        "{name}: {} samples per pixel, mean {:.6} {:.6} {:.6}, root mean square of the standard error {:.6}\n",
+        estimate.samples,
+        mean.x,
+        mean.y,
+        mean.z,
+        square.sqrt()
+    )
+}
+
+fn foreign(error: EstimateFileError, is_out: bool) -> Failure {
+    let hint = if is_out { "--out (--restart begins anew in its place)" } else { "--merge" };
+    Failure::input(error).context(hint)
+}
+
+fn failure(error: ReferenceError) -> Failure {
+    match error {
+        ReferenceError::Gpu(error) => error.into(),
+        ReferenceError::Scene(ResidentError::Ray(error)) => Failure::input(error),
+        other => Failure::running(other),
+    }
+}

@@ -1,0 +1,57 @@
+//! Images on their way to the host.
+use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
+use magpie::graph::execute::Imports;
+use magpie::graph::{Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, MipCopy, Queue, Record};
+use magpie::pixels::Pixels;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Images that are copied to the host, in the order they were asked for.
+#[derive(Clone)]
+pub struct Copies {
+    gpu: Gpu,
+    imports: Rc<RefCell<Imports>>,
+    made: Rc<RefCell<Vec<Copy>>>,
+}
+
+/// One image's buffer, or why it could not be made.
+type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
+
+impl Copies {
+    /// None yet, for the frame whose objects these are.
+    pub fn new(gpu: &Gpu, imports: &Rc<RefCell<Imports>>) -> Self {
+        Self { gpu: gpu.clone(), imports: imports.clone(), made: Rc::default() }
+    }
+
+    /// Adds a pass that copies mip 0 of an image.
+    pub fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
+        let (format, extent) = (g.desc(image).format, g.extent(image));
+        let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
+        let made = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
+        if let Ok(buffer) = &made {
+            let key = self.imports.borrow_mut().buffer(buffer);
+            let target = g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key);
+            let target = g.pass(name, Queue::Transfer, |p| {
+                let from = p.copy_from(image);
+                let (target, to) = p.copy_to(target);
+                (target, move |c: &mut Record<'_>| c.copy_from_image(from, to, MipCopy { offset: 0, mip: 0 }))
+            });
+            g.leave(target.read(), Access::HostRead, Domain::Copy);
+        }
+        self.made.borrow_mut().push(made.map(|buffer| (format, extent, buffer)));
+    }
+
+    /// The images, once the frame ran.
+    ///
+    /// # Errors
+    /// Where a buffer could not be made.
+    pub fn finish(&self) -> Result<Vec<Pixels>, GpuError> {
+        let made = self.made.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
+        let pixels = |(format, extent, buffer): (Format, Extent, Arc<Buffer>)| {
+            let bytes = extent.width as usize * extent.height as usize * format.bytes_per_pixel() as usize;
+            Pixels { extent, format, bytes: buffer.contents()[..bytes].to_vec() }
+        };
+        Ok(made.into_iter().map(pixels).collect())
+    }
+}

@@ -1,0 +1,199 @@
+#ifndef LIB_BSDF_GLSL
+#define LIB_BSDF_GLSL
+#include "lib/brdf.glsl"
+#include "lib/sampling.glsl"
+// The whole surface model, to be evaluated and sampled, lobe by lobe. Directions are unit and local: the shading normal is +z, `v` goes
+// towards the viewer (v.z > 0), `l` towards the light. Opaque surfaces are those of lib/brdf.glsl; on top come transmission
+// (KHR_materials_transmission, _volume, _ior) and a clear coat (KHR_materials_clearcoat).
+
+const uint LOBE_DIFFUSE = 1u;
+const uint LOBE_SPECULAR = 2u;  // the coat too
+const uint LOBE_TRANSMISSION = 4u;
+const uint LOBE_ALL = 7u;
+
+struct Bsdf {
+    vec3 base_colour;
+    float metalness;
+    vec3 f0;             // of the opaque part
+    float alpha;         // roughness², above 0
+    float transmission;  // share of light that meets glass instead of the opaque part, 0 to 1
+    float eta;           // index of refraction behind the surface over that before it
+    bool thin;           // a sheet: light that goes through is not bent
+    float coat;          // strength of the coat, 0 to 1
+    float coat_alpha;
+};
+
+// One opaque material of index 1.5.
+Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness) {
+    vec3 f0 = specular_f0(base_colour, metalness);
+    return Bsdf(base_colour, metalness, f0, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0);
+}
+
+// Unpolarised Fresnel reflectance of a dielectric, for the cosine on this side and the index behind over that before; 1 where all is
+// reflected.
+float dielectric_f(float cosine, float eta) {
+    float g2 = eta * eta - 1.0 + cosine * cosine;
+    if (g2 <= 0.0) return 1.0;
+    float g = sqrt(g2);
+    // Cook and Torrance 1982, "A Reflectance Model for Computer Graphics", section "Fresnel term".
+    float a = (g - cosine) / (g + cosine);
+    float b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0);
+    // Two media that are the same have 0 / 0 at grazing incidence only.
+    return 0.5 * a * a * (1.0 + b * b);
+}
+
+// GGX of a local half vector, per steradian; the same as ggx_d.
+float local_d(vec3 h, float alpha) {
+    if (h.z <= 0.0) return 0.0;
+    float scaled = alpha * h.z;
+    float ratio = alpha / (dot(h.xy, h.xy) + scaled * scaled);
+    return ratio * ratio / PI;
+}
+
+// Smith's masking of one direction, by its cosine (Walter et al. 2007, equation 34); 0 on the horizon.
+float smith_g1(float cosine, float alpha) {
+    float c2 = cosine * cosine;
+    return 2.0 * cosine / (cosine + sqrt(alpha * alpha * (1.0 - c2) + c2));
+}
+
+// Density of sample_visible_normal, per steradian of the half vector.
+float visible_normal_pdf(vec3 v, vec3 h, float alpha) {
+    return smith_g1(v.z, alpha) * local_d(h, alpha) * max(dot(v, h), 0.0) / v.z;
+}
+
+// The half vector of refraction, on the side of the viewer (Walter et al. 2007, equation 16).
+vec3 refraction_half(Bsdf b, vec3 v, vec3 l) {
+    vec3 h = safe_normalize(-(v + b.eta * l), vec3(0.0, 0.0, 1.0));
+    return h.z < 0.0 ? -h : h;
+}
+
+vec3 mirrored(vec3 l) {
+    return vec3(l.xy, -l.z);
+}
+
+// The share of the coat, which depends on the viewer alone.
+float coat_share(Bsdf b, vec3 v) {
+    return b.coat * schlick_f(vec3(DIELECTRIC_F0), v.z).x;
+}
+
+// What goes through, times |n·l|. Between media, radiance is compressed by the square of the index: a path that goes in and out again
+// gets it back.
+vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
+    if (b.thin) {
+        vec3 m = mirrored(l);
+        vec3 h = safe_normalize(v + m, vec3(0.0, 0.0, 1.0));
+        float f = dielectric_f(max(dot(v, h), 0.0), b.eta);
+        return b.base_colour * ((1.0 - f) * local_d(h, b.alpha) * smith_v_cosine(m.z, v.z, b.alpha));
+    }
+    vec3 h = refraction_half(b, v, l);
+    float v_h = dot(v, h);
+    float l_h = dot(l, h);
+    if (v_h <= 0.0 || l_h >= 0.0) return vec3(0.0);
+    // Walter et al. 2007, equation 21, over the square of the index behind.
+    float bend = v_h + b.eta * l_h;
+    float g = smith_g1(v.z, b.alpha) * smith_g1(-l.z, b.alpha);
+    float f = dielectric_f(v_h, b.eta);
+    return b.base_colour * ((1.0 - f) * local_d(h, b.alpha) * g * v_h * -l_h / (v.z * bend * bend));
+}
+
+// BSDF times |n·l|, per steradian, of the lobes that are asked for.
+vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
+    float coat = coat_share(b, v);
+    if (l.z <= 0.0) {
+        if ((lobes & LOBE_TRANSMISSION) == 0u || b.transmission <= 0.0 || l.z == 0.0) return vec3(0.0);
+        return (1.0 - coat) * b.transmission * transmission_cosine(b, v, l);
+    }
+    vec3 sum = vec3(0.0);
+    vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
+    if ((lobes & LOBE_DIFFUSE) != 0u && b.metalness < 1.0) {
+        vec3 albedo = (1.0 - b.metalness) * b.base_colour;
+        sum += (1.0 - coat) * (1.0 - b.transmission) * diffuse_cosine(b.f0, albedo, v.z, l.z);
+    }
+    if ((lobes & LOBE_SPECULAR) != 0u) {
+        float v_h = max(dot(v, h), 0.0);
+        vec3 f = (1.0 - b.transmission) * schlick_f(b.f0, v_h);
+        if (b.transmission > 0.0) f += b.transmission * dielectric_f(v_h, b.eta);
+        sum += (1.0 - coat) * f * (local_d(h, b.alpha) * smith_v_cosine(l.z, v.z, b.alpha));
+        if (coat > 0.0) sum += coat * local_d(h, b.coat_alpha) * smith_v_cosine(l.z, v.z, b.coat_alpha);
+    }
+    return sum;
+}
+
+// How often each lobe is sampled: diffuse, specular, transmission, coat. Roughly what they reflect; never 0 where a lobe gives
+// anything. All 0 where none of those asked for does.
+vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
+    const float LEAST = 0.05;
+    float coat = coat_share(b, v);
+    vec3 f = schlick_f(b.f0, v.z);
+    float glass = b.transmission > 0.0 ? dielectric_f(v.z, b.eta) : 0.0;
+    float base = max(b.base_colour.r, max(b.base_colour.g, b.base_colour.b));
+    vec4 odds = vec4(0.0);
+    if ((lobes & LOBE_DIFFUSE) != 0u) {
+        float share = (1.0 - b.transmission) * (1.0 - b.metalness) * base;
+        odds.x = share * max(1.0 - max(f.r, max(f.g, f.b)), LEAST);
+    }
+    if ((lobes & LOBE_SPECULAR) != 0u) {
+        odds.y = max((1.0 - b.transmission) * max(f.r, max(f.g, f.b)) + b.transmission * glass, LEAST);
+        odds.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
+    }
+    if ((lobes & LOBE_TRANSMISSION) != 0u && b.transmission > 0.0) {
+        odds.z = b.transmission * base * max(1.0 - glass, LEAST);
+    }
+    odds.xyz *= 1.0 - coat;
+    float sum = odds.x + odds.y + odds.z + odds.w;
+    return sum > 0.0 ? odds / sum : vec4(0.0);
+}
+
+// Density of transmitted directions, per steradian.
+float transmission_pdf(Bsdf b, vec3 v, vec3 l) {
+    if (b.thin) {
+        vec3 h = safe_normalize(v + mirrored(l), vec3(0.0, 0.0, 1.0));
+        float v_h = dot(v, h);
+        return v_h > 0.0 ? visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h) : 0.0;
+    }
+    vec3 h = refraction_half(b, v, l);
+    float v_h = dot(v, h);
+    float l_h = dot(l, h);
+    if (v_h <= 0.0 || l_h >= 0.0) return 0.0;
+    float bend = v_h + b.eta * l_h;
+    return visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
+}
+
+// Density with which `bsdf_sample` gives `l`, per steradian.
+float bsdf_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
+    vec4 odds = lobe_odds(b, v, lobes);
+    if (l.z < 0.0) return odds.z > 0.0 ? odds.z * transmission_pdf(b, v, l) : 0.0;
+    vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
+    float v_h = dot(v, h);
+    if (v_h <= 0.0) return odds.x * l.z / PI;
+    float pdf = odds.x * l.z / PI;
+    pdf += odds.y * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
+    if (odds.w > 0.0) pdf += odds.w * visible_normal_pdf(v, h, b.coat_alpha) / (4.0 * v_h);
+    return pdf;
+}
+
+// A direction towards light. False where the sample is lost: below the horizon, or reflected where it was to go through.
+bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
+    vec4 odds = lobe_odds(b, v, lobes);
+    l = vec3(0.0, 0.0, 1.0);
+    if (odds == vec4(0.0)) return false;
+    if (choice < odds.x) {
+        l = sample_cosine(u);
+        return l.z > 0.0;
+    }
+    if (choice < odds.x + odds.z) {
+        vec3 h = sample_visible_normal(v, b.alpha, u);
+        if (b.thin) {
+            l = mirrored(reflect(-v, h));
+        } else {
+            l = refract(-v, h, 1.0 / b.eta);
+        }
+        return l.z < 0.0;
+    }
+    bool on_coat = choice >= odds.x + odds.z + odds.y && odds.w > 0.0;
+    vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);
+    l = reflect(-v, h);
+    return l.z > 0.0;
+}
+
+#endif

@@ -1,0 +1,241 @@
+#ifndef LIB_LIGHT_SAMPLING_GLSL
+#define LIB_LIGHT_SAMPLING_GLSL
+#include "lib/lights.glsl"
+#include "lib/sampling.glsl"
+#include "lib/sky.glsl"
+#include "lib/surface.glsl"
+#include "shared/reference.glsl"
+// Light that arrives at a point: samples of every kind of light, and the densities with which they are made, per steradian.
+
+// Light from one direction.
+struct Incident {
+    vec3 direction;  // unit, towards the light
+    float distance;  // metres; INFINITELY_FAR for directional lights and the sky
+    vec3 radiance;   // over the density; of lights without a size, irradiance at normal incidence over the probability
+    float pdf;       // per steradian; 0 for lights without a size, which no ray can meet
+};
+
+// An entry of an alias table of `count` entries.
+uint choose(LightChoiceBuffer table, uint count, uint word, float u) {
+    uint index, low;
+    umulExtended(word, count, index, low);
+    LightChoice entry = table.at[index];
+    return u < entry.threshold ? index : entry.alias;
+}
+
+bool has_size(Light light) {
+    return light.kind == LIGHT_RECTANGLE || light.kind == LIGHT_DISC || light.kind == LIGHT_SPHERE
+        || (light.kind == LIGHT_DIRECTIONAL && light.radius > 0.0);
+}
+
+// Radiance of the disc of a directional light.
+vec3 disc_radiance(Light light) {
+    // Illuminance at normal incidence is radiance times pi sin²; that of a small disc.
+    float s = sin(light.radius);
+    return light.intensity / (PI * s * s);
+}
+
+// Where a ray of unit direction from `position` meets a light that has a size: distance, radiance and density of sampling it from there.
+// False where it does not, or meets it from behind.
+bool meet_light(Light light, vec3 position, vec3 direction, out float distance, out vec3 radiance, out float pdf) {
+    distance = INFINITELY_FAR;
+    radiance = light.intensity;
+    pdf = 0.0;
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        // sin² of the angle between, which keeps its digits.
+        vec3 c = cross(direction, light.direction);
+        float s = sin(light.radius);
+        if (light.radius <= 0.0 || dot(direction, light.direction) >= 0.0 || dot(c, c) > s * s) return false;
+        radiance = disc_radiance(light);
+        pdf = cone_pdf(one_minus_cos(light.radius));
+        return true;
+    }
+    vec3 to_light = light.position - position;
+    if (light.kind == LIGHT_SPHERE) {
+        float outside = dot(to_light, to_light) - light.radius * light.radius;
+        float along = dot(to_light, direction);
+        vec3 beside = to_light - along * direction;
+        float half_chord = light.radius * light.radius - dot(beside, beside);
+        if (outside <= 0.0 || along <= 0.0 || half_chord < 0.0) return false;
+        distance = outside / (along + sqrt(half_chord));
+        pdf = cone_pdf(one_minus_cos_of(light.radius * light.radius / dot(to_light, to_light)));
+        return true;
+    }
+    if (light.kind != LIGHT_RECTANGLE && light.kind != LIGHT_DISC) return false;
+    float cosine = -dot(light.direction, direction);
+    if (cosine <= 0.0) return false;
+    distance = -dot(light.direction, to_light) / cosine;
+    if (distance <= 0.0) return false;
+    vec3 from_centre = distance * direction - to_light;
+    float area;
+    if (light.kind == LIGHT_DISC) {
+        if (dot(from_centre, from_centre) > light.radius * light.radius) return false;
+        area = PI * light.radius * light.radius;
+    } else {
+        vec2 at = weights_along(light.half_u, light.half_v, from_centre);
+        if (abs(at.x) > 1.0 || abs(at.y) > 1.0) return false;
+        area = 4.0 * length(cross(light.half_u, light.half_v));
+    }
+    pdf = distance * distance / (area * cosine);
+    return true;
+}
+
+// A sample of one light. False where no light comes from it.
+bool sample_sized_light(Light light, vec3 position, vec2 u, out Incident found) {
+    if (!has_size(light)) {
+        LightSample towards = sample_light(light, position);
+        found = Incident(towards.direction, towards.distance, towards.irradiance, 0.0);
+        return towards.irradiance != vec3(0.0);
+    }
+    found = Incident(vec3(0.0), INFINITELY_FAR, vec3(0.0), 0.0);
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        float width = one_minus_cos(light.radius);
+        found.direction = frame_of(-light.direction) * sample_cone(u, width);
+        found.pdf = cone_pdf(width);
+        found.radiance = disc_radiance(light) / found.pdf;
+        return true;
+    }
+    vec3 to_light = light.position - position;
+    float square = dot(to_light, to_light);
+    if (light.kind == LIGHT_SPHERE) {
+        float radius_square = light.radius * light.radius;
+        if (square <= radius_square) return false;
+        float width = one_minus_cos_of(radius_square / square);
+        vec3 local = sample_cone(u, width);
+        found.direction = frame_of(to_light / sqrt(square)) * local;
+        float along = local.z * sqrt(square);
+        float half_chord = radius_square - square * dot(local.xy, local.xy);
+        found.distance = (square - radius_square) / (along + sqrt(max(half_chord, 0.0)));
+        found.pdf = cone_pdf(width);
+        found.radiance = light.intensity / found.pdf;
+        return true;
+    }
+    float area;
+    if (light.kind == LIGHT_DISC) {
+        vec2 on = light.radius * sample_disc(u);
+        to_light += frame_of(light.direction) * vec3(on, 0.0);
+        area = PI * light.radius * light.radius;
+    } else {
+        vec2 on = 2.0 * u - 1.0;
+        to_light += on.x * light.half_u + on.y * light.half_v;
+        area = 4.0 * length(cross(light.half_u, light.half_v));
+    }
+    found.distance = length(to_light);
+    found.direction = safe_normalize(to_light, -light.direction);
+    float cosine = -dot(light.direction, found.direction);
+    if (cosine <= 0.0 || found.distance <= 0.0) return false;
+    found.pdf = found.distance * found.distance / (area * cosine);
+    found.radiance = light.intensity / found.pdf;
+    return true;
+}
+
+// Density over area, per square metre, of points on an emissive primitive, uniform over a triangle or over a sphere in object space;
+// `weights` give the point of a triangle, `outwards` that of a sphere. `normal`: of the triangle or sphere there, unit, outwards.
+float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outwards, out vec3 normal) {
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        float radius = SphereBuffer(mesh.positions).at[primitive].w;
+        vec3 stretched = transform_normal(instance.object_from_world, outwards);
+        vec4 rows[3] = instance.world_from_object;
+        float volume = abs(dot(cross(rows[0].xyz, rows[1].xyz), rows[2].xyz));
+        normal = safe_normalize(stretched, outwards);
+        return 1.0 / (4.0 * PI * radius * radius * volume * length(stretched));
+    }
+    uvec3 corners = TriangleBuffer(mesh.ray_indices).at[primitive];
+    PositionBuffer positions = PositionBuffer(mesh.positions);
+    vec3 corner = positions.at[corners.x];
+    vec3 e1 = positions.at[corners.y] - corner;
+    vec3 e2 = positions.at[corners.z] - corner;
+    normal = safe_normalize(transform_normal(instance.object_from_world, cross(e1, e2)), vec3(0.0));
+    vec3 across = cross(transform_vector(instance.world_from_object, e1), transform_vector(instance.world_from_object, e2));
+    return 2.0 / length(across);
+}
+
+// A sample of an emissive triangle or sphere.
+bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
+    found = Incident(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
+    Coordinates at = Coordinates(mat2(0.0), mat2(0.0), mat2(0.0));
+    vec3 outwards = vec3(0.0);
+    vec3 point;
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        outwards = sample_sphere(u);
+        vec4 sphere = SphereBuffer(mesh.positions).at[choice.primitive];
+        point = sphere.xyz + sphere.w * outwards;
+        material.emission_texture.image = NO_TEXTURE;
+    } else {
+        vec2 weights = sample_triangle(u);
+        vec3 w = vec3(1.0 - weights.x - weights.y, weights);
+        uvec3 corners = TriangleBuffer(mesh.ray_indices).at[choice.primitive];
+        PositionBuffer positions = PositionBuffer(mesh.positions);
+        VertexAttributesBuffer attributes = VertexAttributesBuffer(mesh.attributes);
+        point = w.x * positions.at[corners.x] + w.y * positions.at[corners.y] + w.z * positions.at[corners.z];
+        at.uv = mat2(
+            w.x * attributes.at[corners.x].uv0 + w.y * attributes.at[corners.y].uv0 + w.z * attributes.at[corners.z].uv0,
+            w.x * attributes.at[corners.x].uv1 + w.y * attributes.at[corners.y].uv1 + w.z * attributes.at[corners.z].uv1
+        );
+    }
+    vec3 normal;
+    float density = emitter_density(instance, mesh, choice.primitive, outwards, normal);
+    vec3 to_light = transform_point(instance.world_from_object, point) - position;
+    found.distance = length(to_light);
+    found.direction = safe_normalize(to_light, -normal);
+    float cosine = -dot(normal, found.direction);
+    if ((material.flags & MATERIAL_DOUBLE_SIDED) != 0u) cosine = abs(cosine);
+    if (!(cosine > 0.0) || found.distance <= 0.0) return false;
+    found.pdf = density * found.distance * found.distance / cosine;
+    found.radiance = emission_at(material, at) / found.pdf;
+    return found.radiance != vec3(0.0);
+}
+
+// Density, per steradian, of sampling the emissive surface that a ray of unit direction from `position` has met at `point`; 0 where it
+// is never sampled.
+float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position, vec3 point) {
+    uint first = WordBuffer(lights.emitters).at[hit.instance];
+    if (first == NO_EMITTER) return 0.0;
+    float probability = LightChoiceBuffer(lights.near).at[first + hit.primitive].probability;
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    vec3 outwards = vec3(0.0);
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        vec3 centre = SphereBuffer(mesh.positions).at[hit.primitive].xyz;
+        outwards = safe_normalize(transform_point(instance.object_from_world, point) - centre, vec3(0.0, 1.0, 0.0));
+    }
+    vec3 normal;
+    float density = emitter_density(instance, mesh, hit.primitive, outwards, normal);
+    vec3 to_light = point - position;
+    float cosine = abs(dot(normal, safe_normalize(to_light, normal)));
+    return cosine > 0.0 ? probability * density * dot(to_light, to_light) / cosine : 0.0;
+}
+
+// A direction of the sky. Rows of cells have equal steps of height: all cells have the same solid angle.
+vec3 sky_direction(vec2 at) {
+    float angle = 2.0 * PI * at.x;
+    float y = 1.0 - 2.0 * at.y;
+    float flat_length = 2.0 * sqrt(at.y * (1.0 - at.y));
+    return vec3(flat_length * cos(angle), y, flat_length * sin(angle));
+}
+
+uint sky_cell(LightTables lights, vec3 direction) {
+    float around = atan(direction.z, direction.x) / (2.0 * PI);
+    vec2 at = vec2(around < 0.0 ? around + 1.0 : around, 0.5 - 0.5 * direction.y);
+    uvec2 cell = min(uvec2(at * vec2(lights.sky_cells)), lights.sky_cells - 1u);
+    return cell.y * lights.sky_cells.x + cell.x;
+}
+
+// Density of sampling a direction of the sky, per steradian.
+float sky_pdf(LightTables lights, vec3 direction) {
+    float probability = LightChoiceBuffer(lights.sky).at[sky_cell(lights, direction)].probability;
+    return probability * float(lights.sky_cells.x * lights.sky_cells.y) / (4.0 * PI);
+}
+
+Incident sample_sky(Sky sky, LightTables lights, uint word, vec3 u) {
+    uint cell = choose(LightChoiceBuffer(lights.sky), lights.sky_cells.x * lights.sky_cells.y, word, u.z);
+    uvec2 at = uvec2(cell % lights.sky_cells.x, cell / lights.sky_cells.x);
+    vec3 direction = sky_direction((vec2(at) + u.xy) / vec2(lights.sky_cells));
+    float pdf = LightChoiceBuffer(lights.sky).at[cell].probability * float(lights.sky_cells.x * lights.sky_cells.y) / (4.0 * PI);
+    return Incident(direction, INFINITELY_FAR, sky_radiance(sky, direction) / pdf, pdf);
+}
+
+#endif

@@ -1,0 +1,85 @@
+#ifndef LIB_REFERENCE_GLSL
+#define LIB_REFERENCE_GLSL
+#include "lib/gbuffer.glsl"
+#include "lib/light_sampling.glsl"
+#include "lib/random.glsl"
+#include "lib/ray.glsl"
+#include "lib/surface.glsl"
+#include "shared/reference.glsl"
+// What the passes of the reference share: rays of the camera, the surfaces that they meet, and means over samples.
+
+uint closest_traced = 0u;
+uint any_traced = 0u;
+
+// Mean and sum of squared deviations, one sample after another (Welford 1962, "Note on a Method for Calculating Corrected Sums of
+// Squares and Products").
+struct Mean {
+    vec3 mean;
+    vec3 squares;
+};
+
+void add_sample(inout Mean m, vec3 value, uint number) {
+    vec3 apart = value - m.mean;
+    m.mean += apart / float(number);
+    m.squares += apart * (value - m.mean);
+}
+
+// A ray of the camera, through the pixel's centre or anywhere in its square. One unit of view depth long: it begins at the near plane,
+// and goes through the back faces that the raster leaves out.
+Ray camera_ray(ViewBuffer view, ivec2 pixel, vec2 jitter, uint flags) {
+    precise vec2 at = vec2(pixel) + ((flags & PATH_CENTRE) != 0u ? vec2(0.5) : jitter);
+    precise vec2 ndc = at / vec2(view.at[0].size) * 2.0 - 1.0;
+    mat4 m = view.at[0].world_from_clip;
+    precise vec3 along = m[0].xyz * ndc.x + m[1].xyz * ndc.y + m[3].xyz;
+    Ray ray = make_ray(view.at[0].eye, 1.0 / view.at[0].world_from_clip[2].w, along, 1e30);
+    ray.cull = RAY_CULL_BACK;
+    if ((flags & PATH_CENTRE) != 0u) ray.cone_spread = pixel_spread(view);
+    return ray;
+}
+
+// What neighbouring pixels see of the plane that a ray of the camera has met; nothing where pixels are sampled all over.
+Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
+    if ((flags & PATH_CENTRE) == 0u) return NO_FOOTPRINT;
+    RayStart start = hit_start(SceneBuffer(view.at[0].scene), ray, hit);
+    mat4 m = view.at[0].world_from_clip;
+    vec3 across = m[0].xyz * (2.0 / float(view.at[0].size.x));
+    vec3 down = m[1].xyz * (2.0 / float(view.at[0].size.y));
+    float facing = dot(ray.direction, start.normal);
+    if (facing == 0.0) return NO_FOOTPRINT;
+    // The plane is met by the neighbour's ray a little further on or back.
+    return Footprint(
+        hit.t * (across - ray.direction * (dot(across, start.normal) / facing)),
+        hit.t * (down - ray.direction * (dot(down, start.normal) / facing))
+    );
+}
+
+// The first surface that the camera sees in a pixel. False where there is none.
+bool first_surface(ViewBuffer view, PathParams params, ivec2 pixel, vec2 jitter, out Ray ray, out SurfacePoint surface) {
+    ray = camera_ray(view, pixel, jitter, params.flags);
+    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    Hit hit;
+    closest_traced++;
+    if (!trace_closest(scene, ray, hit)) return false;
+    surface = surface_at(scene, ray, hit, camera_footprint(view, ray, hit, params.flags));
+    return true;
+}
+
+// The pixel of the picture that this invocation works on; false outside.
+bool reference_pixel(PathParams params, ViewBuffer view, out ivec2 pixel) {
+    pixel = ivec2(params.tile + RAY_INVOCATION.xy);
+    return inside(pixel, view.at[0].size);
+}
+
+Random reference_random(PathParams params, ViewBuffer view, ivec2 pixel, uint number) {
+    uint index = uint(pixel.y) * view.at[0].size.x + uint(pixel.x);
+    return random_of(index, params.first_sample + number, view.at[0].seed);
+}
+
+void store_mean(PathParams params, Mean m) {
+    ivec2 at = ivec2(RAY_INVOCATION.xy);
+    store(params.mean, at, vec4(m.mean, 1.0));
+    store(params.squares, at, vec4(m.squares, 1.0));
+    count_rays(params.rays, closest_traced, any_traced);
+}
+
+#endif

@@ -1,0 +1,153 @@
+#ifndef LIB_SURFACE_GLSL
+#define LIB_SURFACE_GLSL
+#include "lib/alpha.glsl"
+#include "lib/bindless.glsl"
+#include "lib/bsdf.glsl"
+#include "lib/normal_map.glsl"
+#include "lib/ray_origin.glsl"
+#include "lib/ray_types.glsl"
+// What a ray has hit: place, normals and material, all from the tables of the scene. What the raster leaves in the G-buffer is the
+// same but for the filter of the textures.
+
+struct SurfacePoint {
+    RayStart start;     // where rays leave from; its normal is that of the triangle, to the side that the ray came from
+    vec3 normal;        // shading normal, unit, to the side that the ray came from
+    float coverage;     // share of light that the surface stops; below 1 on blended ones
+    vec3 emission;      // radiance towards where the ray came from
+    bool shows_light;   // the emission is the look of a light
+    bool black;         // reflects nothing
+    Bsdf bsdf;
+    vec3 absorption;    // per metre, of what light that goes through comes from; 0 outside of volumes
+};
+
+// How far apart in the world the points are that neighbouring pixels see, for the filter of textures; zero for the finest mip.
+struct Footprint {
+    vec3 dx;
+    vec3 dy;
+};
+
+const Footprint NO_FOOTPRINT = Footprint(vec3(0.0), vec3(0.0));
+
+// Texture coordinates, and their change over a footprint.
+struct Coordinates {
+    mat2 uv;  // one set per column
+    mat2 dx;
+    mat2 dy;
+};
+
+// A texture at those coordinates; `otherwise` where there is none.
+vec4 read_texture(TextureSlot slot, Coordinates at, vec4 otherwise) {
+    if (slot.image == NO_TEXTURE) return otherwise;
+    vec3 uv = vec3(at.uv[slot.uv_set & 1u], 1.0);
+    vec2 place = vec2(dot(slot.row_u, uv), dot(slot.row_v, uv));
+    vec2 dx = at.dx[slot.uv_set & 1u];
+    vec2 dy = at.dy[slot.uv_set & 1u];
+    dx = vec2(dot(slot.row_u.xy, dx), dot(slot.row_v.xy, dx));
+    dy = vec2(dot(slot.row_u.xy, dy), dot(slot.row_v.xy, dy));
+    return textureGrad(sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), place, dx, dy);
+}
+
+// What a difference of world positions on a triangle with the edges `e1` and `e2` is in weights of its second and third corner.
+vec2 weights_along(vec3 e1, vec3 e2, vec3 d) {
+    vec3 n = cross(e1, e2);
+    float square = dot(n, n);
+    return square > 0.0 ? vec2(dot(cross(d, e2), n), dot(cross(e1, d), n)) / square : vec2(0.0);
+}
+
+// Emission of a material at some coordinates, before it is known which side is seen.
+vec3 emission_at(Material material, Coordinates at) {
+    return material.emission * read_texture(material.emission_texture, at, vec4(1.0)).rgb;
+}
+
+// What a material is made of at some coordinates. `vertex`: colour of the vertices; `front`: seen from its front.
+void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 vertex, bool front, inout SurfacePoint p) {
+    vec4 base = material.base_colour * vertex * read_texture(material.base_colour_texture, at, vec4(1.0));
+    vec4 metal_rough = read_texture(material.metallic_roughness_texture, at, vec4(1.0));
+    float metalness = material.metalness * metal_rough.b;
+    p.coverage = (material.flags & MATERIAL_BLEND) != 0u ? base.a : 1.0;
+    p.black = (material.flags & MATERIAL_UNLIT) != 0u;
+    p.shows_light = (material.flags & MATERIAL_SHOWS_LIGHT) != 0u;
+    p.emission = p.black ? base.rgb : emission_at(material, at);
+    if (!front && (material.flags & MATERIAL_DOUBLE_SIDED) == 0u) p.emission = vec3(0.0);
+    p.bsdf = opaque_bsdf(base.rgb, metalness, material.roughness * metal_rough.g);
+    p.absorption = vec3(0.0);
+    if (material.layers == NO_LAYERS) return;
+
+    MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
+    float normal_f = (layers.ior - 1.0) / (layers.ior + 1.0);
+    p.bsdf.f0 = mix(vec3(normal_f * normal_f), base.rgb, metalness);
+    p.bsdf.transmission = (1.0 - metalness) * layers.transmission * read_texture(layers.transmission_texture, at, vec4(1.0)).r;
+    p.bsdf.eta = front || layers.thickness == 0.0 ? layers.ior : 1.0 / layers.ior;
+    // Equal media do not bend light either, and there the half vector of refraction has no direction.
+    p.bsdf.thin = layers.thickness == 0.0 || abs(p.bsdf.eta - 1.0) < 1e-4;
+    p.absorption = front && layers.thickness > 0.0 ? layers.absorption : vec3(0.0);
+    if (front || layers.thickness == 0.0) {
+        p.bsdf.coat = layers.clearcoat * read_texture(layers.clearcoat_texture, at, vec4(1.0)).r;
+        float rough = layers.clearcoat_roughness * read_texture(layers.clearcoat_roughness_texture, at, vec4(1.0)).g;
+        p.bsdf.coat_alpha = alpha_of_roughness(rough);
+    }
+}
+
+// The point that a ray has hit.
+SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint) {
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
+    vec3 towards = -normalize(ray.direction);
+    float side = hit.front ? 1.0 : -1.0;
+
+    SurfacePoint p;
+    p.start = hit_start(scene, ray, hit);
+    Coordinates at = Coordinates(mat2(0.0), mat2(0.0), mat2(0.0));
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        material.base_colour_texture.image = NO_TEXTURE;
+        material.metallic_roughness_texture.image = NO_TEXTURE;
+        material.emission_texture.image = NO_TEXTURE;
+        read_material(scene, material, at, vec4(1.0), hit.front, p);
+        p.normal = bend_towards_viewer(p.start.normal, towards);
+        return p;
+    }
+
+    uvec3 corners = TriangleBuffer(mesh.ray_indices).at[hit.primitive];
+    VertexAttributesBuffer attributes = VertexAttributesBuffer(mesh.attributes);
+    VertexAttributes a = attributes.at[corners.x];
+    VertexAttributes b = attributes.at[corners.y];
+    VertexAttributes c = attributes.at[corners.z];
+    vec3 w = vec3(1.0 - hit.barycentric.x - hit.barycentric.y, hit.barycentric);
+    at.uv = mat2(w.x * a.uv0 + w.y * b.uv0 + w.z * c.uv0, w.x * a.uv1 + w.y * b.uv1 + w.z * c.uv1);
+    if (footprint.dx != vec3(0.0)) {
+        PositionBuffer positions = PositionBuffer(mesh.positions);
+        vec3 corner = positions.at[corners.x];
+        vec3 e1 = transform_vector(instance.world_from_object, positions.at[corners.y] - corner);
+        vec3 e2 = transform_vector(instance.world_from_object, positions.at[corners.z] - corner);
+        mat2 along0 = mat2(b.uv0 - a.uv0, c.uv0 - a.uv0);
+        mat2 along1 = mat2(b.uv1 - a.uv1, c.uv1 - a.uv1);
+        vec2 dx = weights_along(e1, e2, footprint.dx);
+        vec2 dy = weights_along(e1, e2, footprint.dy);
+        at.dx = mat2(along0 * dx, along1 * dx);
+        at.dy = mat2(along0 * dy, along1 * dy);
+    }
+    read_material(scene, material, at, w.x * a.colour + w.y * b.colour + w.z * c.colour, hit.front, p);
+
+    mat3 normals = mat3(
+        safe_normalize(transform_normal(instance.object_from_world, a.normal), vec3(0.0, 1.0, 0.0)),
+        safe_normalize(transform_normal(instance.object_from_world, b.normal), vec3(0.0, 1.0, 0.0)),
+        safe_normalize(transform_normal(instance.object_from_world, c.normal), vec3(0.0, 1.0, 0.0))
+    );
+    vec3 normal = normals * w;
+    vec3 shading = safe_normalize(normal, side * p.start.normal);
+    if (material.normal_texture.image != NO_TEXTURE) {
+        mat3 tangents = mat3(
+            safe_normalize(transform_vector(instance.world_from_object, a.tangent.xyz), vec3(0.0)),
+            safe_normalize(transform_vector(instance.world_from_object, b.tangent.xyz), vec3(0.0)),
+            safe_normalize(transform_vector(instance.world_from_object, c.tangent.xyz), vec3(0.0))
+        );
+        float turn = dot(w, vec3(a.tangent.w, b.tangent.w, c.tangent.w)) * handedness(instance.world_from_object);
+        vec3 texel = read_texture(material.normal_texture, at, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
+        shading = apply_normal_map(normal, vec4(tangents * w, turn), texel, material.normal_scale);
+    }
+    p.normal = bend_towards_viewer(side * shading, towards);
+    return p;
+}
+
+#endif
