@@ -1,6 +1,7 @@
 //! Tests of Magpie, in tiers.
 
 pub mod bench;
+pub mod chi_square;
 pub mod flip;
 pub mod harness;
 pub mod made;

@@ -9,7 +9,7 @@ pub use file::EstimateFileError;
 
 use crate::read_back::Copies;
 use glam::DVec3;
-use lights::Tables;
+pub use lights::Tables;
 use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, RayKernel, Staging};
 use magpie::graph::execute::{ExecuteError, Executor, Imports};

@@ -77,7 +77,10 @@ pub fn alpha(roughness: f64) -> f64 {
     (roughness * roughness).max(MIN_ALPHA)
 }
 
-/// The BRDF (glTF 2.0, appendix B) from light direction `l` to viewer `v`, per steradian; 0 for a light below the surface.
+/// Share of the diffuse part that is left once no surface returns more light than it gets.
+pub const DIFFUSE_SHARE: f64 = 0.998;
+
+/// The BRDF (specular as in glTF 2.0, appendix B; diffuse by Shirley et al. 1997) from light direction `l` to viewer `v`, per steradian; 0 for a light below the surface.
 pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let n = p.normal;
     let n_l = n.dot(l);
@@ -90,8 +93,13 @@ pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let f0 = DVec3::splat(0.04).lerp(p.base_colour, p.metalness);
     let f = schlick(f0, v.dot(h));
     let specular = f * ggx_d(n.dot(h), alpha) * smith_g2(n_v, n_l, alpha) / (4.0 * n_v * n_l);
-    let diffuse = (DVec3::ONE - f) * (1.0 - p.metalness) * p.base_colour / PI;
-    diffuse + specular
+    // What enters and what leaves, over what comes through on average: 1 - F integrated over the cosine-weighted hemisphere.
+    let f90 = (50.0 * f0.max_element()).min(1.0);
+    let through = |cosine| DVec3::ONE - schlick(f0, cosine);
+    let average = DVec3::ONE - (20.0 * f0 + DVec3::splat(f90)) / 21.0;
+    let coupled = through(n_v) * through(n_l) / average;
+    let coupled = DVec3::select(average.cmpgt(DVec3::splat(1e-12)), coupled, DVec3::ZERO);
+    DIFFUSE_SHARE * (1.0 - p.metalness) * p.base_colour / PI * coupled + specular
 }
 
 /// Light at a point, unoccluded (KHR_lights_punctual; rectangles from their centre).
