@@ -152,6 +152,9 @@ pub struct RenderArguments {
     /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map
     #[arg(long, value_name = "F.png|F.exr")]
     pub out: Option<PathBuf>,
+    /// Light from all around.
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,
@@ -215,6 +218,22 @@ pub struct RenderArguments {
     /// Print the whole configuration as TOML, and do nothing else
     #[arg(long)]
     pub print_config: bool,
+}
+
+/// Light from all around, for every command that renders a scene.
+#[derive(Args, Clone, Debug)]
+pub struct EnvironmentArguments {
+    /// Surround the scene with this image, latitude over longitude, in place of its sky; its lights stay
+    #[arg(long, value_name = "F.hdr|F.exr")]
+    pub environment: Option<PathBuf>,
+    /// What the radiance of the image is multiplied with
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "environment", allow_negative_numbers = true,
+          value_parser = environment_scale)]
+    pub environment_scale: f32,
+    /// Angle by which the image is turned about the vertical, counter-clockwise as seen from above
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, requires = "environment", allow_negative_numbers = true,
+          value_parser = environment_turn)]
+    pub environment_turn: f32,
 }
 
 fn switches(text: &str) -> Result<Switches, String> {
@@ -310,6 +329,20 @@ impl DriverRays {
     }
 }
 
+fn environment_scale(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(scale) if scale.is_finite() && scale >= 0.0 => Ok(scale),
+        _ => Err("wanted a finite number of at least 0".to_owned()),
+    }
+}
+
+fn environment_turn(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(degrees) if degrees.is_finite() => Ok(degrees),
+        _ => Err("wanted a finite number of degrees".to_owned()),
+    }
+}
+
 fn time_step(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
@@ -362,6 +395,15 @@ mod tests {
         for bad in ["0", "-1", "nan", "inf", "1e99", "", "x", "1e-99"] {
             assert!(time_step(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn scales_and_turns_of_an_environment_map_are_finite() {
+        assert_eq!((environment_scale("0"), environment_turn("-90.5")), (Ok(0.0), Ok(-90.5)));
+        for bad in ["nan", "inf", "-inf", "1e99", "", "x"] {
+            assert!(environment_scale(bad).is_err() && environment_turn(bad).is_err(), "{bad}");
+        }
+        assert!(environment_scale("-1").is_err());
     }
 
     #[test]
