@@ -2,8 +2,11 @@
 
 use std::{path::PathBuf, str::FromStr};
 
+mod reference;
+
+pub use reference::{Only, Pixel, ReferenceArguments};
+
 use magpie::graph::Switches;
-use magpie_passes::reference::{self, PixelSampling};
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
@@ -155,6 +158,9 @@ pub struct RenderArguments {
     /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map
     #[arg(long, value_name = "F.png|F.exr")]
     pub out: Option<PathBuf>,
+    /// Light from all around.
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,
@@ -220,110 +226,20 @@ pub struct RenderArguments {
     pub print_config: bool,
 }
 
-/// Arguments of `magpie reference`.
-#[derive(Args, Debug)]
-pub struct ReferenceArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
-    #[arg(value_name = "SCENE")]
-    pub scene: PathBuf,
-    /// Samples per pixel, those of earlier runs counted in
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32))]
-    pub samples: u32,
-    /// Write linear radiance with its standard error to this file; if it is there already, go on where it stopped
-    #[arg(long, value_name = "F.exr")]
-    pub out: PathBuf,
-    /// Begin anew in the place of --out
-    #[arg(long)]
-    pub restart: bool,
-    /// Add the samples of another run of the same picture, with another seed; repeatable
-    #[arg(long, value_name = "F.exr")]
-    pub merge: Vec<PathBuf>,
-    /// Only what the slot of this name gives, at the centres of pixels
-    #[arg(long, value_enum, default_value_t = Only::All)]
-    pub only: Only,
-    /// Where in a pixel samples lie; without it all over, and with --only at the centre
-    #[arg(long, value_enum, value_name = "WHERE")]
-    pub pixel: Option<Pixel>,
-    /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    pub depth: u32,
-    /// How far away things count for `--only ao`, metres
-    #[arg(long, value_name = "METRES", default_value = "1", allow_negative_numbers = true, value_parser = time_step)]
-    pub ao_range: f32,
-    /// Which moment of the animation, seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
-    pub time: f32,
-    /// Width and height of the picture, pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
-    pub size: Extent,
-    /// A camera of the scene by name, or a camera file
-    #[arg(long, value_name = "NAME|F.toml")]
-    pub camera: Option<PathBuf>,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    pub seed: u32,
-    /// How rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
-    /// Turn on the validation layers; any finding is an error
-    #[arg(long)]
-    pub check: bool,
-}
-
-impl ReferenceArguments {
-    /// Where in a pixel.
-    pub fn pixel(&self) -> PixelSampling {
-        match (self.pixel, self.only) {
-            (Some(Pixel::Area), _) | (None, Only::All) => PixelSampling::Area,
-            (Some(Pixel::Centre), _) | (None, _) => PixelSampling::Centre,
-        }
-    }
-}
-
-/// Where in a pixel samples lie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Pixel {
-    /// All over its square.
-    Area,
-    /// At its centre.
-    Centre,
-}
-
-/// Which light the reference looks for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Only {
-    /// The whole picture.
-    All,
-    /// Light straight from lights, and emission.
-    Direct,
-    /// Share of the key light that is seen.
-    Shadows,
-    /// Share of the hemisphere that nothing near hides.
-    Ao,
-    /// Indirect light that the first surface scatters specularly.
-    Reflections,
-    /// Indirect light that the first surface scatters diffusely.
-    Gi,
-    /// Light that comes through the first surface.
-    Transparency,
-}
-
-impl Only {
-    /// As the reference names it.
-    pub fn which(self) -> reference::Only {
-        match self {
-            Self::All => reference::Only::All,
-            Self::Direct => reference::Only::Direct,
-            Self::Shadows => reference::Only::Shadows,
-            Self::Ao => reference::Only::AmbientOcclusion,
-            Self::Reflections => reference::Only::Reflections,
-            Self::Gi => reference::Only::Gi,
-            Self::Transparency => reference::Only::Transparency,
-        }
-    }
+/// Light from all around, for every command that renders a scene.
+#[derive(Args, Clone, Debug)]
+pub struct EnvironmentArguments {
+    /// Surround the scene with this image, latitude over longitude, in place of its sky; its lights stay
+    #[arg(long, value_name = "F.hdr|F.exr")]
+    pub environment: Option<PathBuf>,
+    /// What the radiance of the image is multiplied with
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "environment", allow_negative_numbers = true,
+          value_parser = environment_scale)]
+    pub environment_scale: f32,
+    /// Angle by which the image is turned about the vertical, counter-clockwise as seen from above
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, requires = "environment", allow_negative_numbers = true,
+          value_parser = environment_turn)]
+    pub environment_turn: f32,
 }
 
 fn switches(text: &str) -> Result<Switches, String> {
@@ -419,6 +335,20 @@ impl DriverRays {
     }
 }
 
+fn environment_scale(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(scale) if scale.is_finite() && scale >= 0.0 => Ok(scale),
+        _ => Err("wanted a finite number of at least 0".to_owned()),
+    }
+}
+
+fn environment_turn(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(degrees) if degrees.is_finite() => Ok(degrees),
+        _ => Err("wanted a finite number of degrees".to_owned()),
+    }
+}
+
 fn time_step(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(seconds) if seconds.is_finite() && seconds > 0.0 => Ok(seconds),
@@ -471,6 +401,15 @@ mod tests {
         for bad in ["0", "-1", "nan", "inf", "1e99", "", "x", "1e-99"] {
             assert!(time_step(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn scales_and_turns_of_an_environment_map_are_finite() {
+        assert_eq!((environment_scale("0"), environment_turn("-90.5")), (Ok(0.0), Ok(-90.5)));
+        for bad in ["nan", "inf", "-inf", "1e99", "", "x"] {
+            assert!(environment_scale(bad).is_err() && environment_turn(bad).is_err(), "{bad}");
+        }
+        assert!(environment_scale("-1").is_err());
     }
 
     #[test]

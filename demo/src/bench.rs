@@ -72,7 +72,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     let named = || arguments.scene.clone().into_iter();
     let all = || session::scenes().into_iter().map(|(name, _)| PathBuf::from(name));
     let names: Vec<PathBuf> = if arguments.scene.is_empty() { all().collect() } else { named().collect() };
-    let scenes = names.iter().map(|name| session::load_scene(name)).collect::<Result<Vec<_>, _>>()?;
+    let scenes = names.iter().map(|name| session::load_scene(name, None)).collect::<Result<Vec<_>, _>>()?;
     let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
     let mut ways: Vec<_> = arguments.rays.iter().map(|r| r.way()).collect();
     for &way in &ways {

@@ -47,8 +47,12 @@ impl Outputs {
         };
         let all = [&outputs.picture, &outputs.timings, &outputs.trace, &outputs.graph];
         let all: Vec<&Output> = all.into_iter().flatten().collect();
-        let inputs =
-            [("scene", &arguments.scene), ("camera file", &arguments.camera), ("configuration", &arguments.config)];
+        let inputs = [
+            ("scene", &arguments.scene),
+            ("environment map", &arguments.environment.environment),
+            ("camera file", &arguments.camera),
+            ("configuration", &arguments.config),
+        ];
         let inputs: Vec<(&str, &Path)> = inputs.iter().filter_map(|(what, p)| Some((*what, p.as_deref()?))).collect();
         keep_apart(&all, &inputs)?;
         Ok(outputs)
@@ -69,7 +73,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let Some(scene_name) = &arguments.scene else {
         return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
     };
-    let scene = session::load_scene(scene_name)?;
+    let scene = session::load_scene(scene_name, Some(&arguments.environment))?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
 
     let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();

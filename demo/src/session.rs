@@ -8,12 +8,12 @@ use magpie::{
     gpu::{DeviceReport, Gpu, GpuOptions},
     graph::{GraphError, Switches, execute::ExecuteOptions},
     measure::Device,
-    scene::{self, BUILTIN, Camera, CameraFile, ResidentError, Scene},
+    scene::{self, BUILTIN, Camera, CameraFile, Environment, ResidentError, Scene, SceneError},
 };
 use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
 
 use crate::{
-    args::{Extent, Rays, ViewName},
+    args::{EnvironmentArguments, Extent, Rays, ViewName},
     exit::Failure,
     input,
 };
@@ -35,8 +35,8 @@ pub(crate) fn scenes() -> Vec<(String, &'static str)> {
     BUILTIN.iter().map(|(name, about)| (format!("{BUILTIN_PREFIX}{name}"), *about)).collect()
 }
 
-/// Loads or makes a scene and supplies what it lacks: light, a camera.
-pub(crate) fn load_scene(name: &Path) -> Result<Scene, Failure> {
+/// Loads or makes a scene, surrounds it with an environment map if one is asked for, and supplies what it lacks: light, a camera.
+pub(crate) fn load_scene(name: &Path, environment: Option<&EnvironmentArguments>) -> Result<Scene, Failure> {
     let mut scene = match name.to_str().and_then(|n| n.strip_prefix(BUILTIN_PREFIX)) {
         Some(wanted) => {
             let (known, _) = input::find("built-in scene", wanted, BUILTIN, |(name, _)| name)?;
@@ -44,6 +44,7 @@ pub(crate) fn load_scene(name: &Path) -> Result<Scene, Failure> {
         }
         None => scene::load(name)?,
     };
+    scene.environment = environment.map(load_environment).transpose()?.flatten();
     scene::supply_missing(&mut scene);
     for warning in &scene.warnings {
         log::warn!("{}: {warning}", scene.name);
@@ -52,6 +53,19 @@ pub(crate) fn load_scene(name: &Path) -> Result<Scene, Failure> {
         log::info!("{}: {supplied}", scene.name);
     }
     Ok(scene)
+}
+
+/// The environment map that is asked for.
+fn load_environment(wanted: &EnvironmentArguments) -> Result<Option<Environment>, Failure> {
+    let Some(path) = &wanted.environment else { return Ok(None) };
+    let (scale, turn) = (wanted.environment_scale, wanted.environment_turn.to_radians());
+    let load = || {
+        let made = Environment { scale, turn, ..Environment::load(path)? };
+        let refuse = |fault| SceneError::Environment { path: path.clone(), fault };
+        made.validate().map_err(refuse)?;
+        Ok(made)
+    };
+    load().map(Some).map_err(|error: SceneError| Failure::from(error).context("--environment"))
 }
 
 /// The scene's camera of that name, the camera of that file, or the scene's first one.
@@ -178,6 +192,7 @@ fn failure(error: RenderError) -> Failure {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),
         RenderError::Scene(ResidentError::Ray(error)) => Failure::input(error),
+        RenderError::Scene(error @ ResidentError::Environment { .. }) => Failure::input(error),
         RenderError::Config(error) => (*error).into(),
         RenderError::View(error @ (GraphError::UnknownPass { .. } | GraphError::UnknownOutput { .. })) => {
             Failure::input(error).context("--view")

@@ -271,6 +271,72 @@ fn cameras() {
     }
 }
 
+/// An OpenEXR image of 2x1 texels: 1 everywhere but in the last number.
+fn environment(last: f32) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let texels = vec![1.0, 1.0, 1.0, 1.0, 1.0, last];
+    let image = image::Rgb32FImage::from_raw(2, 1, texels).unwrap();
+    image.write_to(&mut bytes, image::ImageFormat::OpenExr).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn environments() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |arguments: &[&str], status: i32, names: &[&str]| {
+        let arguments = [&["render", "builtin:cornell"][..], arguments, &OUTPUTS].concat();
+        refused(folder.path(), &arguments, status, names);
+    };
+    let good = environment(2.0);
+    for (name, contents) in [
+        ("good.exr", good.clone()),
+        ("nan.exr", environment(f32::NAN)),
+        ("inf.exr", environment(f32::INFINITY)),
+        ("less.exr", environment(-0.5)),
+        ("half.exr", good[..good.len() / 2].to_vec()),
+        ("empty.hdr", Vec::new()),
+        ("text.hdr", b"hello".to_vec()),
+        ("header.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n".to_vec()),
+        ("large.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 99999\n".to_vec()),
+        ("many.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16384 +X 16384\n".to_vec()),
+    ] {
+        fs::write(folder.path().join(name), contents).unwrap();
+    }
+    for (file, name) in [
+        ("nan.exr", "pixel (1, 0)"),
+        ("inf.exr", "pixel (1, 0)"),
+        ("less.exr", "pixel (1, 0)"),
+        ("half.exr", "cannot be decoded"),
+        ("empty.hdr", "neither Radiance HDR nor OpenEXR"),
+        ("text.hdr", "neither Radiance HDR nor OpenEXR"),
+        ("header.hdr", "cannot be decoded"),
+        ("large.hdr", "99999 texels along an edge"),
+        ("many.hdr", "268435456 texels"),
+        ("none.hdr", "cannot be read"),
+        (".", "cannot be read"),
+    ] {
+        with(&["--environment", file], 2, &["--environment", file, name]);
+    }
+    let map = ["--environment", "good.exr"];
+    for (option, value, name) in [
+        ("--environment-scale", "-1", "at least 0"),
+        ("--environment-scale", "nan", "finite"),
+        ("--environment-scale", "much", "finite"),
+        ("--environment-turn", "inf", "finite number of degrees"),
+        ("--environment-turn", "left", "finite number of degrees"),
+        ("--environment-scale", "1e30", "pixel (0, 0)"),
+    ] {
+        with(&[&map[..], &[option, value]].concat(), 2, &["--environment", name]);
+    }
+    with(&["--environment-scale", "2"], 2, &["--environment <"]);
+    with(&["--environment-turn", "2"], 2, &["--environment <"]);
+    let over = ["render", "builtin:cornell", "--environment", "o.exr", "--out", "o.exr"];
+    fs::write(folder.path().join("o.exr"), &good).unwrap();
+    refused(folder.path(), &over, 2, &["--out", "o.exr", "overwrite the environment map"]);
+    // What all of these were made from is fine: only the device is missing.
+    with(&[&map[..], &["--environment-scale", "0.5", "--environment-turn", "-90"]].concat(), 3, &[]);
+}
+
 /// One triangle, its buffer beside it as `b.bin`: three positions, then three 16-bit indices.
 fn triangle() -> (Json, Vec<u8>) {
     let positions: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];

@@ -4,7 +4,9 @@ use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
 use crate::scene::{Camera, ResidentScene};
 use glam::{DVec3, Mat4};
-use magpie_shaders::view::{self as shared, NO_LIGHT};
+use magpie_shaders::SampledImage;
+use magpie_shaders::scene::NO_TEXTURE;
+use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
 use std::sync::Arc;
 
 /// What every effect is given beside its inputs.
@@ -78,7 +80,7 @@ impl ViewDesc<'_> {
             key_light: scene.key_light().unwrap_or(NO_LIGHT),
             scene: scene.root(),
             has_sky: u32::from(scene.sky().is_some()),
-            sky: scene.sky().unwrap_or_default(),
+            sky: scene.sky().unwrap_or(Sky { environment: SampledImage(NO_TEXTURE), ..Sky::default() }),
         };
         let key = imports.buffer(block.write(bytemuck::bytes_of(&contents))?);
         Ok(View {

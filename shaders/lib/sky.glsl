@@ -1,9 +1,39 @@
 #ifndef LIB_SKY_GLSL
 #define LIB_SKY_GLSL
+#include "lib/bindless.glsl"
+#include "shared/scene.glsl"
 #include "shared/view.glsl"
 #include "lib/colour.glsl"
 #include "lib/vector.glsl"
-// Analytic daylight: Preetham, Shirley and Smits 1999, "A Practical Analytic Model for Daylight". Directions are unit, y up.
+// Light from all around: an environment map where there is one, else analytic daylight after Preetham, Shirley and Smits 1999,
+// "A Practical Analytic Model for Daylight". Directions are unit, y up.
+
+bool has_environment(Sky sky) {
+    return sky.environment != NO_TEXTURE;
+}
+
+// Texture coordinates, 0 to 1 from the top left, of a direction in the world. Before the turn about +y it is
+// (sin p sin t, cos t, -cos p sin t) with p = 2 pi (u - 1/2) and t = pi v: the middle of the image is -z. At the poles u is 1/2.
+vec2 environment_uv(Sky sky, vec3 direction) {
+    float s = sky.environment_turn.x, c = sky.environment_turn.y;
+    vec2 flat_part = vec2(c * direction.x - s * direction.z, s * direction.x + c * direction.z);
+    float around = flat_part == vec2(0.0) ? 0.0 : atan(flat_part.x, -flat_part.y);
+    return vec2(around / (2.0 * PI) + 0.5, atan(length(flat_part), direction.y) / PI);
+}
+
+// Its inverse: the unit direction in the world of texture coordinates. A patch of the image covers 2 pi^2 sin(pi v) du dv steradians.
+vec3 environment_direction(Sky sky, vec2 uv) {
+    float p = 2.0 * PI * (uv.x - 0.5), t = PI * uv.y;
+    vec3 d = vec3(sin(p) * sin(t), cos(t), -cos(p) * sin(t));
+    float s = sky.environment_turn.x, c = sky.environment_turn.y;
+    return vec3(c * d.x + s * d.z, d.y, c * d.z - s * d.x);
+}
+
+// Radiance of the environment map, bilinear between texels.
+vec3 environment_radiance(Sky sky, vec3 direction) {
+    vec2 uv = environment_uv(sky, direction);
+    return sky.environment_scale * sample_lod(sky.environment, sky.environment_sampler, uv, 0.0).rgb;
+}
 
 // Perez et al. 1993: F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos² gamma), coefficients A to E.
 // theta: angle from the zenith; gamma: angle from the sun.
@@ -11,8 +41,9 @@ float perez(float k[5], float cos_theta, float gamma, float cos_gamma) {
     return (1.0 + k[0] * exp(k[1] / cos_theta)) * (1.0 + k[2] * exp(k[3] * gamma) + k[4] * cos_gamma * cos_gamma);
 }
 
-// Radiance from `direction` without the sun's disc: the ground below the horizon, the sky above.
+// Radiance from `direction` without the sun's disc: the environment map, or the ground below the horizon, the sky above.
 vec3 sky_radiance(Sky sky, vec3 direction) {
+    if (has_environment(sky)) return environment_radiance(sky, direction);
     if (direction.y < 0.0) return sky.ground;
     // The formula has a pole at the horizon; its last half degree is that of 0.6 degrees.
     float cos_theta = max(direction.y, 0.01);
@@ -27,7 +58,7 @@ vec3 sky_radiance(Sky sky, vec3 direction) {
     return non_negative(rec709_of_yxy(yxy));
 }
 
-// The same with the sun's disc.
+// The same with the sun's disc, which an environment map does not have beside itself.
 vec3 sky_radiance_with_sun(Sky sky, vec3 direction) {
     vec3 radiance = sky_radiance(sky, direction);
     if (direction.y >= 0.0 && dot(direction, sky.to_sun) >= sky.sun_cos_radius) radiance += sky.sun_radiance;

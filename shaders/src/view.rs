@@ -33,7 +33,7 @@ pub struct View {
     pub sky: Sky,
 }
 
-/// Analytic daylight (Preetham et al. 1999), scaled, over a Lambertian ground.
+/// Light from all around: an environment map, or analytic daylight (Preetham et al. 1999), scaled, over a Lambertian ground.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Sky {

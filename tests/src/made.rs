@@ -1,6 +1,6 @@
 //! Scenes that tests make: planes, spheres, one light.
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
-use magpie::scene::{Camera, Instance, Light, Material, Mesh, Scene};
+use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene};
 use std::f32::consts::{PI, TAU};
 
 /// A mesh of triangles with one normal per vertex, white, without texture coordinates.
@@ -68,4 +68,16 @@ pub fn material(base_colour: [f32; 3], metalness: f32, roughness: f32) -> Materi
 /// A sun that shines from this direction, illuminance pi.
 pub fn sun(towards: Vec3) -> Light {
     Light::Directional { direction: -towards.normalize(), illuminance: Vec3::splat(PI), angular_radius: 0.0 }
+}
+
+/// Eight by four texels: a ground, a sky that is bluer higher up and redder to the right, and one bright texel ahead, above the
+/// horizon and to the right.
+pub fn environment() -> Environment {
+    let texel = |x: u32, y: u32| match (x, y) {
+        (5, 1) => Vec3::new(30.0, 26.0, 20.0),
+        (_, 0 | 1) => Vec3::new(0.2 + 0.1 * x as f32, 0.6, 1.6 - 0.5 * y as f32),
+        _ => Vec3::new(0.3, 0.25 + 0.02 * x as f32, 0.2),
+    };
+    let radiance = (0..32).map(|i| texel(i % 8, i / 8)).collect();
+    Environment { name: "made".to_owned(), width: 8, height: 4, radiance, scale: 1.0, turn: 0.0 }
 }

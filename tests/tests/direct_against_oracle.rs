@@ -407,3 +407,20 @@ fn rectangle() -> Result<()> {
     };
     check("rectangle", light, 0.3)
 }
+
+#[test]
+fn disc() -> Result<()> {
+    let light = Light::Disc {
+        centre: DVec3::new(-0.3, 3.0, -0.5),
+        normal: Vec3::new(0.1, -1.0, 0.15).normalize(),
+        radius: 0.4,
+        radiance: Vec3::new(8.0, 9.0, 10.0),
+    };
+    check("disc", light, 0.3)
+}
+
+#[test]
+fn ball_of_light() -> Result<()> {
+    let light = Light::Sphere { centre: DVec3::new(0.6, 2.4, 0.2), radius: 0.3, radiance: Vec3::new(14.0, 11.0, 8.0) };
+    check("sphere", light, 0.3)
+}

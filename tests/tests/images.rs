@@ -1,9 +1,12 @@
 //! One image per effect on the courtyard, against a golden, with what must hold beyond it.
 use anyhow::{Context, Result, ensure};
+use glam::{Affine3A, Quat, Vec3};
 use magpie::pixels::Pixels;
 use magpie::prelude::Rays;
+use magpie::scene::{Daylight, Environment, Scene};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
+use magpie_tests::made;
 
 const SIZE: [u32; 2] = [240, 135];
 /// Different drivers round differently; a black, shifted or unshadowed picture is far beyond this.
@@ -97,6 +100,30 @@ fn compose() -> Result<()> {
 #[test]
 fn sky() -> Result<()> {
     golden("sky", output("sky.fill", "lit", &[])?.as_ref())
+}
+
+/// A floor and three balls: white, polished metal, blue gloss. No light but that of the map.
+#[test]
+fn sky_of_an_environment_map() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = made::scene("surrounded", made::camera(Vec3::new(0.0, 1.3, 5.0), Vec3::new(0.0, 0.9, 0.0)));
+    made::add(&mut scene, made::plane(4.0), made::material([0.5; 3], 0.0, 0.9), Affine3A::IDENTITY);
+    let balls = [([0.9; 3], 0.0, 1.0), ([0.95, 0.93, 0.9], 1.0, 0.0), ([0.05, 0.1, 0.5], 0.0, 0.2)];
+    for (i, (colour, metalness, roughness)) in balls.into_iter().enumerate() {
+        let at = Vec3::new(1.5 * (i as f32 - 1.0), 0.65, 0.0);
+        let place = Affine3A::from_scale_rotation_translation(Vec3::splat(0.65), Quat::IDENTITY, at);
+        made::add(&mut scene, made::sphere(48), made::material(colour, metalness, roughness), place);
+    }
+    scene.environment = Some(Environment { turn: 0.3, ..made::environment() });
+    let picture = |scene: &Scene| display(render(&gpu, scene, &config(&[])?, SIZE, 1, None)?);
+    let seen = picture(&scene)?;
+    golden("sky.environment", Some(&seen))?;
+    // It takes the place of the sky of daylight.
+    scene.daylight = Some(Daylight::default());
+    ensure!(picture(&scene)?.bytes == seen.bytes, "daylight shows beside the map");
+    scene.environment = None;
+    ensure!(picture(&scene)?.bytes != seen.bytes, "the map shows without being there");
+    Ok(())
 }
 
 #[test]

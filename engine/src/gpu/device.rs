@@ -265,6 +265,13 @@ impl Gpu {
         &self.0.raw
     }
 
+    /// What the device does with images of a format that lie as it likes.
+    pub(super) fn format_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
+        let instance = &self.0.logical.instance.raw;
+        // SAFETY: the physical device belongs to the instance, which lives as long as the device.
+        unsafe { instance.get_physical_device_format_properties(self.0.physical, format) }.optimal_tiling_features
+    }
+
     pub(super) fn cache(&self) -> vk::PipelineCache {
         self.0.cache
     }

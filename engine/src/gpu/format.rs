@@ -1,6 +1,14 @@
 //! Formats of the graph as Vulkan formats.
+use super::Gpu;
 use crate::graph::Format;
 use ash::vk;
+
+impl Gpu {
+    /// Whether samplers can blend the texels of images of this format.
+    pub fn filters(&self, format: Format) -> bool {
+        self.format_features(vulkan(format)).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
+    }
+}
 
 pub(super) fn vulkan(format: Format) -> vk::Format {
     match format {

@@ -182,12 +182,17 @@ impl SkyModel {
                 }
             }
         }
-        // The clamped cosine's coefficients A_l, equation 8: pi, 2 pi / 3, pi / 4.
-        for (i, c) in c.iter_mut().enumerate() {
-            *c *= [PI, 2.0 * PI / 3.0, 0.25 * PI][[0, 1, 1, 1, 2, 2, 2, 2, 2][i]];
-        }
-        c
+        cosine_lobe(c)
     }
+}
+
+/// Irradiance from radiance, both as coefficients in the order of [`sh_basis`]: each times that of the clamped cosine, A_l of
+/// equation 8 of the paper: pi, 2 pi / 3, pi / 4.
+pub(super) fn cosine_lobe(mut c: [DVec3; 9]) -> [DVec3; 9] {
+    for (i, c) in c.iter_mut().enumerate() {
+        *c *= [PI, 2.0 * PI / 3.0, 0.25 * PI][[0, 1, 1, 1, 2, 2, 2, 2, 2][i]];
+    }
+    c
 }
 
 /// Perez's F of the cosines of the angles to the zenith and to the sun.
@@ -199,7 +204,7 @@ fn perez_function(&[a, b, c, d, e]: &[f64; 5], cos_theta: f64, cos_gamma: f64) -
 
 /// Real spherical harmonics up to order 2 of a unit direction, in the order
 /// `1, y, z, x, xy, yz, 3 z^2 - 1, xz, x^2 - y^2` (l, m from -l to l).
-fn sh_basis(d: DVec3) -> [f64; 9] {
+pub(super) fn sh_basis(d: DVec3) -> [f64; 9] {
     [
         0.282095,
         0.488603 * d.y,

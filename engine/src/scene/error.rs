@@ -1,4 +1,5 @@
 //! What can be wrong with a scene or camera file: every message names the file and the element.
+use super::EnvironmentError;
 use std::path::PathBuf;
 
 /// Why a scene or a camera could not be had.
@@ -66,6 +67,14 @@ pub enum SceneError {
     NoGeometry {
         /// The file.
         path: PathBuf,
+    },
+    /// An environment map is faulty.
+    #[error("{}: {fault}", path.display())]
+    Environment {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: EnvironmentError,
     },
     /// A camera file is faulty.
     #[error("{}: {reason}", path.display())]

@@ -26,7 +26,7 @@ pub use builtin::{BUILTIN, builtin};
 pub use camera::{Camera, CameraFile};
 pub use daylight::{Daylight, SkyModel};
 pub use deform::{Deformed, deform};
-pub use environment::Environment;
+pub use environment::{Environment, EnvironmentError};
 pub use error::{Fault, SceneError};
 pub use import::load;
 pub use origin::FloatingOrigin;

@@ -31,7 +31,7 @@ const SUN: [f32; 2] = [50.0, 50.0];
 const PROBE: [usize; 2] = [256, 144];
 
 /// Supplies what is missing, a notice for each: a camera that frames the geometry; where there is neither light nor
-/// daylight, a sun and a sky that match; a default material.
+/// daylight nor an environment map, a sun and a sky that match, even if materials emit; a default material.
 pub fn supply_missing(scene: &mut Scene) {
     if scene.materials.is_empty() {
         scene.materials.push(Material::default());
@@ -42,7 +42,7 @@ pub fn supply_missing(scene: &mut Scene) {
         scene.supplied.push(format!("the scene has no camera: one at {eye:.2} frames it"));
         scene.cameras.push(camera);
     }
-    if scene.lights.is_empty() && scene.daylight.is_none() {
+    if scene.lights.is_empty() && scene.daylight.is_none() && scene.environment.is_none() {
         let to_sun = sun_for(&scene.cameras[0]);
         let daylight = Daylight { to_sun, ..Daylight::default() };
         scene.lights.push(daylight.sun());
@@ -241,8 +241,7 @@ fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Light;
-    use crate::scene::{Instance, Mesh, Sphere};
+    use crate::scene::{Environment, Instance, Light, Mesh, Sphere};
     use glam::{Affine3A, Vec4};
 
     fn cloud(points: Vec<Vec3>) -> Scene {
@@ -333,6 +332,21 @@ mod tests {
         supply_missing(&mut scene);
         assert_eq!(scene.cameras, [camera]);
         assert!(scene.daylight.is_none() && scene.lights.len() == 1 && scene.supplied.is_empty());
+    }
+
+    #[test]
+    fn an_environment_map_is_light_enough_and_emission_is_not() {
+        let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
+        scene.materials.push(Material { emission: Vec3::ONE, ..Material::default() });
+        let mut surrounded = scene.clone();
+        let name = "grey".to_owned();
+        let radiance = [Vec3::ONE].into();
+        surrounded.environment = Some(Environment { name, width: 1, height: 1, radiance, scale: 1.0, turn: 0.0 });
+        supply_missing(&mut surrounded);
+        assert!(surrounded.lights.is_empty() && surrounded.daylight.is_none(), "{:?}", surrounded.supplied);
+        assert_eq!(surrounded.supplied.len(), 1, "the camera");
+        supply_missing(&mut scene);
+        assert!(scene.lights.len() == 1 && scene.daylight.is_some());
     }
 
     #[test]

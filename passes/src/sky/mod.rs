@@ -1,4 +1,4 @@
-//! The analytic sky and the sun's disc, written where nothing was drawn.
+//! The environment map, or the analytic sky and the sun's disc, written where nothing was drawn.
 use crate::stages::SkyIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -10,9 +10,12 @@ use magpie_shaders::sky::FillParams;
 pub fn stage() -> Stage<SkyIn, Handle<Image>> {
     Stage::new("sky")
         .about("What lies behind everything.")
-        .with("analytic", "Daylight after Preetham et al. 1999, with the sun's disc.", &[], |build, _| {
-            Ok(Box::new(Analytic::new(build.gpu)?))
-        })
+        .with(
+            "analytic",
+            "The scene's environment map, else daylight after Preetham et al. 1999 with the sun's disc.",
+            &[],
+            |build, _| Ok(Box::new(Analytic::new(build.gpu)?)),
+        )
         .with("off", "Black.", &[], |_, _| Ok(Box::new(Off)))
 }
 

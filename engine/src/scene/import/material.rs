@@ -1,4 +1,5 @@
 //! Materials, samplers, and which images they need in which colour space.
+use super::layers::Layers;
 use super::{Import, Of, label, refer};
 use crate::scene::error::Fault;
 use crate::scene::{AlphaMode, ColourSpace, Material, Sampler, TextureUse, Wrap};
@@ -41,7 +42,7 @@ struct Reader<'a> {
 }
 
 /// A reference to a texture, whichever of glTF's three structs it came in.
-struct Slot<'a> {
+pub(super) struct Slot<'a> {
     element: &'static str,
     texture: usize,
     uv_set: u32,
@@ -49,14 +50,30 @@ struct Slot<'a> {
     colour_space: ColourSpace,
 }
 
+impl<'a> Slot<'a> {
+    /// What a material refers to with the plain struct.
+    pub fn of(element: &'static str, info: Option<&'a json::texture::Info>, colour_space: ColourSpace) -> Option<Self> {
+        info.map(|info| Self {
+            element,
+            texture: info.index.value(),
+            uv_set: info.tex_coord,
+            transform: info.extensions.as_ref().and_then(|e| e.texture_transform.as_ref()),
+            colour_space,
+        })
+    }
+}
+
 pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Materials> {
     let mut reader =
         Reader { root, out: Materials::default(), textures: HashMap::new(), samplers: HashMap::new(), notices };
-    let mut blended = Vec::new();
+    let (mut blended, mut transmitting) = (Vec::new(), Vec::new());
     for (i, material) in root.materials.iter().enumerate() {
         let read = reader.material(i, material)?;
         if read.alpha == AlphaMode::Blend {
             blended.push(read.name.clone());
+        }
+        if read.transmission > 0.0 {
+            transmitting.push(read.name.clone());
         }
         reader.out.materials.push(read);
     }
@@ -67,11 +84,16 @@ pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Mater
             "blended materials are drawn alpha-tested at 0.5 until there is a transparency stage: {names}"
         ));
     }
+    if !transmitting.is_empty() {
+        let names = transmitting.join(", ");
+        notices
+            .push(format!("materials with transmission are drawn opaque until there is a transparency stage: {names}"));
+    }
     Ok(out)
 }
 
 /// A factor that must lie in 0 to 1: outside it is moved in, with a notice.
-fn unit(value: f32, what: &'static str, name: &str, notices: &mut Vec<String>) -> Result<f32, Fault> {
+pub(super) fn unit(value: f32, what: &'static str, name: &str, notices: &mut Vec<String>) -> Result<f32, Fault> {
     let value = finite(value, what)?;
     if !(0.0..=1.0).contains(&value) {
         notices.push(format!("material {name}: {what} {value} lies outside 0 to 1: moved in"));
@@ -79,7 +101,7 @@ fn unit(value: f32, what: &'static str, name: &str, notices: &mut Vec<String>) -
     Ok(value.clamp(0.0, 1.0))
 }
 
-fn finite(value: f32, what: &'static str) -> Result<f32, Fault> {
+pub(super) fn finite(value: f32, what: &'static str) -> Result<f32, Fault> {
     if value.is_finite() {
         Ok(value)
     } else {
@@ -119,15 +141,6 @@ impl<'a> Reader<'a> {
             }
         };
 
-        let info = |element, info: &'a Option<json::texture::Info>, colour_space| {
-            info.as_ref().map(|info| Slot {
-                element,
-                texture: info.index.value(),
-                uv_set: info.tex_coord,
-                transform: info.extensions.as_ref().and_then(|e| e.texture_transform.as_ref()),
-                colour_space,
-            })
-        };
         // The crate has no typed KHR_texture_transform for these two.
         let normal_transform = from
             .normal_texture
@@ -155,9 +168,10 @@ impl<'a> Reader<'a> {
             transform: occlusion_transform.as_ref(),
             colour_space: ColourSpace::Linear,
         });
-        let base = info("baseColorTexture", &pbr.base_color_texture, ColourSpace::Srgb);
-        let rough = info("metallicRoughnessTexture", &pbr.metallic_roughness_texture, ColourSpace::Linear);
-        let emissive = info("emissiveTexture", &from.emissive_texture, ColourSpace::Srgb);
+        let base = Slot::of("baseColorTexture", pbr.base_color_texture.as_ref(), ColourSpace::Srgb);
+        let rough = Slot::of("metallicRoughnessTexture", pbr.metallic_roughness_texture.as_ref(), ColourSpace::Linear);
+        let emissive = Slot::of("emissiveTexture", from.emissive_texture.as_ref(), ColourSpace::Srgb);
+        let layers = Layers::read(extensions, &name, self.notices).of(element)?;
         let occlusion_strength = from.occlusion_texture.as_ref().map_or(1.0, |t| t.strength.0);
         let normal_scale = from.normal_texture.as_ref().map_or(1.0, |t| t.scale);
         Ok(Material {
@@ -176,8 +190,18 @@ impl<'a> Reader<'a> {
             normal_texture: self.slot(index, normal)?,
             occlusion_texture: self.slot(index, occlusion)?,
             emission_texture: self.slot(index, emissive)?,
+            shows_light: false,
+            transmission: layers.transmission,
+            ior: layers.ior,
+            thickness: layers.thickness,
+            attenuation_colour: layers.attenuation_colour,
+            attenuation_distance: layers.attenuation_distance,
+            clearcoat: layers.clearcoat.factor,
+            clearcoat_roughness: layers.clearcoat.roughness,
+            transmission_texture: self.slot(index, layers.transmission_slot())?,
+            clearcoat_texture: self.slot(index, layers.clearcoat.slot())?,
+            clearcoat_roughness_texture: self.slot(index, layers.clearcoat.roughness_slot())?,
             name,
-            ..Material::default()
         })
     }
 

@@ -13,6 +13,7 @@ mod animation;
 mod file;
 mod geometry;
 mod images;
+mod layers;
 mod material;
 mod nodes;
 mod skin;
@@ -22,10 +23,14 @@ mod tests;
 use accessor::Data;
 
 /// Extensions that are carried out.
-const SUPPORTED: [&str; 5] = [
+const SUPPORTED: [&str; 9] = [
     "KHR_lights_punctual",
+    layers::CLEARCOAT,
     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];

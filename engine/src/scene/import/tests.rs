@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f32::consts::FRAC_1_SQRT_2;
 
+mod layers;
 mod motion;
 
 /// Bytes of a 2x1 PNG.
@@ -446,11 +447,11 @@ fn lights_and_cameras_stand_in_the_world() {
 #[test]
 fn unknown_extensions_and_blending_are_said() {
     let (mut root, bin) = good();
-    root["extensionsUsed"].as_array_mut().unwrap().push(json!("KHR_materials_transmission"));
+    root["extensionsUsed"].as_array_mut().unwrap().push(json!("KHR_materials_iridescence"));
     root["materials"][0]["alphaMode"] = json!("BLEND");
     let scene = load_json(&root, &bin).unwrap();
     assert_eq!(scene.materials[0].alpha, AlphaMode::Blend);
-    assert!(scene.warnings[0].contains("KHR_materials_transmission is present but not supported"));
+    assert!(scene.warnings[0].contains("KHR_materials_iridescence is present but not supported"));
     assert!(scene.warnings[1].contains("alpha-tested at 0.5") && scene.warnings[1].contains("paint"));
 }
 

@@ -13,7 +13,7 @@ mod textures;
 pub use policy::{Culling, Policy};
 pub use state::Moment;
 
-use super::{Animator, Camera, Daylight, Instance, Mesh, Pose, Scene};
+use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
@@ -55,6 +55,14 @@ pub enum ResidentError {
         /// The limit.
         limit: u32,
     },
+    /// The environment map is faulty, or too bright for the device.
+    #[error("environment map {name:?}: {fault}")]
+    Environment {
+        /// The map.
+        name: String,
+        /// What is wrong with it.
+        fault: EnvironmentError,
+    },
     /// The device refused.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -89,6 +97,7 @@ pub struct ResidentScene {
     tables: Arc<Buffer>,
     vertices: Arc<Buffer>,
     indices: Arc<Buffer>,
+    /// Those of materials, then that of the environment.
     textures: Vec<Arc<Image>>,
     state: State,
     deformation: Option<Deformation>,
@@ -193,7 +202,7 @@ impl ResidentScene {
         gpu.check_rays(options.rays)?;
         let mut executor = Executor::new(gpu)?;
         executor.set_options(ExecuteOptions { measure: true, ..executor.options() });
-        let textures = textures::upload_textures(gpu, &mut executor, scene)?;
+        let mut textures = textures::upload_textures(gpu, &mut executor, scene)?;
 
         // Indices and vertices.
         let mut indices = Block::default();
@@ -286,6 +295,12 @@ impl ResidentScene {
             layers: if layers.is_empty() { Address::default() } else { tables.address().offset(layer_table) },
             ..acceleration.root()
         };
+        let mut sky = scene.daylight.as_ref().map(Daylight::to_gpu);
+        if let Some(environment) = &scene.environment {
+            let (image, around) = textures::upload_environment(gpu, &mut executor, environment)?;
+            textures.push(image);
+            sky = Some(around);
+        }
         let mut made = Self {
             state: State::new(gpu, animator, fixed, shapes, root)?,
             tables,
@@ -299,7 +314,7 @@ impl ResidentScene {
             cut: false,
             draws: tables::draws(scene, &index_offsets),
             key_light: tables::key_light(&scene.lights),
-            sky: scene.daylight.as_ref().map(Daylight::to_gpu),
+            sky,
             textures,
             vertices,
             indices,
@@ -430,7 +445,7 @@ impl ResidentScene {
         self.key_light
     }
 
-    /// The sky, if the scene has one.
+    /// The sky, if the scene has one: that of its environment map, else that of its daylight.
     pub fn sky(&self) -> Option<Sky> {
         self.sky
     }

@@ -1,0 +1,116 @@
+//! Arguments of `magpie reference`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use magpie_passes::reference::{self, PixelSampling};
+
+use super::{EnvironmentArguments, Extent, Rays};
+
+/// Arguments of `magpie reference`.
+#[derive(Args, Debug)]
+pub struct ReferenceArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Samples per pixel, those of earlier runs counted in
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32))]
+    pub samples: u32,
+    /// Write linear radiance with its standard error to this file; if it is there already, go on where it stopped
+    #[arg(long, value_name = "F.exr")]
+    pub out: PathBuf,
+    /// Begin anew in the place of --out
+    #[arg(long)]
+    pub restart: bool,
+    /// Add the samples of another run of the same picture, with another seed; repeatable
+    #[arg(long, value_name = "F.exr")]
+    pub merge: Vec<PathBuf>,
+    /// Only what the slot of this name gives, at the centres of pixels
+    #[arg(long, value_enum, default_value_t = Only::All)]
+    pub only: Only,
+    /// Where in a pixel samples lie; without it all over, and with --only at the centre
+    #[arg(long, value_enum, value_name = "WHERE")]
+    pub pixel: Option<Pixel>,
+    /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub depth: u32,
+    /// How far away things count for `--only ao`, metres
+    #[arg(long, value_name = "METRES", default_value = "1", allow_negative_numbers = true, value_parser = super::time_step)]
+    pub ao_range: f32,
+    /// Which moment of the animation, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f32,
+    /// Light from all around.
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
+    /// Width and height of the picture, pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
+    pub size: Extent,
+    /// A camera of the scene by name, or a camera file
+    #[arg(long, value_name = "NAME|F.toml")]
+    pub camera: Option<PathBuf>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub seed: u32,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+    /// Turn on the validation layers; any finding is an error
+    #[arg(long)]
+    pub check: bool,
+}
+
+impl ReferenceArguments {
+    /// Where in a pixel.
+    pub fn pixel(&self) -> PixelSampling {
+        match (self.pixel, self.only) {
+            (Some(Pixel::Area), _) | (None, Only::All) => PixelSampling::Area,
+            (Some(Pixel::Centre), _) | (None, _) => PixelSampling::Centre,
+        }
+    }
+}
+
+/// Where in a pixel samples lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Pixel {
+    /// All over its square.
+    Area,
+    /// At its centre.
+    Centre,
+}
+
+/// Which light the reference looks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Only {
+    /// The whole picture.
+    All,
+    /// Light straight from lights, and emission.
+    Direct,
+    /// Share of the key light that is seen.
+    Shadows,
+    /// Share of the hemisphere that nothing near hides.
+    Ao,
+    /// Indirect light that the first surface scatters specularly.
+    Reflections,
+    /// Indirect light that the first surface scatters diffusely.
+    Gi,
+    /// Light that comes through the first surface.
+    Transparency,
+}
+
+impl Only {
+    /// As the reference names it.
+    pub fn which(self) -> reference::Only {
+        match self {
+            Self::All => reference::Only::All,
+            Self::Direct => reference::Only::Direct,
+            Self::Shadows => reference::Only::Shadows,
+            Self::Ao => reference::Only::AmbientOcclusion,
+            Self::Reflections => reference::Only::Reflections,
+            Self::Gi => reference::Only::Gi,
+            Self::Transparency => reference::Only::Transparency,
+        }
+    }

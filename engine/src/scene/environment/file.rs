@@ -1,0 +1,82 @@
+//! Environment maps from files: Radiance HDR and OpenEXR.
+use super::{Environment, EnvironmentError};
+use crate::scene::SceneError;
+use glam::Vec3;
+use image::codecs::{hdr::HdrDecoder, openexr::OpenExrDecoder};
+use image::{DynamicImage, ImageDecoder};
+use std::fs::File;
+use std::io::{Cursor, Read};
+use std::path::Path;
+
+/// Largest file that is read, bytes.
+const MAX_FILE: u64 = 1 << 32;
+/// Greatest width and height, texels.
+const MAX_EDGE: u64 = 16384;
+/// Most texels: 2 GiB on the device.
+const MAX_TEXELS: u64 = 1 << 27;
+/// How files begin: Radiance's `#?RADIANCE` or `#?RGBE`, and OpenEXR's magic number.
+const RADIANCE: &[u8] = b"#?";
+const OPEN_EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
+
+impl Environment {
+    /// Reads an environment map from a Radiance HDR or OpenEXR file, whichever its first bytes say. Scale 1, not turned. An alpha
+    /// channel is ignored.
+    ///
+    /// # Errors
+    /// [`SceneError::Environment`], with the first pixel that is not finite or is negative, or what else is wrong with the file;
+    /// [`SceneError::Read`], [`SceneError::TooLarge`].
+    pub fn load(path: &Path) -> Result<Self, SceneError> {
+        let bytes = read(path)?;
+        let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let refuse = |fault| SceneError::Environment { path: path.to_owned(), fault };
+        let made = decode(name, &bytes).map_err(refuse)?;
+        made.validate().map_err(refuse)?;
+        Ok(made)
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
+    let failed = |source| SceneError::Read { path: path.to_owned(), source };
+    let file = File::open(path).map_err(failed)?;
+    let meta = file.metadata().map_err(failed)?;
+    if !meta.is_file() {
+        return Err(failed(std::io::Error::other("not a regular file")));
+    }
+    if meta.len() > MAX_FILE {
+        return Err(SceneError::TooLarge { path: path.to_owned(), got: meta.len(), limit: MAX_FILE });
+    }
+    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+/// Decodes a file whose first bytes say what it is.
+pub(super) fn decode(name: String, bytes: &[u8]) -> Result<Environment, EnvironmentError> {
+    let failed = |e: image::ImageError| EnvironmentError::Image(e.to_string());
+    if bytes.starts_with(RADIANCE) {
+        // Not strict: many writers take liberties with the header, which says nothing that is needed here.
+        texels(name, HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(failed)?)
+    } else if bytes.starts_with(OPEN_EXR) {
+        texels(name, OpenExrDecoder::new(Cursor::new(bytes)).map_err(failed)?)
+    } else {
+        Err(EnvironmentError::Kind)
+    }
+}
+
+fn texels(name: String, decoder: impl ImageDecoder) -> Result<Environment, EnvironmentError> {
+    let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 {
+        return Err(EnvironmentError::Texels { width, height, got: 0 });
+    }
+    for (what, got, limit) in [
+        ("texels along an edge", u64::from(width.max(height)), MAX_EDGE),
+        ("texels", u64::from(width) * u64::from(height), MAX_TEXELS),
+    ] {
+        if got > limit {
+            return Err(EnvironmentError::Limit { what, got, limit });
+        }
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|e| EnvironmentError::Image(e.to_string()))?;
+    let radiance = image.into_rgb32f().pixels().map(|p| Vec3::from(p.0)).collect();
+    Ok(Environment { name, width, height, radiance, scale: 1.0, turn: 0.0 })
+}

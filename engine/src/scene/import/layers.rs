@@ -1,0 +1,139 @@
+//! What lies over and under the surface of a material: KHR_materials_transmission, ior, volume and clearcoat.
+use super::material::{Slot, finite, unit};
+use crate::scene::error::Fault;
+use crate::scene::{ColourSpace, Material};
+use glam::Vec3;
+use gltf::json;
+use json::extensions::material::{Material as Extensions, Volume};
+use json::texture::Info;
+use serde::Deserialize;
+
+/// The `gltf` crate has no type for it.
+pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
+
+/// Factors in their ranges, and the textures that go with them.
+pub(super) struct Layers<'a> {
+    pub transmission: f32,
+    pub ior: f32,
+    pub thickness: f32,
+    pub attenuation_colour: Vec3,
+    pub attenuation_distance: f32,
+    pub clearcoat: Clearcoat,
+    transmission_texture: Option<&'a Info>,
+}
+
+/// KHR_materials_clearcoat as the file has it.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Clearcoat {
+    #[serde(rename = "clearcoatFactor")]
+    pub factor: f32,
+    #[serde(rename = "clearcoatRoughnessFactor")]
+    pub roughness: f32,
+    #[serde(rename = "clearcoatTexture")]
+    texture: Option<Info>,
+    #[serde(rename = "clearcoatRoughnessTexture")]
+    roughness_texture: Option<Info>,
+    #[serde(rename = "clearcoatNormalTexture")]
+    normal_texture: Option<json::Value>,
+}
+
+impl<'a> Layers<'a> {
+    /// Reads the four extensions of one material; without them, what glTF takes for their absence.
+    pub fn read(from: Option<&'a Extensions>, name: &str, notices: &mut Vec<String>) -> Result<Self, Fault> {
+        let none = Material::default();
+        let mut layers = Self {
+            transmission: none.transmission,
+            ior: none.ior,
+            thickness: none.thickness,
+            attenuation_colour: none.attenuation_colour,
+            attenuation_distance: none.attenuation_distance,
+            clearcoat: Clearcoat::default(),
+            transmission_texture: None,
+        };
+        let Some(from) = from else { return Ok(layers) };
+        if let Some(t) = &from.transmission {
+            layers.transmission = unit(t.transmission_factor.0, "transmissionFactor", name, notices)?;
+            layers.transmission_texture = t.transmission_texture.as_ref();
+        }
+        if let Some(i) = &from.ior {
+            layers.ior = ior(i.ior.0, name, notices)?;
+        }
+        if let Some(v) = &from.volume {
+            layers.volume(v, name, notices)?;
+        }
+        if let Some(value) = from.others.get(CLEARCOAT) {
+            layers.clearcoat = Clearcoat::read(value, name, notices)?;
+        }
+        Ok(layers)
+    }
+
+    fn volume(&mut self, from: &Volume, name: &str, notices: &mut Vec<String>) -> Result<(), Fault> {
+        let thickness = finite(from.thickness_factor.0, "thicknessFactor")?;
+        if thickness < 0.0 {
+            notices.push(format!("material {name}: thicknessFactor {thickness} is below 0: 0 is used"));
+        }
+        self.thickness = thickness.max(0.0);
+        for (to, c) in self.attenuation_colour.as_mut().iter_mut().zip(from.attenuation_color.0) {
+            *to = unit(c, "attenuationColor", name, notices)?;
+        }
+        // Beyond the greatest number there is no attenuation, which is what the absence of a distance means.
+        let distance = from.attenuation_distance.0;
+        if distance.is_nan() || distance <= 0.0 {
+            let (what, wanted) = ("attenuationDistance", "a number above 0");
+            return Err(Fault::Value { what, got: distance.to_string(), wanted });
+        }
+        self.attenuation_distance = distance;
+        if from.thickness_texture.is_some() {
+            notices.push(format!(
+                "material {name}: thicknessTexture is ignored: the geometry says how far light goes through the volume"
+            ));
+        }
+        Ok(())
+    }
+
+    pub fn transmission_slot(&self) -> Option<Slot<'a>> {
+        Slot::of("transmissionTexture", self.transmission_texture, ColourSpace::Linear)
+    }
+}
+
+/// An index of refraction: at least 1. The 0 of KHR_materials_ior, which stands for a dielectric that reflects everything, has no
+/// refraction to show.
+fn ior(value: f32, name: &str, notices: &mut Vec<String>) -> Result<f32, Fault> {
+    let value = finite(value, "ior")?;
+    if value == 0.0 {
+        let ior = Material::default().ior;
+        notices.push(format!("material {name}: an ior of 0 is not supported: {ior} is used"));
+        return Ok(ior);
+    }
+    if value < 1.0 {
+        notices.push(format!("material {name}: ior {value} is below 1: 1 is used"));
+    }
+    Ok(value.max(1.0))
+}
+
+impl Clearcoat {
+    fn read(value: &json::Value, name: &str, notices: &mut Vec<String>) -> Result<Self, Fault> {
+        let mut coat: Self = json::deserialize::from_value(value.clone()).map_err(|e| Fault::Value {
+            what: CLEARCOAT,
+            got: e.to_string(),
+            wanted: "clearcoatFactor, clearcoatRoughnessFactor and their textures",
+        })?;
+        coat.factor = unit(coat.factor, "clearcoatFactor", name, notices)?;
+        coat.roughness = unit(coat.roughness, "clearcoatRoughnessFactor", name, notices)?;
+        if coat.normal_texture.is_some() {
+            notices.push(format!(
+                "material {name}: clearcoatNormalTexture is ignored: the coat has the normals of the surface"
+            ));
+        }
+        Ok(coat)
+    }
+
+    pub fn slot(&self) -> Option<Slot<'_>> {
+        Slot::of("clearcoatTexture", self.texture.as_ref(), ColourSpace::Linear)
+    }
+
+    pub fn roughness_slot(&self) -> Option<Slot<'_>> {
+        Slot::of("clearcoatRoughnessTexture", self.roughness_texture.as_ref(), ColourSpace::Linear)
+    }
+}
