@@ -9,6 +9,7 @@ mod flip;
 mod picture;
 mod spatial;
 mod ssim;
+mod temporal;
 
 pub use compare::Comparison;
 pub use error::MetricError;
@@ -19,3 +20,4 @@ pub use spatial::{
     squared_error_map,
 };
 pub use ssim::{ssim, ssim_map};
+pub use temporal::{Disocclusion, Flicker, Ghosting, Lag, disocclusion, flicker, flicker_map, ghosting, lag};

@@ -10,9 +10,17 @@ pub const SMAPE_EPSILON: f64 = 1e-2;
 /// What one channel of one pixel adds, from the value under test and that of the reference.
 type Error = fn(f64, f64) -> f64;
 
-const SQUARED: Error = |a, b| (a - b) * (a - b);
-const RELATIVE: Error = |a, b| (a - b) * (a - b) / (b * b + RELMSE_EPSILON);
-const SYMMETRIC: Error = |a, b| (a - b).abs() / (a.abs() + b.abs() + SMAPE_EPSILON);
+pub(super) fn squared(a: f64, b: f64) -> f64 {
+    (a - b) * (a - b)
+}
+
+pub(super) fn relative(a: f64, b: f64) -> f64 {
+    squared(a, b) / (b * b + RELMSE_EPSILON)
+}
+
+fn symmetric(a: f64, b: f64) -> f64 {
+    (a - b).abs() / (a.abs() + b.abs() + SMAPE_EPSILON)
+}
 
 /// The mean of `error` over the channels of each pixel.
 fn per_pixel<'a>(test: &'a Picture, reference: &'a Picture, error: Error) -> impl Iterator<Item = f64> + 'a {
@@ -38,7 +46,7 @@ fn map(test: &Picture, reference: &Picture, error: Error) -> Result<Map, MetricE
 /// # Errors
 /// [`MetricError`] where the pictures have not the same size or are not finite; so for every function here.
 pub fn mse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
-    mean(test, reference, SQUARED)
+    mean(test, reference, squared)
 }
 
 /// The squared error of each pixel, mean over its channels.
@@ -46,7 +54,7 @@ pub fn mse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
 /// # Errors
 /// As [`mse`].
 pub fn squared_error_map(test: &Picture, reference: &Picture) -> Result<Map, MetricError> {
-    map(test, reference, SQUARED)
+    map(test, reference, squared)
 }
 
 /// Root mean squared error over pixels and channels, in the unit of the pictures, 0 and up.
@@ -64,7 +72,7 @@ pub fn rmse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
 /// # Errors
 /// As [`mse`].
 pub fn relmse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
-    mean(test, reference, RELATIVE)
+    mean(test, reference, relative)
 }
 
 /// The relative squared error of each pixel, mean over its channels.
@@ -72,7 +80,7 @@ pub fn relmse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
 /// # Errors
 /// As [`mse`].
 pub fn relmse_map(test: &Picture, reference: &Picture) -> Result<Map, MetricError> {
-    map(test, reference, RELATIVE)
+    map(test, reference, relative)
 }
 
 /// Symmetric mean absolute percentage error, `mean(|a - b| / (|a| + |b| + 1e-2))` over pixels and channels, from 0 to 1: Vogels et
@@ -81,7 +89,7 @@ pub fn relmse_map(test: &Picture, reference: &Picture) -> Result<Map, MetricErro
 /// # Errors
 /// As [`mse`].
 pub fn smape(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
-    mean(test, reference, SYMMETRIC)
+    mean(test, reference, symmetric)
 }
 
 /// What each pixel adds to [`smape`], mean over its channels.
@@ -89,7 +97,7 @@ pub fn smape(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
 /// # Errors
 /// As [`mse`].
 pub fn smape_map(test: &Picture, reference: &Picture) -> Result<Map, MetricError> {
-    map(test, reference, SYMMETRIC)
+    map(test, reference, symmetric)
 }
 
 /// Peak signal-to-noise ratio, `10 log10(peak² / mse)`, decibels: higher is closer, infinite where the pictures are equal. `peak` is
