@@ -4,6 +4,7 @@
 //! error that names the pixel, never a number; so are two pictures of different sizes. `docs/metrics.md` has the formulas.
 
 mod compare;
+mod draw;
 mod error;
 mod flip;
 mod picture;
@@ -12,6 +13,7 @@ mod ssim;
 mod temporal;
 
 pub use compare::Comparison;
+pub use draw::{DynamicRange, side_by_side};
 pub use error::MetricError;
 pub use flip::{Exposures, FLIP_PIXELS_PER_DEGREE, exposures, flip_hdr, flip_hdr_map, flip_ldr, flip_ldr_map, magma};
 pub use picture::{Map, Picture};
