@@ -4,7 +4,7 @@ use std::{path::PathBuf, str::FromStr};
 
 mod reference;
 
-pub use reference::{Only, Pixel, ReferenceArguments};
+pub use reference::ReferenceArguments;
 
 use magpie::graph::Switches;
 
@@ -57,6 +57,8 @@ pub enum Command {
     Render(Box<RenderArguments>),
     /// Trace the truth: the same scene by an unbiased path tracer
     Reference(Box<ReferenceArguments>),
+    /// Say how far a picture is from its reference: RMSE, relMSE, SMAPE, PSNR, SSIM, FLIP
+    Compare(CompareArguments),
     /// Measure parts of the engine
     #[command(arg_required_else_help = false)]
     Bench {
@@ -64,6 +66,23 @@ pub enum Command {
         #[command(subcommand)]
         what: Bench,
     },
+}
+
+/// Arguments of `magpie compare`.
+#[derive(Args, Debug)]
+pub struct CompareArguments {
+    /// The picture under test: PNG (sRGB) or EXR (linear)
+    #[arg(value_name = "A")]
+    pub test: PathBuf,
+    /// The reference, of the same size
+    #[arg(value_name = "B")]
+    pub reference: PathBuf,
+    /// As JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Draw A, B and the FLIP of each pixel, black for equal, side by side
+    #[arg(long, value_name = "F.png")]
+    pub diff: Option<PathBuf>,
 }
 
 /// What `magpie bench` measures.

@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod commands;
+mod compare;
 mod console;
 mod exit;
 mod input;
@@ -17,11 +18,11 @@ use std::ffi::OsString;
 use clap::Parser;
 
 pub use args::{
-    Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command, Extent, Loudness, Rays,
-    ReferenceArguments, RenderArguments, ViewName,
+    Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command, CompareArguments, Extent, Loudness,
+    Rays, ReferenceArguments, RenderArguments, ViewName,
 };
 pub use exit::Failure;
-pub use picture::{PictureError, write_exr, write_png};
+pub use picture::{PictureError, read_picture, write_exr, write_png};
 pub use reference::reference;
 pub use render::render;
 
@@ -39,6 +40,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes => commands::scenes(),
         Command::Stages { json } => commands::stages(*json),
+        Command::Compare(compare) => compare::compare(compare),
         Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
         Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
         Command::Render(render) => render::render(render, &arguments.loudness),

@@ -1,17 +1,25 @@
 //! Pictures as files: PNG for what a display shows, EXR for radiance.
 
-use std::io::{Seek, Write};
+use std::{
+    fs::File,
+    io::{BufReader, Seek, Write},
+    path::Path,
+};
 
 use image::{
-    ExtendedColorType, ImageEncoder, ImageError,
+    ExtendedColorType, ImageEncoder, ImageError, ImageFormat, ImageReader,
     codecs::{openexr::OpenExrEncoder, png::PngEncoder},
 };
-use magpie::{graph::Extent, pixels::Pixels};
+use magpie::{
+    graph::Extent,
+    pixels::{Pixels, srgb_decode},
+};
+use magpie_accuracy::metrics::{DynamicRange, MetricError, Picture};
 
 /// Colour of a pixel that is not finite, where one would otherwise be hidden.
 const NOT_FINITE: [u8; 3] = [255, 0, 255];
 
-/// Why a picture could not be written.
+/// Why a picture could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
     /// The table of pixels does not fit the size.
@@ -26,9 +34,21 @@ pub enum PictureError {
         /// Length of the table.
         got: usize,
     },
-    /// The encoder or the file failed.
+    /// The encoder, the decoder or the file failed.
     #[error(transparent)]
     Encode(#[from] ImageError),
+    /// The file cannot be opened.
+    #[error("cannot be read: {0}")]
+    Open(#[from] std::io::Error),
+    /// The path leads to something else.
+    #[error("wanted a file, this is none")]
+    NoFile,
+    /// The contents are of another kind.
+    #[error("wanted a PNG or an EXR, got {0}")]
+    Kind(String),
+    /// The numbers are no picture.
+    #[error(transparent)]
+    Picture(#[from] MetricError),
 }
 
 fn check_size(width: u32, height: u32, got: usize) -> Result<(), PictureError> {
@@ -72,6 +92,32 @@ pub fn write_exr(out: &mut (impl Write + Seek), pixels: &Pixels) -> Result<(), P
     Ok(OpenExrEncoder::new(out).write_image(&bytes, width, height, kind)?)
 }
 
+/// Reads a picture to compare, by its contents and not by its name: a PNG of 8 or 16 bits, sRGB-decoded, or an EXR with its 32-bit
+/// floats as they are. Grey becomes three equal channels; alpha is left out.
+///
+/// # Errors
+/// [`PictureError`], also where a pixel is not finite.
+pub fn read_picture(path: &Path) -> Result<(Picture, DynamicRange), PictureError> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(PictureError::NoFile);
+    }
+    // Not `ImageReader::open`, which believes the name where the contents say nothing.
+    let reader = ImageReader::new(BufReader::new(File::open(path)?)).with_guessed_format()?;
+    let range = match reader.format() {
+        Some(ImageFormat::Png) => DynamicRange::Display,
+        Some(ImageFormat::OpenExr) => DynamicRange::High,
+        Some(other) => return Err(PictureError::Kind(format!("{other:?}"))),
+        None => return Err(PictureError::Kind("something else".to_owned())),
+    };
+    let image = reader.decode()?.into_rgb32f();
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let linear = |x: f32| if range == DynamicRange::Display { srgb_decode(x) } else { x };
+    let pixels = image.pixels().map(|p| p.0.map(linear)).collect();
+    let picture = Picture { width, height, pixels };
+    picture.check("the picture")?;
+    Ok((picture, range))
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::Cursor;
@@ -88,7 +134,7 @@ mod tests {
     fn png(pixels: &Pixels) -> image::RgbImage {
         let mut bytes = Vec::new();
         write_png(&mut bytes, pixels).unwrap();
-        image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).unwrap().into_rgb8()
+        image::load_from_memory_with_format(&bytes, ImageFormat::Png).unwrap().into_rgb8()
     }
 
     #[test]
@@ -103,7 +149,7 @@ mod tests {
         };
         let bytes = write();
         assert_eq!(bytes, write());
-        let back = image::load_from_memory_with_format(&bytes, image::ImageFormat::OpenExr).unwrap();
+        let back = image::load_from_memory_with_format(&bytes, ImageFormat::OpenExr).unwrap();
         assert_eq!(back.color(), image::ColorType::Rgba32F);
         for (got, wanted) in back.into_rgba32f().pixels().zip(&values) {
             for channel in 0..4 {
@@ -129,6 +175,45 @@ mod tests {
         let pixels: Vec<_> = back.pixels().map(|p| p.0).collect();
         assert_eq!([pixels[0], pixels[1], pixels[3]], [NOT_FINITE, [0; 3], NOT_FINITE]);
         assert_ne!(pixels[2], NOT_FINITE);
+    }
+
+    #[test]
+    fn what_was_written_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let values = [[0.5, -3.0, 1e9, 1.0], [0.25, 0.0, 1.5, 0.0]];
+        // The name says nothing.
+        let path = folder.path().join("a.png");
+        write_exr(&mut File::create(&path).unwrap(), &floats(2, 1, &values)).unwrap();
+        let (picture, range) = read_picture(&path).unwrap();
+        assert_eq!((picture.width, picture.height, range), (2, 1, DynamicRange::High));
+        assert_eq!(picture.pixels, [[0.5, -3.0, 1e9], [0.25, 0.0, 1.5]]);
+
+        let bytes: Vec<u8> = (0..=255).flat_map(|i| [i, 255 - i, i / 3, 255]).collect();
+        let pixels = Pixels { extent: Extent::new(16, 16), format: Format::Rgba8Unorm, bytes };
+        write_png(&mut File::create(&path).unwrap(), &pixels).unwrap();
+        let (picture, range) = read_picture(&path).unwrap();
+        assert_eq!((&picture, range), (&Picture::from_pixels(&pixels).unwrap(), DynamicRange::Display));
+
+        // Of 16 bits, and grey: 0x8000 is a display's half.
+        image::ImageBuffer::<image::Luma<u16>, _>::from_raw(1, 1, vec![0x8000_u16]).unwrap().save(&path).unwrap();
+        let [r, g, b] = read_picture(&path).unwrap().0.pixels[0];
+        assert!(r == g && g == b && (r - srgb_decode(0x8000 as f32 / 65535.0)).abs() < 1e-6, "{r} {g} {b}");
+    }
+
+    #[test]
+    fn what_is_no_picture_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        assert!(matches!(read_picture(&path), Err(PictureError::Open(_))));
+        assert!(matches!(read_picture(folder.path()), Err(PictureError::NoFile)));
+        std::fs::write(&path, "text").unwrap();
+        assert!(matches!(read_picture(&path), Err(PictureError::Kind(_))));
+        std::fs::write(&path, b"\xff\xd8\xff\xe0 like a JPEG").unwrap();
+        assert!(matches!(read_picture(&path), Err(PictureError::Kind(kind)) if kind == "Jpeg"));
+        let nan = floats(2, 1, &[[0.0; 4], [0.0, f32::NAN, 0.0, 1.0]]);
+        write_exr(&mut File::create(&path).unwrap(), &nan).unwrap();
+        let error = read_picture(&path).unwrap_err().to_string();
+        assert_eq!(error, "the picture has NaN in channel 1 of pixel (1, 0)");
     }
 
     #[test]

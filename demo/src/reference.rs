@@ -25,11 +25,15 @@ const SAVE_EVERY: Duration = Duration::from_secs(30);
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<(), Failure> {
     let output = Output::plan("--out", &arguments.out, &["exr"])?;
-    let inputs: Vec<(&str, &Path)> = [("scene", Some(&arguments.scene)), ("camera file", arguments.camera.as_ref()), ("environment", arguments.environment.environment.as_ref())]
-        .into_iter()
-        .filter_map(|(what, path)| Some((what, path?.as_path())))
-        .chain(arguments.merge.iter().map(|path| ("estimate to merge", path.as_path())))
-        .collect();
+    let inputs: Vec<(&str, &Path)> = [
+        ("scene", Some(&arguments.scene)),
+        ("camera file", arguments.camera.as_ref()),
+        ("environment", arguments.environment.environment.as_ref()),
+    ]
+    .into_iter()
+    .filter_map(|(what, path)| Some((what, path?.as_path())))
+    .chain(arguments.merge.iter().map(|path| ("estimate to merge", path.as_path())))
+    .collect();
     keep_apart(&[&output], &inputs)?;
     let scene = session::load_scene(&arguments.scene, Some(&arguments.environment))?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;

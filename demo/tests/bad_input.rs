@@ -11,7 +11,13 @@ use std::{
     time::{Duration, Instant},
 };
 
-use magpie::{config::Value, stage::Range};
+use magpie::{
+    config::Value,
+    graph::{Extent, Format},
+    pixels::Pixels,
+    stage::Range,
+};
+use magpie_demo::{write_exr, write_png};
 use serde_json::{Value as Json, json};
 
 /// Longest that one bad input may take.
@@ -129,6 +135,14 @@ fn arguments() {
         (&["render", "s.json", "--timings", "s.json"], &["--timings", "s.json", "overwrite the scene"]),
         (&["-v", "--quiet", "scenes"], &["--quiet", "--verbose"]),
         (&["stages", "--json=maybe"], &["--json"]),
+        (&["compare"], &["A", "B"]),
+        (&["compare", "folder.png"], &["B"]),
+        (&["compare", "a.png", "b.png", "c.png"], &["c.png"]),
+        (&["compare", "a.png", "b.png", "--diff", "o.exr"], &["--diff", "o.exr", ".png"]),
+        (&["compare", "a.png", "b.png", "--diff", "none/o.png"], &["--diff", "none", "does not exist"]),
+        (&["compare", "none.png", "none.png"], &["none.png", "cannot be read"]),
+        (&["compare", "folder.png", "folder.png"], &["folder.png", "wanted a file"]),
+        (&["compare", "c.toml", "c.toml"], &["c.toml", "PNG or an EXR"]),
         (&["bench"], &["subcommand", "graph"]),
         (&["bench", "speed"], &["speed"]),
         (&["bench", "graph", "extra"], &["extra"]),
@@ -335,6 +349,63 @@ fn environments() {
     refused(folder.path(), &over, 2, &["--out", "o.exr", "overwrite the environment map"]);
     // What all of these were made from is fine: only the device is missing.
     with(&[&map[..], &["--environment-scale", "0.5", "--environment-turn", "-90"]].concat(), 3, &[]);
+}
+
+/// A picture as EXR or PNG by its name.
+fn picture(path: &Path, width: u32, height: u32, value: f32) {
+    let bytes = (0..width * height).flat_map(|_| [value; 4]).flat_map(f32::to_le_bytes).collect();
+    let pixels = Pixels { extent: Extent::new(width, height), format: Format::Rgba32Float, bytes };
+    let mut file = fs::File::create(path).unwrap();
+    match path.extension().unwrap().to_str() {
+        Some("png") => write_png(&mut file, &pixels).unwrap(),
+        _ => write_exr(&mut file, &pixels).unwrap(),
+    }
+}
+
+#[test]
+fn pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (name, width, height, value) in [
+        ("good.png", 8, 4, 0.5),
+        ("good.exr", 8, 4, 0.5),
+        ("other.png", 4, 8, 0.5),
+        ("other.exr", 4, 8, 0.5),
+        ("nan.exr", 8, 4, f32::NAN),
+        ("infinite.exr", 8, 4, f32::NEG_INFINITY),
+    ] {
+        picture(&at(name), width, height, value);
+    }
+    let (png, exr) = (fs::read(at("good.png")).unwrap(), fs::read(at("good.exr")).unwrap());
+    let mut flipped = png.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 0xff;
+    let mut vast = png.clone();
+    vast[16..24].fill(0x7f);
+    for (name, contents) in [
+        ("empty.png", &[][..]),
+        ("half.png", &png[..png.len() / 2]),
+        ("head.png", &png[..12]),
+        ("flipped.png", &flipped),
+        ("vast.png", &vast),
+        ("half.exr", &exr[..exr.len() / 2]),
+        ("head.exr", &exr[..8]),
+    ] {
+        fs::write(at(name), contents).unwrap();
+        for pair in [[name, "good.png"], ["good.png", name]] {
+            refused(folder.path(), &["compare", pair[0], pair[1], "--diff", "o.png"], 2, &[name]);
+        }
+    }
+    for (a, b, names) in [
+        ("other.png", "good.png", &["other.png against good.png", "4x8", "8x4"][..]),
+        ("good.exr", "other.exr", &["good.exr against other.exr", "8x4", "4x8"]),
+        ("nan.exr", "good.exr", &["nan.exr", "NaN", "channel 0", "(0, 0)"]),
+        ("good.png", "infinite.exr", &["infinite.exr", "-inf", "(0, 0)"]),
+    ] {
+        refused(folder.path(), &["compare", a, b, "--json", "--diff", "o.png"], 2, names);
+    }
+    refused(folder.path(), &["compare", "good.png", "good.exr", "--diff", "good.png"], 2, &["--diff", "overwrite"]);
+    refused(folder.path(), &["compare", "good.exr", "good.png", "--diff", "./good.png"], 2, &["overwrite"]);
 }
 
 /// One triangle, its buffer beside it as `b.bin`: three positions, then three 16-bit indices.

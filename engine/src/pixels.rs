@@ -82,12 +82,12 @@ fn id_colour(id: u32) -> [f32; 3] {
 }
 
 /// IEC 61966-2-1, from the encoded value to the linear one.
-fn srgb_decode(x: f32) -> f32 {
+pub fn srgb_decode(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 /// IEC 61966-2-1, from the linear value to the encoded one.
-fn srgb_encode(x: f32) -> f32 {
+pub fn srgb_encode(x: f32) -> f32 {
     if x <= 0.003_130_8 { x * 12.92 } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -114,3 +114,4 @@ impl Only {
             Self::Transparency => reference::Only::Transparency,
         }
     }
+}

@@ -1,12 +1,25 @@
-//! How far one picture is from another.
+//! How far one picture is from another, and one sequence from another.
+//!
+//! Every spatial function takes the picture under test first and the reference second. A picture with a NaN or an infinity is an
+//! error that names the pixel, never a number; so are two pictures of different sizes. `docs/metrics.md` has the formulas.
 
-/// A picture on the host, linear Rec.709.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    /// Pixels from left to right.
-    pub width: usize,
-    /// Pixels from top to bottom.
-    pub height: usize,
-    /// Rows from the top; `width * height` of them.
-    pub pixels: Vec<[f32; 3]>,
-}
+mod compare;
+mod draw;
+mod error;
+mod flip;
+mod picture;
+mod spatial;
+mod ssim;
+mod temporal;
+
+pub use compare::Comparison;
+pub use draw::{DynamicRange, side_by_side};
+pub use error::MetricError;
+pub use flip::{Exposures, FLIP_PIXELS_PER_DEGREE, exposures, flip_hdr, flip_hdr_map, flip_ldr, flip_ldr_map, magma};
+pub use picture::{Map, Picture};
+pub use spatial::{
+    RELMSE_EPSILON, SMAPE_EPSILON, mse, psnr, psnr_of_mse, relmse, relmse_map, rmse, smape, smape_map,
+    squared_error_map,
+};
+pub use ssim::{ssim, ssim_map};
+pub use temporal::{Disocclusion, Flicker, Ghosting, Lag, disocclusion, flicker, flicker_map, ghosting, lag};

@@ -1,0 +1,170 @@
+//! Pictures and maps on the host.
+use super::MetricError;
+use magpie::graph::Format;
+use magpie::pixels::{Pixels, srgb_decode, srgb_encode};
+
+/// A picture on the host, linear Rec.709.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Pixels from left to right.
+    pub width: usize,
+    /// Pixels from top to bottom.
+    pub height: usize,
+    /// Rows from the top; `width * height` of them.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+/// One value per pixel: an error, or a similarity.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    /// Pixels from left to right.
+    pub width: usize,
+    /// Pixels from top to bottom.
+    pub height: usize,
+    /// Rows from the top; `width * height` of them.
+    pub values: Vec<f32>,
+}
+
+impl Map {
+    /// Mean over all pixels.
+    pub fn mean(&self) -> f64 {
+        self.values.iter().map(|&v| f64::from(v)).sum::<f64>() / self.values.len() as f64
+    }
+}
+
+impl Picture {
+    /// A picture of one value per pixel, as shadows and ambient occlusion have it.
+    pub fn grey(width: usize, height: usize, values: &[f32]) -> Self {
+        Self { width, height, pixels: values.iter().map(|&v| [v; 3]).collect() }
+    }
+
+    /// A picture from what a display is sent: 8 bits, sRGB-encoded, three bytes per pixel.
+    pub fn from_srgb8(width: usize, height: usize, bytes: &[u8]) -> Self {
+        let decode = |byte: u8| srgb_decode(f32::from(byte) / 255.0);
+        Self { width, height, pixels: bytes.as_chunks::<3>().0.iter().map(|rgb| rgb.map(decode)).collect() }
+    }
+
+    /// An image that was read back. `Rgba8Unorm` is taken for a display image, sRGB-encoded, since that is what the engine
+    /// writes in that format; a single channel (visibility, occlusion, depth) becomes grey; of two channels the third is 0.
+    ///
+    /// # Errors
+    /// [`MetricError::Ids`] for integer formats.
+    pub fn from_pixels(image: &Pixels) -> Result<Self, MetricError> {
+        let format = image.format;
+        if matches!(format, Format::R32Uint | Format::Rg32Uint) {
+            return Err(MetricError::Ids(format));
+        }
+        let pixel = |v: [f32; 4]| match (format, format.channels()) {
+            (Format::Rgba8Unorm, _) => [v[0], v[1], v[2]].map(srgb_decode),
+            (_, 1) => [v[0]; 3],
+            _ => [v[0], v[1], v[2]],
+        };
+        let pixels = image.values().into_iter().map(pixel).collect();
+        Ok(Self { width: image.extent.width as usize, height: image.extent.height as usize, pixels })
+    }
+
+    /// What a display shows of it without a tone map: cut to 0..1, sRGB-encoded.
+    pub fn encoded(&self) -> Self {
+        let encode = |x: f32| srgb_encode(x.clamp(0.0, 1.0));
+        Self { pixels: self.pixels.iter().map(|p| p.map(encode)).collect(), ..*self }
+    }
+
+    /// [`Picture::encoded`] as bytes, three per pixel.
+    pub fn to_srgb8(&self) -> Vec<u8> {
+        self.encoded().pixels.iter().flatten().map(|&x| (x * 255.0 + 0.5) as u8).collect()
+    }
+
+    /// Mean luminance, Rec.709.
+    pub fn mean_luminance(&self) -> f64 {
+        self.pixels.iter().map(luminance).sum::<f64>() / self.pixels.len() as f64
+    }
+
+    /// Fails where there is no pixel, a pixel is missing, or one is not finite.
+    ///
+    /// # Errors
+    /// [`MetricError::Empty`], [`MetricError::Length`], [`MetricError::NotFinite`].
+    pub fn check(&self, what: &'static str) -> Result<(), MetricError> {
+        let Self { width, height, ref pixels } = *self;
+        if width == 0 || height == 0 {
+            return Err(MetricError::Empty { what, width, height });
+        }
+        if pixels.len() != width * height {
+            return Err(MetricError::Length { what, width, height, got: pixels.len() });
+        }
+        for (at, pixel) in pixels.iter().enumerate() {
+            if let Some(channel) = pixel.iter().position(|x| !x.is_finite()) {
+                let value = pixel[channel];
+                return Err(MetricError::NotFinite { what, x: at % width, y: at / width, channel, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails where it has not the size of the reference.
+    pub(super) fn check_size(&self, what: &'static str, reference: &Self) -> Result<(), MetricError> {
+        let Self { width, height, .. } = *reference;
+        if (self.width, self.height) == (width, height) {
+            return Ok(());
+        }
+        Err(MetricError::Size { what, width, height, got_width: self.width, got_height: self.height })
+    }
+}
+
+/// Rec.709 luminance of linear values; luma of encoded ones.
+pub(super) fn luminance(p: &[f32; 3]) -> f64 {
+    0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
+}
+
+/// What every comparison asks of its two pictures.
+pub(super) fn check_pair(test: &Picture, reference: &Picture) -> Result<(), MetricError> {
+    test.check("the picture under test")?;
+    reference.check("the reference")?;
+    test.check_size("the picture under test", reference)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use magpie::graph::Extent;
+
+    fn read(format: Format, bytes: &[u8]) -> Result<Picture, MetricError> {
+        Picture::from_pixels(&Pixels { extent: Extent::new(1, 1), format, bytes: bytes.to_vec() })
+    }
+
+    #[test]
+    fn every_kind_of_image_becomes_a_picture() {
+        assert_eq!(read(Format::R8Unorm, &[51]).unwrap().pixels, [[0.2; 3]]);
+        assert_eq!(read(Format::R32Float, &7.5_f32.to_le_bytes()).unwrap().pixels, [[7.5; 3]]);
+        assert_eq!(read(Format::Rg16Float, &[0, 0x3c, 0, 0xc0]).unwrap().pixels, [[1.0, -2.0, 0.0]]);
+        let floats: Vec<u8> = [1e9_f32, -3.0, 0.25, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        assert_eq!(read(Format::Rgba32Float, &floats).unwrap().pixels, [[1e9, -3.0, 0.25]]);
+        // 188 of a display is half the light.
+        for format in [Format::Rgba8Unorm, Format::Rgba8Srgb] {
+            let [r, g, b] = read(format, &[188, 0, 255, 9]).unwrap().pixels[0];
+            assert!((r - 0.5).abs() < 4e-3 && g == 0.0 && (b - 1.0).abs() < 1e-6, "{format:?}: {r} {g} {b}");
+        }
+        for format in [Format::R32Uint, Format::Rg32Uint] {
+            assert_eq!(read(format, &[0; 8]).unwrap_err(), MetricError::Ids(format));
+        }
+    }
+
+    #[test]
+    fn display_bytes_survive() {
+        let bytes: Vec<u8> = (0..=255).flat_map(|i| [i, 255 - i, i / 2]).collect();
+        assert_eq!(Picture::from_srgb8(16, 16, &bytes).to_srgb8(), bytes);
+    }
+
+    #[test]
+    fn a_fault_is_named_with_its_place() {
+        let mut picture = Picture::grey(3, 2, &[0.5; 6]);
+        assert_eq!(picture.check("it"), Ok(()));
+        assert!((picture.mean_luminance() - 0.5).abs() < 1e-12);
+        picture.pixels[5][1] = f32::NEG_INFINITY;
+        assert_eq!(picture.check("it").unwrap_err().to_string(), "it has -inf in channel 1 of pixel (2, 1)");
+        picture.pixels[1][2] = f32::NAN;
+        assert_eq!(picture.check("it").unwrap_err().to_string(), "it has NaN in channel 2 of pixel (1, 0)");
+        picture.pixels.pop();
+        assert!(picture.check("it").unwrap_err().to_string().contains("wanted 6 values, got 5"));
+        assert!(matches!(Picture::grey(0, 3, &[]).check("it"), Err(MetricError::Empty { .. })));
+    }
+}
