@@ -1,5 +1,7 @@
 //! Slow, obvious, double-precision answers to compare the GPU with.
 
 pub mod gbuffer;
+pub mod path;
 pub mod rays;
+pub mod scenes;
 pub mod shading;

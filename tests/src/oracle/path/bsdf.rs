@@ -1,0 +1,276 @@
+//! What a surface does to light: values by lobe, and a sampler of its own.
+//!
+//! Written from the formulas. The sampler draws half vectors from the distribution of normals (Walter et al. 2007, "Microfacet Models for
+//! Refraction through Rough Surfaces", equation 35) and diffuse light by the cosine.
+use super::random::{Random, frame, from_polar};
+use crate::oracle::shading::{ggx_d, smith_g2};
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// What diffuse light is multiplied with, so that a white surface gives back no more than it gets.
+const DIFFUSE_SCALE: f64 = 0.998;
+/// Reflectance of a clear coat at normal incidence (KHR_materials_clearcoat).
+const COAT_F0: f64 = 0.04;
+/// Least share of the samples that a lobe gets which exists at all.
+const LEAST_SHARE: f64 = 0.05;
+
+/// Light by the lobe that it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lobes {
+    /// Coupled diffuse reflection.
+    pub diffuse: DVec3,
+    /// Reflection at the surface below a coat.
+    pub specular: DVec3,
+    /// Reflection at the clear coat.
+    pub coat: DVec3,
+    /// Through the surface.
+    pub transmission: DVec3,
+}
+
+impl Lobes {
+    /// All of it.
+    pub fn total(&self) -> DVec3 {
+        self.diffuse + self.specular + self.coat + self.transmission
+    }
+}
+
+/// Reflectance by Schlick's approximation (1994, equation 15).
+#[derive(Clone, Copy, Debug)]
+pub struct Schlick {
+    /// At normal incidence.
+    pub f0: DVec3,
+    /// At grazing incidence; the same in every channel.
+    pub f90: f64,
+}
+
+impl Schlick {
+    /// Grazing reflectance falls below f0 of 2 %.
+    pub fn new(f0: DVec3) -> Self {
+        Self { f0, f90: (50.0 * f0.max_element()).min(1.0) }
+    }
+
+    /// At a cosine.
+    pub fn at(&self, cosine: f64) -> DVec3 {
+        self.f0 + (DVec3::splat(self.f90) - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
+    }
+
+    /// Mean over the hemisphere, weighed by the cosine: the integral of `2 c (1 - c)^5` is 1/21.
+    pub fn mean(&self) -> DVec3 {
+        self.f0 + (DVec3::splat(self.f90) - self.f0) / 21.0
+    }
+}
+
+/// Unpolarised reflectance of the border between dielectrics; `eta` is the index behind over the index in front.
+pub fn fresnel(cosine: f64, eta: f64) -> f64 {
+    let sine2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
+    if sine2 >= 1.0 {
+        return 1.0;
+    }
+    let behind = (1.0 - sine2).sqrt();
+    let across = (cosine - eta * behind) / (cosine + eta * behind);
+    let along = (eta * cosine - behind) / (eta * cosine + behind);
+    0.5 * (across * across + along * along)
+}
+
+/// A material at a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Layers {
+    /// Linear, 0 to 1.
+    pub base: DVec3,
+    /// 0 to 1.
+    pub metalness: f64,
+    /// GGX alpha.
+    pub alpha: f64,
+    /// Share of the dielectric part that is glass, 0 to 1.
+    pub transmission: f64,
+    /// Index of refraction, at least 1.
+    pub ior: f64,
+    /// The border of a volume, which refracts; else a thin sheet.
+    pub volume: bool,
+    /// The viewer is inside of the volume.
+    pub inside: bool,
+    /// Strength of the coat, 0 to 1.
+    pub coat: f64,
+    /// GGX alpha of the coat.
+    pub coat_alpha: f64,
+}
+
+/// A surface as a path meets it.
+#[derive(Clone, Copy, Debug)]
+pub struct Scatterer {
+    /// Shading normal, unit, on the side of the viewer.
+    pub normal: DVec3,
+    /// Normal of the plane, unit, on the side of the viewer.
+    pub plane: DVec3,
+    /// Unit.
+    pub to_viewer: DVec3,
+    /// What it is made of.
+    pub layers: Layers,
+}
+
+/// How a direction is drawn.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    Cosine,
+    Mirror,
+    Coat,
+    Through,
+}
+
+impl Scatterer {
+    /// BSDF times cosine for light from a unit direction, per steradian.
+    pub fn value(&self, l: DVec3) -> Lobes {
+        let Self { normal: n, plane, to_viewer: v, layers: m } = *self;
+        let (n_v, n_l, p_l) = (n.dot(v), n.dot(l), plane.dot(l));
+        let glass = (1.0 - m.metalness) * m.transmission;
+        let under = 1.0 - self.coat_share();
+        let mut lobes = Lobes::default();
+        if n_v <= 0.0 {
+            return lobes;
+        }
+        if n_l > 0.0 && p_l > 0.0 {
+            let h = (v + l).normalize();
+            let v_h = v.dot(h);
+            let surface = self.schlick();
+            let microfacets = |alpha| ggx_d(n.dot(h), alpha) * smith_g2(n_v, n_l, alpha) / (4.0 * n_v);
+            let reflected = surface.at(v_h) * (1.0 - glass) + DVec3::splat(glass * fresnel(v_h, self.eta()));
+            lobes.specular = under * reflected * microfacets(m.alpha);
+            lobes.coat = DVec3::splat((1.0 - under) * microfacets(m.coat_alpha));
+            let lost = DVec3::ONE - surface.mean();
+            let coupled = (DVec3::ONE - surface.at(n_v)) * (DVec3::ONE - surface.at(n_l));
+            let coupled = DVec3::select(lost.cmpgt(DVec3::ZERO), coupled / lost, DVec3::ZERO);
+            lobes.diffuse = under * (1.0 - glass) * DIFFUSE_SCALE * (1.0 - m.metalness) * m.base / PI * coupled * n_l;
+        }
+        if n_l < 0.0 && p_l < 0.0 && glass > 0.0 {
+            let through = if m.volume { self.refracted(l) } else { self.through_sheet(l) };
+            lobes.transmission = under * glass * m.base * through;
+        }
+        lobes
+    }
+
+    /// Light through a rough border (Walter et al. 2007, equation 21) without the colour, times the cosine. Their index of the side that
+    /// light goes to is that of the viewer's here, divided out: only the quotient `eta` is left.
+    fn refracted(&self, l: DVec3) -> f64 {
+        let (n, v, eta, alpha) = (self.normal, self.to_viewer, self.eta(), self.layers.alpha);
+        let Some(h) = self.refracting(l) else { return 0.0 };
+        let (v_h, l_h) = (v.dot(h), l.dot(h));
+        let g_d = smith_g2(n.dot(v), -n.dot(l), alpha) * ggx_d(n.dot(h), alpha);
+        v_h * -l_h * (1.0 - fresnel(v_h, eta)) * g_d / (n.dot(v) * (v_h + eta * l_h).powi(2))
+    }
+
+    /// The half vector of refraction, on the side of the viewer; none where no microfacet refracts so.
+    fn refracting(&self, l: DVec3) -> Option<DVec3> {
+        let h = (self.to_viewer + self.eta() * l).try_normalize()?;
+        let h = if h.dot(self.normal) < 0.0 { -h } else { h };
+        (self.to_viewer.dot(h) > 0.0 && l.dot(h) < 0.0).then_some(h)
+    }
+
+    /// Light through a thin sheet without the colour, times the cosine: as if reflected and mirrored through the sheet.
+    fn through_sheet(&self, l: DVec3) -> f64 {
+        let (n, v, alpha) = (self.normal, self.to_viewer, self.layers.alpha);
+        let mirrored = l - 2.0 * n.dot(l) * n;
+        let h = (v + mirrored).normalize();
+        let microfacets = ggx_d(n.dot(h), alpha) * smith_g2(n.dot(v), n.dot(mirrored), alpha) / (4.0 * n.dot(v));
+        (1.0 - fresnel(v.dot(h), self.layers.ior)) * microfacets
+    }
+
+    fn schlick(&self) -> Schlick {
+        let d = (self.layers.ior - 1.0) / (self.layers.ior + 1.0);
+        Schlick::new(DVec3::splat(d * d).lerp(self.layers.base, self.layers.metalness))
+    }
+
+    /// Index of refraction behind the surface over that on the viewer's side.
+    pub fn eta(&self) -> f64 {
+        if self.layers.volume && self.layers.inside { 1.0 / self.layers.ior } else { self.layers.ior }
+    }
+
+    /// Share of the light that the coat reflects.
+    fn coat_share(&self) -> f64 {
+        if self.layers.inside {
+            return 0.0;
+        }
+        let fresnel = COAT_F0 + (1.0 - COAT_F0) * (1.0 - self.normal.dot(self.to_viewer).clamp(0.0, 1.0)).powi(5);
+        self.layers.coat * fresnel
+    }
+
+    /// The share of samples that each way of drawing gets.
+    fn ways(&self) -> [(Way, f64); 4] {
+        let (m, n_v) = (&self.layers, self.normal.dot(self.to_viewer));
+        let glass = (1.0 - m.metalness) * m.transmission;
+        let coat = self.coat_share();
+        let reflected = (1.0 - glass) * self.schlick().at(n_v).max_element() + glass * fresnel(n_v, self.eta());
+        let diffuse = (1.0 - glass) * (1.0 - m.metalness) * m.base.max_element();
+        let through = glass * (1.0 - fresnel(n_v, self.eta())) * m.base.max_element();
+        let at_least = |share: f64, exists: bool| if exists { share.max(LEAST_SHARE) } else { 0.0 };
+        // The cosine also draws for the tails of wide lobes at grazing angles, where half vectors are drawn badly.
+        let ways = [
+            (Way::Cosine, at_least((1.0 - coat) * diffuse, glass < 1.0)),
+            (Way::Mirror, at_least((1.0 - coat) * reflected, true)),
+            (Way::Coat, at_least(coat, coat > 0.0)),
+            (Way::Through, at_least((1.0 - coat) * through, glass > 0.0)),
+        ];
+        let sum: f64 = ways.iter().map(|w| w.1).sum();
+        ways.map(|(way, share)| (way, share / sum))
+    }
+
+    /// A direction towards light; none where what was drawn does not exist.
+    pub fn sample(&self, random: &mut Random) -> Option<DVec3> {
+        let mut rest = random.unit();
+        let ways = self.ways();
+        let drawn = ways.iter().find(|(_, share)| {
+            rest -= share;
+            rest < 0.0
+        });
+        let (way, _) = *drawn.unwrap_or(&ways[1]);
+        let (n, v) = (self.normal, self.to_viewer);
+        let (x, angle) = (random.unit(), TAU * random.unit());
+        if way == Way::Cosine {
+            return Some(frame(n) * from_polar((1.0 - x).sqrt(), angle));
+        }
+        let alpha = if way == Way::Coat { self.layers.coat_alpha } else { self.layers.alpha };
+        let cosine = 1.0 / (1.0 + alpha * alpha * x / (1.0 - x)).sqrt();
+        let h = frame(n) * from_polar(cosine, angle);
+        let v_h = v.dot(h);
+        if v_h <= 0.0 {
+            return None;
+        }
+        let mirrored = 2.0 * v_h * h - v;
+        let l = match way {
+            Way::Through if self.layers.volume => {
+                // Snell: the sine shrinks by eta.
+                let sine2 = (1.0 - v_h * v_h).max(0.0) / self.eta().powi(2);
+                if sine2 >= 1.0 {
+                    return None;
+                }
+                (v_h * h - v) / self.eta() - (1.0 - sine2).sqrt() * h
+            }
+            Way::Through => mirrored - 2.0 * n.dot(mirrored) * n,
+            _ => mirrored,
+        };
+        let below = n.dot(l) < 0.0;
+        (below == (way == Way::Through)).then(|| l.normalize())
+    }
+
+    /// Density with which [`sample`](Self::sample) draws a direction, per steradian. What it refuses is missing from the integral.
+    pub fn pdf(&self, l: DVec3) -> f64 {
+        let (n, v, m) = (self.normal, self.to_viewer, &self.layers);
+        let n_l = n.dot(l);
+        let by_half_vector = |l: DVec3, alpha: f64| {
+            let h = (v + l).normalize();
+            let v_h = v.dot(h);
+            if v_h > 0.0 { ggx_d(n.dot(h), alpha) * n.dot(h) / (4.0 * v_h) } else { 0.0 }
+        };
+        let of = |way: Way| match way {
+            Way::Cosine => n_l.max(0.0) / PI,
+            Way::Mirror if n_l > 0.0 => by_half_vector(l, m.alpha),
+            Way::Coat if n_l > 0.0 => by_half_vector(l, m.coat_alpha),
+            Way::Through if n_l < 0.0 && !m.volume => by_half_vector(l - 2.0 * n_l * n, m.alpha),
+            Way::Through if n_l < 0.0 => self.refracting(l).map_or(0.0, |h| {
+                let (v_h, l_h, eta) = (v.dot(h), l.dot(h), self.eta());
+                ggx_d(n.dot(h), m.alpha) * n.dot(h) * eta * eta * -l_h / (v_h + eta * l_h).powi(2)
+            }),
+            _ => 0.0,
+        };
+        self.ways().into_iter().filter(|(_, share)| *share > 0.0).map(|(way, share)| share * of(way)).sum()
+    }
+}
