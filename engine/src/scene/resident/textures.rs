@@ -48,12 +48,20 @@ pub(super) fn upload_environment(
 
 /// The texels as a format holds them, with an alpha of 1.
 fn texels(environment: &Environment, format: Format) -> Result<Vec<u8>, EnvironmentError> {
-    let four = environment.radiance.iter().map(|c| c.extend(1.0).to_array());
-    if format == Format::Rgba32Float {
-        return Ok(four.flatten().flat_map(f32::to_ne_bytes).collect());
+    let narrow = format == Format::Rgba16Float;
+    if narrow {
+        environment.limit_to(f16::MAX.to_f32())?;
     }
-    environment.limit_to(f16::MAX.to_f32())?;
-    Ok(four.flatten().flat_map(|c| f16::from_f32(c).to_ne_bytes()).collect())
+    let mut bytes = Vec::with_capacity(environment.radiance.len() * format.bytes_per_pixel() as usize);
+    for texel in environment.radiance.iter() {
+        let four = texel.extend(1.0).to_array();
+        if narrow {
+            four.map(f16::from_f32).iter().for_each(|c| bytes.extend_from_slice(&c.to_ne_bytes()));
+        } else {
+            bytes.extend_from_slice(bytemuck::bytes_of(&four));
+        }
+    }
+    Ok(bytes)
 }
 
 /// An image that shaders sample, with its mips.
