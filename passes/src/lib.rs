@@ -31,6 +31,7 @@ mod direct;
 pub mod frame;
 mod gbuffer;
 mod gi;
+pub mod metrics;
 mod post;
 mod rays;
 mod read_back;

@@ -12,6 +12,7 @@ pub mod check;
 pub mod compose;
 pub mod direct;
 pub mod gbuffer;
+pub mod metrics;
 pub mod post;
 pub mod rays;
 pub mod reference;

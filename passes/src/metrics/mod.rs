@@ -1,0 +1,148 @@
+//! The error of one image against another, live: squared, relative and symmetric error of each pixel, and of the whole.
+//!
+//! No slot of the frame: a viewer or a test adds it where it has two images to compare.
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::stage::StageError;
+use magpie_shaders::metrics::{
+    ErrorParams, ErrorSums, READ_COLOUR, READ_DISPLAY, READ_GREY, SumParams, TILE_HEIGHT, TILE_WIDTH,
+};
+use magpie_shaders::{METRICS_ERROR_COMP, METRICS_SUM_COMP};
+
+/// Two images of one size, of any format but those of ids.
+#[derive(Clone, Copy, Debug)]
+pub struct MetricsIn {
+    /// The image under test. Where its size is not that of the reference, every error is NaN.
+    pub test: Handle<Image>,
+    /// The reference.
+    pub reference: Handle<Image>,
+}
+
+/// How far apart they are.
+#[derive(Clone, Copy, Debug)]
+pub struct MetricsOut {
+    /// RGBA32F, each the mean over the channels of the pixel: squared error in red, relative squared error in green, symmetric
+    /// error in blue, 1 in alpha.
+    pub error: Handle<Image>,
+    /// One [`ErrorSums`], the mean over the pixels: for [`Errors::read`].
+    pub errors: Handle<Buffer>,
+}
+
+/// The errors of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// Mean squared error, in the squared unit of the images.
+    pub mse: f32,
+    /// Relative mean squared error.
+    pub relmse: f32,
+    /// Symmetric mean absolute percentage error, from 0 to 1.
+    pub smape: f32,
+}
+
+impl Errors {
+    /// From the bytes of [`MetricsOut::errors`]; `None` where they are too few.
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let field = |at: usize| Some(f32::from_le_bytes(bytes.get(4 * at..4 * at + 4)?.try_into().ok()?));
+        Some(Self { mse: field(0)?, relmse: field(1)?, smape: field(2)? })
+    }
+
+    /// Root mean squared error, in the unit of the images.
+    pub fn rmse(&self) -> f32 {
+        self.mse.sqrt()
+    }
+
+    /// Peak signal-to-noise ratio, decibels: infinite where the images are equal. `peak` is the greatest value that counts.
+    pub fn psnr(&self, peak: f32) -> f32 {
+        10.0 * (peak * peak / self.mse).log10()
+    }
+}
+
+/// The two passes.
+pub struct Metrics {
+    error: Kernel,
+    sum: Kernel,
+}
+
+impl Metrics {
+    /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// [`StageError`] where the device cannot make them.
+    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
+        let kernel = |shader| gpu.kernel(shader).map_err(StageError::other);
+        Ok(Self { error: kernel(&METRICS_ERROR_COMP)?, sum: kernel(&METRICS_SUM_COMP)? })
+    }
+
+    /// Adds the passes; a view is not asked for.
+    pub fn declare(&self, g: &mut FrameGraph, i: MetricsIn) -> MetricsOut {
+        let (error, sum) = (self.error, self.sum);
+        let (extent, test_extent) = (g.extent(i.reference), g.extent(i.test));
+        let read = [i.test, i.reference].map(|image| how_to_read(g.desc(image).format));
+        let groups = [extent.width.div_ceil(TILE_WIDTH), extent.height.div_ceil(TILE_HEIGHT), 1];
+        let (count, bytes) = (groups[0] * groups[1], size_of::<ErrorSums>() as u64);
+
+        let (error, tiles) = g.pass("metrics.error", Queue::AsyncCompute, |p| {
+            let (test, reference) = (p.sample(i.test), p.sample(i.reference));
+            let (image, target) = p.create("error", ImageDesc::like(Format::Rgba32Float, i.reference));
+            let (tiles, sums) = p.create_buffer("tiles", BufferDesc::new(u64::from(count) * bytes).of_floats());
+            ((image.read(), tiles.read()), move |c: &mut Record<'_>| {
+                let params = ErrorParams {
+                    test: c.id(test),
+                    reference: c.id(reference),
+                    error: c.id(target),
+                    read_test: read[0],
+                    read_reference: read[1],
+                    size: [extent.width, extent.height],
+                    test_size: [test_extent.width, test_extent.height],
+                    tiles: c.id(sums),
+                };
+                c.dispatch_groups(error, &params, groups);
+            })
+        });
+        let errors = g.pass("metrics.sum", Queue::AsyncCompute, |p| {
+            let tiles = p.read(tiles);
+            let (errors, target) = p.create_buffer("errors", BufferDesc::new(bytes).of_floats());
+            (errors.read(), move |c: &mut Record<'_>| {
+                let pixels = extent.width * extent.height;
+                let params = SumParams { tiles: c.id(tiles), errors: c.id(target), count, pixels };
+                c.dispatch_groups(sum, &params, [1, 1, 1]);
+            })
+        });
+        MetricsOut { error, errors }
+    }
+}
+
+impl Effect for Metrics {
+    type In = MetricsIn;
+    type Out = MetricsOut;
+
+    fn add(&mut self, g: &mut FrameGraph, _: &View, i: MetricsIn) -> MetricsOut {
+        self.declare(g, i)
+    }
+}
+
+/// As `Picture::from_pixels` of the library reads an image on the host: what has one channel is grey, and eight bits without
+/// sRGB are a display image.
+fn how_to_read(format: Format) -> u32 {
+    match (format, format.channels()) {
+        (Format::Rgba8Unorm, _) => READ_DISPLAY,
+        (_, 1) => READ_GREY,
+        _ => READ_COLOUR,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_read_from_bytes() {
+        let bytes: Vec<u8> = [0.25_f32, 0.5, 0.125].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let errors = Errors::read(&bytes).expect("twelve bytes");
+        assert_eq!(errors, Errors { mse: 0.25, relmse: 0.5, smape: 0.125 });
+        assert_eq!(errors.rmse(), 0.5);
+        assert!((errors.psnr(5.0) - 20.0).abs() < 1e-5, "{}", errors.psnr(5.0));
+        assert_eq!(Errors { mse: 0.0, ..errors }.psnr(1.0), f32::INFINITY);
+        assert_eq!(Errors::read(&bytes[..11]), None);
+    }
+}
