@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use magpie::gpu::Buffer;
-use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
+use magpie::graph::{Access, Domain, Extent, Queue, Record};
 use magpie::scene::{Environment, Material, Scene};
 use magpie_passes::reference::{Reference, ReferenceOptions};
 use magpie_shaders::Address;
@@ -111,8 +111,9 @@ fn over_microfacets(cosine: f64, alpha: f64, scatter: impl Fn(DVec3, DVec3) -> f
     const N: usize = 700;
     let v = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
     let row = |i: usize| -> f64 {
-        // Slopes of GGX by the inverse of their distribution: D(h) n·h is the density.
-        let u = (i as f64 + 0.5) / N as f64;
+        // Slopes of GGX by the inverse of their distribution: D(h) n·h is the density. Steep ones are rare and weigh much: more points.
+        let left = 1.0 - (i as f64 + 0.5) / N as f64;
+        let (u, density) = (1.0 - left.powi(4), 4.0 * left.powi(3));
         let tangent = alpha * (u / (1.0 - u)).sqrt();
         let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
         let ring = |j: usize| {
@@ -121,7 +122,7 @@ fn over_microfacets(cosine: f64, alpha: f64, scatter: impl Fn(DVec3, DVec3) -> f
             let v_h = v.dot(h);
             if v_h > 0.0 { scatter(v, h) * v_h / (cosine * h.z) } else { 0.0 }
         };
-        (0..N).map(ring).sum()
+        density * (0..N).map(ring).sum::<f64>()
     };
     (0..N).into_par_iter().map(row).sum::<f64>() / (N * N) as f64
 }

@@ -1,0 +1,157 @@
+//! The reference on the device against the witness on the processor: another language, another precision, other formulas for the same
+//! model, other ways to sample it.
+use anyhow::{Result, ensure};
+use glam::DVec3;
+use magpie::graph::{Extent, Format};
+use magpie::pixels::Pixels;
+use magpie::scene::Scene;
+use magpie_demo::write_exr;
+use magpie_passes::reference::{Only, PixelSampling, Reference, ReferenceOptions};
+use magpie_tests::harness::gpu;
+use magpie_tests::oracle::path::{Witness, WitnessOptions};
+use magpie_tests::oracle::scenes;
+use std::env;
+use std::fs::{self, File};
+use std::path::Path;
+
+const SIZE: [u32; 2] = [48, 32];
+/// Greatest relative difference of the means of two pictures.
+const LIMIT: f64 = 0.005;
+/// Pixels on a side of the blocks in which a residual would show.
+const BLOCK: usize = 8;
+
+fn samples() -> u32 {
+    if env::var_os("MAGPIE_FULL").is_some() { 4096 } else { 512 }
+}
+
+/// What the two say of each pixel: means, and the square of the standard error of their difference.
+struct Both {
+    device: Vec<DVec3>,
+    witness: Vec<DVec3>,
+    variance: Vec<DVec3>,
+}
+
+fn both(gpu: &magpie::gpu::Gpu, scene: &Scene, options: ReferenceOptions, samples: [u32; 2]) -> Result<Both> {
+    let camera = &scene.cameras[0];
+    let mut reference = Reference::new(gpu, scene, camera, options)?;
+    reference.add(samples[0])?;
+    let ReferenceOptions { width, height, depth, only, pixel, ao_range, .. } = options;
+    let wanted = WitnessOptions { samples: samples[1], seed: 77, depth, pixel, only, ao_range: f64::from(ao_range) };
+    let witness = Witness::new(scene, options.time).radiance(camera, width, height, wanted);
+    let errors = reference.estimate().standard_error();
+    Ok(Both {
+        device: reference.estimate().mean.clone(),
+        variance: errors.iter().zip(&witness).map(|(e, (_, w))| *e * *e + *w * *w).collect(),
+        witness: witness.into_iter().map(|(mean, _)| mean).collect(),
+    })
+}
+
+impl Both {
+    /// Relative difference of the means of the pictures, and its standard error.
+    fn difference(&self) -> (f64, f64) {
+        let sum = |values: &[DVec3]| values.iter().map(|v| v.element_sum()).sum::<f64>();
+        let error = sum(&self.variance).sqrt();
+        let scale = sum(&self.witness).max(f64::MIN_POSITIVE);
+        ((sum(&self.device) - scale) / scale, error / scale)
+    }
+
+    /// Deviations of the blocks of the picture, in standard errors: their root mean square, 1 if there is no structure, and the greatest.
+    fn blocks(&self) -> (f64, f64) {
+        let [width, height] = SIZE.map(|n| n as usize);
+        let (mut squares, mut count, mut greatest) = (0.0, 0.0, 0.0_f64);
+        for top in (0..height).step_by(BLOCK) {
+            for left in (0..width).step_by(BLOCK) {
+                let (mut difference, mut variance) = (0.0, 0.0);
+                for at in (0..BLOCK * BLOCK).map(|i| (top + i / BLOCK) * width + left + i % BLOCK) {
+                    difference += (self.device[at] - self.witness[at]).element_sum();
+                    // Channels of a pixel are not independent: their errors add up, not their squares.
+                    variance += self.variance[at].map(f64::sqrt).element_sum().powi(2);
+                }
+                if variance > 0.0 {
+                    let deviation = difference / variance.sqrt();
+                    squares += deviation * deviation;
+                    count += 1.0;
+                    greatest = greatest.max(deviation.abs());
+                }
+            }
+        }
+        ((squares / f64::max(count, 1.0)).sqrt(), greatest)
+    }
+
+    /// Leaves device, witness and difference (0.5 is none) side by side, to be looked at.
+    fn show(&self, name: &str) -> Result<()> {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/images");
+        fs::create_dir_all(&folder)?;
+        let width = SIZE[0] as usize;
+        let mut bytes = Vec::new();
+        for row in 0..SIZE[1] as usize {
+            for part in 0..3 {
+                for at in row * width..(row + 1) * width {
+                    let (device, witness) = (self.device[at], self.witness[at]);
+                    let shown = [device, witness, DVec3::splat(0.5) + 4.0 * (device - witness)][part];
+                    bytes.extend([shown.x, shown.y, shown.z, 1.0].into_iter().flat_map(|v| (v as f32).to_le_bytes()));
+                }
+            }
+        }
+        let pixels = Pixels { extent: Extent::new(3 * SIZE[0], SIZE[1]), format: Format::Rgba32Float, bytes };
+        Ok(write_exr(&mut File::create(folder.join(format!("witness.{name}.exr")))?, &pixels)?)
+    }
+}
+
+fn agree(name: &str, both: &Both, limit: f64) -> Result<()> {
+    let (difference, error) = both.difference();
+    let (spread, greatest) = both.blocks();
+    println!(
+        "{name:<32} {:+.3} % +- {:.3} %, blocks: root mean square deviation {spread:.2}, greatest {greatest:.2}",
+        100.0 * difference,
+        100.0 * error
+    );
+    both.show(&name.replace([' ', ','], "_"))?;
+    ensure!(error < limit / 2.0, "{name}: too noisy to tell: {error}");
+    ensure!(difference.abs() <= limit, "{name}: the means are {difference} apart");
+    ensure!(spread < 1.5 && greatest < 5.0, "{name}: the residual has structure: {spread}, {greatest}");
+    Ok(())
+}
+
+#[test]
+fn six_scenes() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    for scene in scenes::all() {
+        let options = ReferenceOptions { width: SIZE[0], height: SIZE[1], check: true, ..ReferenceOptions::default() };
+        agree(&scene.name, &both(&gpu, &scene, options, [2 * samples(), samples()])?, LIMIT)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn every_part() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let parts = [
+        (scenes::area_light(), Only::Direct),
+        (scenes::area_light(), Only::Shadows),
+        (scenes::area_light(), Only::AmbientOcclusion),
+        (scenes::area_light(), Only::Gi),
+        (scenes::environment_map(), Only::Gi),
+        (scenes::glossy_metal(), Only::Reflections),
+        (scenes::environment_map(), Only::Reflections),
+        (scenes::glass_ball(), Only::Transparency),
+    ];
+    for (scene, only) in parts {
+        let options = ReferenceOptions {
+            width: SIZE[0],
+            height: SIZE[1],
+            only,
+            pixel: PixelSampling::Centre,
+            ao_range: 0.5,
+            check: true,
+            ..ReferenceOptions::default()
+        };
+        // Half as many samples: twice the limit.
+        agree(
+            &format!("{}, {}", scene.name, only.name()),
+            &both(&gpu, &scene, options, [samples(), samples() / 2])?,
+            2.0 * LIMIT,
+        )?;
+    }
+    Ok(())
+}
