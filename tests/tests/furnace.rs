@@ -23,7 +23,7 @@ const KINDS: [&str; 6] = ["metal", "dielectric", "clear coat", "glass", "glass f
 const IOR: f64 = 1.5;
 /// Sums of so many samples each, per case.
 const SUMS: u32 = 2048;
-const SAMPLES: u32 = 48;
+const SAMPLES: u32 = 128;
 /// Allowed above what comes in.
 const ABOVE: f64 = 1e-3;
 

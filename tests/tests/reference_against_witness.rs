@@ -2,16 +2,13 @@
 //! model, other ways to sample it.
 use anyhow::{Result, ensure};
 use glam::DVec3;
-use magpie::graph::{Extent, Format};
-use magpie::pixels::Pixels;
 use magpie::scene::Scene;
-use magpie_demo::write_exr;
 use magpie_passes::reference::{Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_tests::harness::gpu;
 use magpie_tests::oracle::path::{Witness, WitnessOptions};
 use magpie_tests::oracle::scenes;
 use std::env;
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [48, 32];
@@ -78,23 +75,17 @@ impl Both {
         ((squares / f64::max(count, 1.0)).sqrt(), greatest)
     }
 
-    /// Leaves device, witness and difference (0.5 is none) side by side, to be looked at.
+    /// Leaves device, witness and difference (dark grey is none) side by side, to be looked at.
     fn show(&self, name: &str) -> Result<()> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/images");
         fs::create_dir_all(&folder)?;
-        let width = SIZE[0] as usize;
-        let mut bytes = Vec::new();
-        for row in 0..SIZE[1] as usize {
-            for part in 0..3 {
-                for at in row * width..(row + 1) * width {
-                    let (device, witness) = (self.device[at], self.witness[at]);
-                    let shown = [device, witness, DVec3::splat(0.5) + 4.0 * (device - witness)][part];
-                    bytes.extend([shown.x, shown.y, shown.z, 1.0].into_iter().flat_map(|v| (v as f32).to_le_bytes()));
-                }
-            }
-        }
-        let pixels = Pixels { extent: Extent::new(3 * SIZE[0], SIZE[1]), format: Format::Rgba32Float, bytes };
-        Ok(write_exr(&mut File::create(folder.join(format!("witness.{name}.exr")))?, &pixels)?)
+        let picture = image::RgbImage::from_fn(3 * SIZE[0], SIZE[1], |x, y| {
+            let at = (y * SIZE[0] + x % SIZE[0]) as usize;
+            let (device, witness) = (self.device[at], self.witness[at]);
+            let shown = [device, witness, DVec3::splat(0.2) + device - witness][(x / SIZE[0]) as usize];
+            image::Rgb(shown.to_array().map(|v| (255.0 * v.clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8))
+        });
+        Ok(picture.save(folder.join(format!("witness.{name}.png")))?)
     }
 }
 

@@ -239,6 +239,8 @@ impl Reference {
             Strategy::SurfacesOnly => PATH_NO_LIGHT_SAMPLES,
         };
         let centre = if options.pixel == PixelSampling::Centre { PATH_CENTRE } else { 0 };
+        // Light that comes straight from lights is scattered once.
+        let depth = if options.only == Only::Direct { 1 } else { options.depth };
         let mut executor = Executor::new(gpu)?;
         Ok(Self {
             kernel: gpu.ray_kernel(options.only.shader(), options.rays)?,
@@ -247,7 +249,7 @@ impl Reference {
             executor,
             scene: resident,
             camera: camera.clone(),
-            options,
+            options: ReferenceOptions { depth, ..options },
             flags: counted | strategy | centre | if blended { PATH_BLENDED } else { 0 },
             first_lobes,
             view: Staging::new(gpu, "view"),
