@@ -78,16 +78,19 @@ pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Mater
         reader.out.materials.push(read);
     }
     let out = reader.out;
-    if !blended.is_empty() {
-        let names = blended.join(", ");
-        notices.push(format!(
-            "blended materials are drawn alpha-tested at 0.5 until there is a transparency stage: {names}"
-        ));
-    }
-    if !transmitting.is_empty() {
-        let names = transmitting.join(", ");
-        notices
-            .push(format!("materials with transmission are drawn opaque until there is a transparency stage: {names}"));
+    for (names, notice) in [
+        (
+            blended,
+            "blended materials are drawn alpha-tested at 0.5 until there is a transparency stage (the reference blends)",
+        ),
+        (
+            transmitting,
+            "materials with transmission are drawn opaque until there is a transparency stage (not by the reference)",
+        ),
+    ] {
+        if !names.is_empty() {
+            notices.push(format!("{notice}: {}", names.join(", ")));
+        }
     }
     Ok(out)
 }
