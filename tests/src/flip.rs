@@ -1,25 +1,21 @@
-//! How different two images look: FLIP (Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"), by its authors'
-//! code.
-use anyhow::{Result, ensure};
+//! How different two images look: FLIP, as the metrics of `magpie-accuracy` have it.
+use anyhow::Result;
+use magpie::graph::Format;
 use magpie::pixels::Pixels;
-use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool};
+use magpie_accuracy::metrics::{Picture, flip_ldr};
 
 /// Mean FLIP of two images as a display shows them, from 0 (the same) to 1, seen from 67 pixels per degree.
 pub fn mean_flip(a: &Pixels, b: &Pixels) -> Result<f64> {
-    ensure!(a.extent == b.extent, "images of {:?} and {:?}", a.extent, b.extent);
-    let image = |pixels: &Pixels| {
-        let bytes: Vec<u8> =
-            pixels.presentable().as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-        FlipImageRgb8::with_data(pixels.extent.width, pixels.extent.height, &bytes)
+    let picture = |pixels: &Pixels| {
+        Picture::from_pixels(&Pixels { format: Format::Rgba8Unorm, bytes: pixels.presentable(), ..*pixels })
     };
-    let error = nv_flip::flip(image(a), image(b), DEFAULT_PIXELS_PER_DEGREE);
-    Ok(f64::from(FlipPool::from_image(&error).mean()))
+    Ok(flip_ldr(&picture(a)?, &picture(b)?)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use magpie::graph::{Extent, Format};
+    use magpie::graph::Extent;
 
     fn flat(rgb: [u8; 3]) -> Pixels {
         let extent = Extent::new(16, 8);

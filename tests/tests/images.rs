@@ -8,6 +8,9 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
 use magpie_tests::made;
 
+#[path = "images/metrics.rs"]
+mod metrics;
+
 const SIZE: [u32; 2] = [240, 135];
 /// Different drivers round differently; a black, shifted or unshadowed picture is far beyond this.
 const LIMIT: f64 = 0.01;
