@@ -5,14 +5,16 @@ use std::time::{Duration, Instant};
 
 use magpie::gpu::{Gpu, GpuOptions};
 use magpie::scene::ResidentError;
+use magpie_passes::Slots;
 use magpie_passes::reference::{Estimate, EstimateFileError, Reference, ReferenceError, ReferenceOptions};
 
 use crate::{
     args::{Loudness, ReferenceArguments},
     console::{self, Progress},
     exit::Failure,
+    input,
     output::{Output, keep_apart},
-    session,
+    picture, session,
 };
 
 /// Samples between two looks at the clock, and how long a run that is stopped may lose.
@@ -34,7 +36,9 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     .filter_map(|(what, path)| Some((what, path?.as_path())))
     .chain(arguments.merge.iter().map(|path| ("estimate to merge", path.as_path())))
     .collect();
-    keep_apart(&[&output], &inputs)?;
+    let shown = arguments.png.as_deref().map(|path| Output::plan("--png", path, &["png"])).transpose()?;
+    keep_apart(&[&output].into_iter().chain(&shown).collect::<Vec<_>>(), &inputs)?;
+    let config = input::configure(&session::catalogue(), None, &arguments.set)?;
     let scene = session::load_scene(&arguments.scene, Some(&arguments.environment))?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
     let (only, extent) = (arguments.only.which(), arguments.size);
@@ -63,7 +67,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     let missing = u64::from(arguments.samples).saturating_sub(begun.samples);
 
     let mut done = begun;
-    if missing > 0 {
+    if missing > 0 || shown.is_some() {
         let gpu = Gpu::new(&GpuOptions {
             device: arguments.device.clone(),
             validation: arguments.check,
@@ -93,6 +97,10 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
             (closest + any) as f64 * 1e-6
         );
         done = reference.estimate().clone();
+        if let Some(shown) = shown {
+            let picture = reference.display(&Slots::default(), &config).map_err(failure)?;
+            shown.write(|file| picture::write_png(file, &picture))?;
+        }
     }
     save(&done, &arguments.out, &subject)?;
     console::print(&summary(&done, only.name()))
@@ -125,6 +133,7 @@ fn foreign(error: EstimateFileError, is_out: bool) -> Failure {
 fn failure(error: ReferenceError) -> Failure {
     match error {
         ReferenceError::Gpu(error) => error.into(),
+        ReferenceError::Stage(error) => error.into(),
         ReferenceError::Scene(ResidentError::Ray(error)) => Failure::input(error),
         other => Failure::running(other),
     }

@@ -105,3 +105,15 @@ pub struct AreaLight {
     /// How often it is sampled.
     pub probability: f32,
 }
+
+/// Parameters of `present.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct PresentParams {
+    /// Three `f32` per pixel, rows from the top.
+    pub values: Address,
+    /// RGBA32F.
+    pub image: StorageImage,
+    /// Pixels.
+    pub size: [u32; 2],
+}

@@ -88,7 +88,7 @@ fn run(bench: &mut Bench, name: &str, glsl: &str, bins: u32, tables: Option<&Tab
     let kernel = bench.kernel(name, glsl)?;
     let (gpu, cells) = (bench.gpu.clone(), bins * bins);
     let bytes = |n: u32| u64::from(n) * 4;
-    let length = tables.map_or(4, Tables::len);
+    let length = tables.map_or(4, Tables::bytes);
     let mut table = Buffer::new(&gpu, "tables", length, BufferMemory::Upload, BufferUse::Storage)?;
     let address = table.address();
     table.write(0, &tables.map_or(vec![0; 4], |t| t.placed(address)))?;

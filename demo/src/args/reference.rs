@@ -19,6 +19,12 @@ pub struct ReferenceArguments {
     /// Write linear radiance with its standard error to this file; if it is there already, go on where it stopped
     #[arg(long, value_name = "F.exr")]
     pub out: PathBuf,
+    /// Write the picture as a display shows it, too
+    #[arg(long, value_name = "F.png")]
+    pub png: Option<PathBuf>,
+    /// For --png: one value of the configuration, such as `post.exposure=1`; repeatable
+    #[arg(long, value_name = "KEY=VALUE", requires = "png")]
+    pub set: Vec<String>,
     /// Begin anew in the place of --out
     #[arg(long)]
     pub restart: bool,

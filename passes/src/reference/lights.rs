@@ -16,7 +16,7 @@ const LOOK_UPS: u32 = 4;
 
 /// The tables, in one block of bytes: first the root, whose addresses are counted from the block's begin.
 pub struct Tables {
-    bytes: Vec<u8>,
+    block: Vec<u8>,
     root: LightTables,
 }
 
@@ -47,7 +47,7 @@ impl Tables {
         let (cells, sky_cells) = sky(scene);
         let sky = alias_table(cells.into_iter().map(|weight| (weight, LightChoice::default())).collect());
 
-        let mut tables = Self { bytes: vec![0; size_of::<LightTables>()], root: LightTables::default() };
+        let mut tables = Self { block: vec![0; size_of::<LightTables>()], root: LightTables::default() };
         tables.root = LightTables {
             near: tables.add(&near),
             far: tables.add(&far),
@@ -63,14 +63,14 @@ impl Tables {
     }
 
     fn add<T: bytemuck::Pod>(&mut self, items: &[T]) -> Address {
-        let offset = self.bytes.len() as u64;
-        self.bytes.extend_from_slice(bytemuck::cast_slice(items));
+        let offset = self.block.len() as u64;
+        self.block.extend_from_slice(bytemuck::cast_slice(items));
         Address::new(offset)
     }
 
     /// How many bytes they are.
-    pub fn len(&self) -> u64 {
-        self.bytes.len() as u64
+    pub fn bytes(&self) -> u64 {
+        self.block.len() as u64
     }
 
     /// The block as it lies at an address.
@@ -85,7 +85,7 @@ impl Tables {
             sky: on(sky),
             ..self.root
         };
-        let mut bytes = self.bytes.clone();
+        let mut bytes = self.block.clone();
         bytes[..size_of::<LightTables>()].copy_from_slice(bytemuck::bytes_of(&root));
         bytes
     }
@@ -248,7 +248,7 @@ fn texel_at(map: &Environment, d: DVec3) -> usize {
 /// Distribution"). Where no weight is above 0, nothing is left to choose.
 fn alias_table(entries: Vec<(f64, LightChoice)>) -> Vec<LightChoice> {
     let sum: f64 = entries.iter().map(|(weight, _)| weight).sum();
-    if !(sum > 0.0) {
+    if sum <= 0.0 {
         return Vec::new();
     }
     let n = entries.len() as f64;

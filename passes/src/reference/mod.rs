@@ -2,6 +2,7 @@
 mod estimate;
 mod file;
 mod lights;
+mod show;
 mod subject;
 
 pub use estimate::{Estimate, SizeMismatch};
@@ -17,6 +18,7 @@ use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record
 use magpie::scene::{
     AlphaMode, Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene,
 };
+use magpie::stage::StageError;
 use magpie_shaders::reference::{
     PATH_BACKGROUND, PATH_BALANCE, PATH_BLENDED, PATH_CENTRE, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_SAMPLES,
     PATH_SKY, PathParams,
@@ -151,6 +153,9 @@ pub enum ReferenceError {
     /// The device refused.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// The slot that shows the picture could not be filled.
+    #[error(transparent)]
+    Stage(#[from] StageError),
     /// A sample is NaN or infinite.
     #[error("reference: pixel {x}, {y}: samples {first} to {last} have the mean {mean}")]
     NotFinite {
@@ -373,7 +378,7 @@ impl Reference {
 
 /// Brings the tables to the device.
 fn upload(gpu: &Gpu, executor: &mut Executor, tables: &Tables) -> Result<Arc<Buffer>, ReferenceError> {
-    let bytes = tables.len();
+    let bytes = tables.bytes();
     let buffer = Arc::new(Buffer::new(gpu, "reference lights", bytes, BufferMemory::Device, BufferUse::Storage)?);
     let mut staging = Staging::new(gpu, "reference lights");
     let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
