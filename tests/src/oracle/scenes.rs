@@ -49,7 +49,7 @@ fn glass(roughness: f32) -> Material {
 
 /// A room with coloured walls, a block and a glossy ball under a rectangle.
 pub fn area_light() -> Scene {
-    let mut s = scene("area light", camera([0.0, 1.0, 4.6], [0.0, 1.0, 0.0]));
+    let mut s = scene("area light", camera([0.0, 1.0, 3.6], [0.0, 1.0, 0.0]));
     let wall = |x: f32, y: f32, z: f32, turn: Quat| Affine3A::from_rotation_translation(turn, Vec3::new(x, y, z));
     add(&mut s, plane(1.0), matte([0.7, 0.7, 0.7]), at(0.0, 0.0, 0.0));
     add(&mut s, plane(1.0), matte([0.7, 0.7, 0.7]), wall(0.0, 2.0, 0.0, Quat::from_rotation_x(PI)));
@@ -64,7 +64,7 @@ pub fn area_light() -> Scene {
         centre: DVec3::new(0.0, 1.98, 0.0),
         half_u: Vec3::X * 0.35,
         half_v: Vec3::Z * 0.35,
-        radiance: Vec3::new(9.0, 8.0, 6.0),
+        radiance: Vec3::new(14.0, 12.0, 9.0),
     });
     s
 }
@@ -90,7 +90,7 @@ fn surroundings() -> Environment {
         width: 4,
         height: 3,
         radiance: texels.map(Vec3::from).into(),
-        scale: 0.8,
+        scale: 0.35,
         turn: 0.7,
     }
 }
@@ -127,9 +127,9 @@ pub fn glossy_metal() -> Scene {
         centre: DVec3::new(-0.5, 2.2, 0.8),
         half_u: Vec3::new(0.7, 0.0, 0.0),
         half_v: Vec3::new(0.0, -0.2, 0.6),
-        radiance: Vec3::new(5.0, 5.0, 6.0),
+        radiance: Vec3::new(9.0, 9.0, 11.0),
     });
-    let radiance = Vec3::new(7.0, 5.0, 3.0);
+    let radiance = Vec3::new(12.0, 9.0, 6.0);
     s.lights.push(Light::Sphere { centre: DVec3::new(1.6, 1.3, 1.2), radius: 0.35, radiance });
     s
 }
@@ -141,17 +141,17 @@ pub fn rough_dielectric() -> Scene {
     let upright = Affine3A::from_rotation_translation(Quat::from_rotation_x(FRAC_PI_2), Vec3::new(0.0, 0.0, -2.5));
     add(&mut s, plane(4.0), matte([0.3, 0.5, 0.8]), upright);
     let slab = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.5), Vec3::new(-0.8, 0.65, 0.0));
-    add(&mut s, block(Vec3::new(0.4, 0.6, 0.12)), glass(0.4), slab);
-    let tinted = Material { attenuation_colour: Vec3::new(0.5, 0.9, 0.6), attenuation_distance: 0.8, ..glass(0.55) };
+    add(&mut s, block(Vec3::new(0.4, 0.6, 0.12)), glass(0.5), slab);
+    let tinted = Material { attenuation_colour: Vec3::new(0.5, 0.9, 0.6), attenuation_distance: 0.8, ..glass(0.6) };
     add(&mut s, ball(0.5), tinted, at(0.6, 0.55, 0.2));
     let sheet = Material { transmission: 0.8, double_sided: true, ..material([0.9, 0.7, 0.7], 0.0, 0.35) };
     let stands = Affine3A::from_rotation_translation(Quat::from_rotation_x(FRAC_PI_2), Vec3::new(1.5, 0.6, -0.3));
     add(&mut s, plane(0.4), sheet, stands);
     s.lights.push(Light::Rectangle {
-        centre: DVec3::new(0.0, 2.6, -0.3),
-        half_u: Vec3::X,
-        half_v: Vec3::Z * 0.7,
-        radiance: Vec3::new(4.0, 3.8, 3.4),
+        centre: DVec3::new(0.0, 2.8, 0.2),
+        half_u: Vec3::X * 1.8,
+        half_v: Vec3::Z * 1.2,
+        radiance: Vec3::new(3.0, 2.8, 2.5),
     });
     s
 }
@@ -183,17 +183,17 @@ pub fn many_lights() -> Scene {
         let colour = Vec3::new(1.0 + hue.sin(), 1.0 + (hue + 2.1).sin(), 1.0 + (hue + 4.2).sin());
         let aside = Vec3::new(0.4 * hue.cos(), -1.0, 0.4 * hue.sin()).normalize();
         s.lights.push(match i % 4 {
-            0 => Light::Point { position: place, intensity: colour * 0.05, range: Some(2.5) },
+            0 => Light::Point { position: place, intensity: colour * 0.15, range: Some(2.5) },
             1 => Light::Spot {
                 position: place,
                 direction: aside,
-                intensity: colour * 0.15,
+                intensity: colour * 0.4,
                 range: None,
                 inner: 0.3,
                 outer: 0.8,
             },
-            2 => Light::Sphere { centre: place, radius: 0.08, radiance: colour * 3.0 },
-            _ => Light::Disc { centre: place, normal: aside, radius: 0.12, radiance: colour * 3.0 },
+            2 => Light::Sphere { centre: place, radius: 0.08, radiance: colour * 6.0 },
+            _ => Light::Disc { centre: place, normal: aside, radius: 0.12, radiance: colour * 6.0 },
         });
     }
     for i in 0..3_u8 {

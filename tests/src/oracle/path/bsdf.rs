@@ -1,9 +1,9 @@
 //! What a surface does to light: values by lobe, and a sampler of its own.
 //!
-//! Written from the formulas. The sampler draws half vectors from the distribution of normals (Walter et al. 2007, "Microfacet Models for
-//! Refraction through Rough Surfaces", equation 35) and diffuse light by the cosine.
+//! Written from the formulas. The sampler draws diffuse light by the cosine, and half vectors that the viewer sees through spherical caps
+//! (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
 use super::random::{Random, frame, from_polar};
-use crate::oracle::shading::{ggx_d, smith_g2};
+use crate::oracle::shading::{ggx_d, smith_g2, smith_lambda};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -13,6 +13,8 @@ const DIFFUSE_SCALE: f64 = 0.998;
 const COAT_F0: f64 = 0.04;
 /// Least share of the samples that a lobe gets which exists at all.
 const LEAST_SHARE: f64 = 0.05;
+/// The same of what goes through glass.
+const LEAST_THROUGH: f64 = 0.3;
 
 /// Light by the lobe that it takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -207,7 +209,8 @@ impl Scatterer {
             (Way::Cosine, at_least((1.0 - coat) * diffuse, glass < 1.0)),
             (Way::Mirror, at_least((1.0 - coat) * reflected, true)),
             (Way::Coat, at_least(coat, coat > 0.0)),
-            (Way::Through, at_least((1.0 - coat) * through, glass > 0.0)),
+            // Rough glass lets through what a smooth one reflects wholly.
+            (Way::Through, at_least((1.0 - coat) * through.max(LEAST_THROUGH * glass), glass > 0.0)),
         ];
         let sum: f64 = ways.iter().map(|w| w.1).sum();
         ways.map(|(way, share)| (way, share / sum))
@@ -228,8 +231,7 @@ impl Scatterer {
             return Some(frame(n) * from_polar((1.0 - x).sqrt(), angle));
         }
         let alpha = if way == Way::Coat { self.layers.coat_alpha } else { self.layers.alpha };
-        let cosine = 1.0 / (1.0 + alpha * alpha * x / (1.0 - x)).sqrt();
-        let h = frame(n) * from_polar(cosine, angle);
+        let h = seen_normal(n, v, alpha, [x, angle]);
         let v_h = v.dot(h);
         if v_h <= 0.0 {
             return None;
@@ -257,8 +259,7 @@ impl Scatterer {
         let n_l = n.dot(l);
         let by_half_vector = |l: DVec3, alpha: f64| {
             let h = (v + l).normalize();
-            let v_h = v.dot(h);
-            if v_h > 0.0 { ggx_d(n.dot(h), alpha) * n.dot(h) / (4.0 * v_h) } else { 0.0 }
+            if v.dot(h) > 0.0 { normal_density(n, v, h, alpha) / (4.0 * v.dot(h)) } else { 0.0 }
         };
         let of = |way: Way| match way {
             Way::Cosine => n_l.max(0.0) / PI,
@@ -267,10 +268,25 @@ impl Scatterer {
             Way::Through if n_l < 0.0 && !m.volume => by_half_vector(l - 2.0 * n_l * n, m.alpha),
             Way::Through if n_l < 0.0 => self.refracting(l).map_or(0.0, |h| {
                 let (v_h, l_h, eta) = (v.dot(h), l.dot(h), self.eta());
-                ggx_d(n.dot(h), m.alpha) * n.dot(h) * eta * eta * -l_h / (v_h + eta * l_h).powi(2)
+                normal_density(n, v, h, m.alpha) * eta * eta * -l_h / (v_h + eta * l_h).powi(2)
             }),
             _ => 0.0,
         };
         self.ways().into_iter().filter(|(_, share)| *share > 0.0).map(|(way, share)| share * of(way)).sum()
     }
+}
+
+/// A half vector by what the viewer sees of it. Stretched to a sphere, what mirrors the viewer is a cap, even in its height.
+fn seen_normal(n: DVec3, v: DVec3, alpha: f64, [x, angle]: [f64; 2]) -> DVec3 {
+    let world = frame(n);
+    let stretch = DVec3::new(alpha, alpha, 1.0);
+    let viewer = (world.transpose() * v * stretch).normalize();
+    let mirrored = from_polar((1.0 - x) * (1.0 + viewer.z) - viewer.z, angle);
+    (world * ((mirrored + viewer) * stretch)).normalize()
+}
+
+/// The density of [`seen_normal`], per steradian (Heitz 2014, equation 16).
+fn normal_density(n: DVec3, v: DVec3, h: DVec3, alpha: f64) -> f64 {
+    let n_v = n.dot(v);
+    ggx_d(n.dot(h), alpha) * v.dot(h).max(0.0) / (n_v * (1.0 + smith_lambda(n_v, alpha)))
 }

@@ -1,7 +1,7 @@
 //! The independent witness: a slow and obvious path tracer in double precision.
 //!
 //! It follows the same definitions as the reference on the device, and shares no code with it: values of surfaces are written from the
-//! papers' formulas, directions are drawn otherwise, and every light is asked at every point.
+//! papers' formulas, and lights, surfaces and sky are each asked at every point of a path.
 pub mod bsdf;
 pub mod geometry;
 mod integrate;
@@ -14,6 +14,8 @@ pub mod surface;
 mod bsdf_tests;
 #[cfg(test)]
 mod closed_forms;
+#[cfg(test)]
+mod pictures;
 
 use crate::oracle::gbuffer::Eye;
 use geometry::Geometry;
