@@ -308,7 +308,7 @@ impl Renderer {
 
         let mut slot_copies = None;
         if request.read_back && !self.read_slots.is_empty() {
-            let copies = Copies { gpu: self.gpu.clone(), imports: imports.clone(), made: Rc::default() };
+            let copies = Copies::new(&self.gpu, &imports);
             let gave = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
             slot_copies = Some((copies.clone(), gave.clone()));
             let wanted = self.read_slots.clone();
