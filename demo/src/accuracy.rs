@@ -1,6 +1,6 @@
 //! `magpie accuracy` and `magpie tune`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use magpie::{
     config::Config,
@@ -57,7 +57,7 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     let out = arguments.out.clone().ok_or_else(|| missing("--out DIR"))?;
     let slots = Slots::default();
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(scene_name)?;
+    let scene = session::load_scene(scene_name, Some(&arguments.environment))?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
     let gpu = open(arguments.device.as_ref())?;
     let options = Options {
@@ -120,7 +120,7 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let found = if arguments.no_render {
         None
     } else {
-        let scene: Scene = session::load_scene(&arguments.scene)?;
+        let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment))?;
         let camera = session::camera(&scene, arguments.camera.as_deref())?;
         let gpu = open(arguments.device.as_ref())?;
         if !is_same_device(&report.run, &gpu.report().name) {
@@ -140,9 +140,4 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let text = tuner.to_toml(&choice, goal, found, &catalogue);
     output.write_text(&text)?;
     console::print(&text)
-}
-
-/// Where a folder is read from or written to.
-pub(crate) fn folder(text: &str) -> Result<PathBuf, String> {
-    if text.is_empty() { Err("wanted a folder".to_owned()) } else { Ok(PathBuf::from(text)) }
 }

@@ -105,7 +105,9 @@ pub fn front(points: &[Point], floor: f64) -> Vec<Standing> {
         let mut hops = 0;
         while let Standing::DominatedBy(by) = standing[at] {
             match standing[by] {
-                Standing::DominatedBy(next) if next != at && hops < points.len() => standing[at] = Standing::DominatedBy(next),
+                Standing::DominatedBy(next) if next != at && hops < points.len() => {
+                    standing[at] = Standing::DominatedBy(next)
+                }
                 _ => break,
             }
             hops += 1;

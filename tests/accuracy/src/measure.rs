@@ -82,7 +82,8 @@ impl<'a> Bench<'a> {
     ) -> Result<(Measurement, Option<Images>), AccuracyError> {
         let camera = self.camera;
         let renderer = self.renderer(setup, run)?;
-        let looked_at: Vec<&str> = truths.keys().map(String::as_str).filter(|s| setup.slots.iter().any(|w| w == s)).collect();
+        let looked_at: Vec<&str> =
+            truths.keys().map(String::as_str).filter(|s| setup.slots.iter().any(|w| w == s)).collect();
         renderer.read_slots(&looked_at)?;
 
         // A scene that moves has its errors measured at the last frame only, which shows the moment of the truth.

@@ -206,10 +206,8 @@ fn steps(
     moves: bool,
 ) -> Vec<BTreeMap<String, Value>> {
     let specs: Vec<&SettingSpec> = swept(slot, implementation, moves).collect();
-    let around: BTreeMap<String, Value> = specs
-        .iter()
-        .filter_map(|s| Some((s.key.to_owned(), of_base(base, slot, implementation, s.key)?)))
-        .collect();
+    let around: BTreeMap<String, Value> =
+        specs.iter().filter_map(|s| Some((s.key.to_owned(), of_base(base, slot, implementation, s.key)?))).collect();
     let mut rows = vec![around.clone()];
     for spec in &specs {
         for step in &spec.sweep {
@@ -289,7 +287,13 @@ mod tests {
     fn every_step_and_few_combinations_are_rows() {
         let plan = Plan::new(&catalogue(), &Config::default(), &[], false).unwrap();
         let labels: Vec<&str> = plan.variants.iter().map(|v| v.label.as_str()).collect();
-        let wanted = ["ray-traced", "ray-traced, resolution half", "ray-traced, rays 4", "ray-traced, rays 4, resolution half", "off"];
+        let wanted = [
+            "ray-traced",
+            "ray-traced, resolution half",
+            "ray-traced, rays 4",
+            "ray-traced, rays 4, resolution half",
+            "off",
+        ];
         assert_eq!(labels, wanted);
         assert!(plan.variants[0].is_default && plan.variants[1..].iter().all(|v| !v.is_default));
         let ids: BTreeSet<&str> = plan.setups.iter().map(|s| s.id.as_str()).collect();

@@ -1,8 +1,8 @@
 //! Results as they come in: a line of JSON for each measurement, so that a run can be interrupted, resumed and spread over machines.
+use crate::AccuracyError;
 use crate::metrics::Comparison;
 use crate::plan::Plan;
 use crate::truth::TruthInfo;
-use crate::AccuracyError;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};

@@ -287,7 +287,10 @@ mod tests {
         let again = cache(100).get(&mut source, Only::Gi, &mut |_| {}).unwrap();
         assert_eq!((source.asked, again.clone()), (100, first.clone()), "from the file");
         assert_ne!(cache(100).hash(&source, Only::Gi), cache(100).hash(&source, Only::All));
-        assert_ne!(cache(100).hash(&source, Only::Gi), TruthCache::new(folder.path(), 100, 1).unwrap().hash(&source, Only::Gi));
+        assert_ne!(
+            cache(100).hash(&source, Only::Gi),
+            TruthCache::new(folder.path(), 100, 1).unwrap().hash(&source, Only::Gi)
+        );
 
         // A file with fewer samples than it should have is what an interrupted run leaves.
         let path = folder.path().join(format!("gi-{}.exr", first.info.hash));

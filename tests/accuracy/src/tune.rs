@@ -7,7 +7,7 @@ use crate::AccuracyError;
 use crate::measure::Bench;
 use crate::plan::Setup;
 use crate::report::{Combination, Effect, Report, Row};
-use crate::results::{TRUTHS, Run};
+use crate::results::{Run, TRUTHS};
 use crate::sweep::Subject;
 use crate::truth::{PathTracer, TruthCache, TruthSource};
 use magpie::config::{Catalogue, Config, STAGES, Value};
@@ -70,7 +70,8 @@ impl<'a> Tuner<'a> {
     /// [`AccuracyError::NotTunable`].
     pub fn new(report: &'a Report, path: &Path) -> Result<Self, AccuracyError> {
         let lacks = |lacks: &str| AccuracyError::NotTunable { path: path.to_owned(), lacks: lacks.to_owned() };
-        let combination = report.combination.as_ref().ok_or_else(|| lacks("the pictures of its configurations are missing"))?;
+        let combination =
+            report.combination.as_ref().ok_or_else(|| lacks("the pictures of its configurations are missing"))?;
         let (mut candidates, mut defaults) = (Vec::new(), Vec::new());
         for effect in &report.effects {
             let default = effect.rows.iter().position(|r| r.variant.is_default);
@@ -182,12 +183,22 @@ impl<'a> Tuner<'a> {
             "# magpie tune: {wanted}, of {} at {}x{}\n# on {} ({}), measured {}, commit {}\n",
             run.scene, run.size[0], run.size[1], run.device.name, run.device.driver, run.date, run.commit
         );
-        let _ = writeln!(toml, "# promised: relMSE {} of the picture, {:.3} ms of the GPU per frame", figure(choice.relmse), choice.ms);
+        let _ = writeln!(
+            toml,
+            "# promised: relMSE {} of the picture, {:.3} ms of the GPU per frame",
+            figure(choice.relmse),
+            choice.ms
+        );
         if let Some(found) = found {
             let off = 100.0 * (found.relmse / choice.relmse - 1.0);
             let _ = writeln!(toml, "# rendered: relMSE {} ({off:+.1} %), {:.3} ms", figure(found.relmse), found.ms);
         }
-        let _ = writeln!(toml, "# defaults: relMSE {}, {:.3} ms\n\n[{STAGES}]", figure(self.combination.relmse([])), self.frame_ms);
+        let _ = writeln!(
+            toml,
+            "# defaults: relMSE {}, {:.3} ms\n\n[{STAGES}]",
+            figure(self.combination.relmse([])),
+            self.frame_ms
+        );
         let mut lines: Vec<(String, String)> = Vec::new();
         for (slot, implementation) in &config.stages {
             lines.push((format!("{slot} = \"{implementation}\""), self.about_slot(choice, slot)));
@@ -286,7 +297,8 @@ pub fn verify(
 ) -> Result<Found, AccuracyError> {
     let run = &report.run;
     let [width, height] = run.size;
-    let options = ReferenceOptions { width, height, seed: run.seed, time: run.time, rays, ..ReferenceOptions::default() };
+    let options =
+        ReferenceOptions { width, height, seed: run.seed, time: run.time, rays, ..ReferenceOptions::default() };
     let mut tracer = PathTracer::new(subject.gpu, subject.scene, subject.camera, options);
     let (got, wanted) = (run.subject.clone(), tracer.subject(Only::All));
     if got != wanted {

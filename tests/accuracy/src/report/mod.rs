@@ -2,6 +2,7 @@
 mod combination;
 mod csv;
 mod page;
+mod text;
 
 pub use combination::Combination;
 
