@@ -1,5 +1,7 @@
 //! The arguments of `magpie`.
 
+mod accuracy;
+
 use std::{path::PathBuf, str::FromStr};
 
 mod reference;
@@ -9,6 +11,8 @@ pub use reference::ReferenceArguments;
 use magpie::graph::Switches;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
 
 /// Greatest width and height of a picture, pixels.
 const MAX_EXTENT: u32 = 16_384;
@@ -59,6 +63,10 @@ pub enum Command {
     Reference(Box<ReferenceArguments>),
     /// Say how far a picture is from its reference: RMSE, relMSE, SMAPE, PSNR, SSIM, FLIP
     Compare(CompareArguments),
+    /// Show what accuracy costs: error against time for every implementation and setting, as JSON, CSV and a page with charts
+    Accuracy(Box<AccuracyArguments>),
+    /// Choose a configuration from measured fronts: the most accurate within a budget, or the cheapest within an error
+    Tune(Box<TuneArguments>),
     /// Measure parts of the engine
     #[command(arg_required_else_help = false)]
     Bench {

@@ -67,6 +67,16 @@ impl Progress {
     pub(crate) fn advance(&self, by: u64) {
         self.0.inc(by);
     }
+
+    /// So much is done, of which so much was done by an earlier run and says nothing of the time that is left.
+    pub(crate) fn show(&self, done: u64, skipped: u64, what: &str) {
+        let before = self.0.position();
+        if before < skipped && done <= skipped {
+            self.0.reset_eta();
+        }
+        self.0.set_position(done);
+        self.0.set_message(what.to_owned());
+    }
 }
 
 impl Drop for Progress {

@@ -1,5 +1,6 @@
 //! The command line of Magpie as a library: parsing, printing and files; everything else is the engine's.
 
+mod accuracy;
 mod args;
 mod bench;
 mod commands;
@@ -18,8 +19,8 @@ use std::ffi::OsString;
 use clap::Parser;
 
 pub use args::{
-    Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command, CompareArguments, Extent, Loudness,
-    Rays, ReferenceArguments, RenderArguments, ViewName,
+    AccuracyArguments, AccuracyCommand, Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command,
+    CompareArguments, Extent, Loudness, Rays, ReferenceArguments, RenderArguments, TuneArguments, ViewName,
 };
 pub use exit::Failure;
 pub use picture::{PictureError, read_picture, write_exr, write_png};
@@ -41,6 +42,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Scenes => commands::scenes(),
         Command::Stages { json } => commands::stages(*json),
         Command::Compare(compare) => compare::compare(compare),
+        Command::Accuracy(wanted) => accuracy::accuracy(wanted, &arguments.loudness),
+        Command::Tune(wanted) => accuracy::tune(wanted),
         Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
         Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
         Command::Render(render) => render::render(render, &arguments.loudness),

@@ -8,8 +8,10 @@
 //! ```
 
 mod filled;
+mod setting;
 
 pub use filled::{Change, Filled};
+pub use setting::{Range, SettingFault, SettingSpec};
 
 use std::{collections::BTreeMap, error::Error, fmt, sync::Arc};
 
@@ -55,178 +57,6 @@ impl Build<'_> {
     }
 }
 
-/// Values that a setting may take.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Range {
-    /// Every finite value of the default's type.
-    Any,
-    /// A number between these, both included.
-    Float {
-        /// Least.
-        min: f64,
-        /// Greatest.
-        max: f64,
-    },
-    /// A whole number between these, both included.
-    Integer {
-        /// Least.
-        min: i64,
-        /// Greatest.
-        max: i64,
-    },
-    /// One of these names.
-    OneOf(&'static [&'static str]),
-}
-
-impl fmt::Display for Range {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Any => f.write_str("any"),
-            Self::Float { min, max } => write!(f, "{min} to {max}"),
-            Self::Integer { min, max } => write!(f, "whole number, {min} to {max}"),
-            Self::OneOf(names) => write!(f, "{}", names.join(", ")),
-        }
-    }
-}
-
-/// One setting of an implementation.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SettingSpec {
-    /// Name in the configuration.
-    pub key: &'static str,
-    /// Unit, such as `degrees`; empty for a plain number, switch or name.
-    pub unit: &'static str,
-    /// What it does, and what higher and lower values do.
-    pub about: &'static str,
-    /// Value when nothing else is said; its type is the setting's type.
-    pub default: Value,
-    /// Accepted values.
-    pub range: Range,
-}
-
-impl SettingSpec {
-    /// A number from `min` to `max`, both included.
-    #[must_use]
-    pub fn float(
-        key: &'static str,
-        unit: &'static str,
-        about: &'static str,
-        default: f64,
-        (min, max): (f64, f64),
-    ) -> Self {
-        Self { key, unit, about, default: Value::Float(default), range: Range::Float { min, max } }
-    }
-
-    /// A whole number from `min` to `max`, both included.
-    #[must_use]
-    pub fn integer(
-        key: &'static str,
-        unit: &'static str,
-        about: &'static str,
-        default: i64,
-        (min, max): (i64, i64),
-    ) -> Self {
-        Self { key, unit, about, default: Value::Integer(default), range: Range::Integer { min, max } }
-    }
-
-    /// A switch.
-    #[must_use]
-    pub fn switch(key: &'static str, about: &'static str, default: bool) -> Self {
-        Self { key, unit: "", about, default: Value::Bool(default), range: Range::Any }
-    }
-
-    /// One name out of several.
-    #[must_use]
-    pub fn choice(
-        key: &'static str,
-        about: &'static str,
-        default: &'static str,
-        names: &'static [&'static str],
-    ) -> Self {
-        Self { key, unit: "", about, default: Value::Text(default.to_owned()), range: Range::OneOf(names) }
-    }
-
-    /// Checks a value and gives it the setting's type: a whole number is a fine value for a number.
-    ///
-    /// # Errors
-    /// [`SettingFault`] when the type is wrong, or the value is not finite or out of range.
-    pub fn accept(&self, value: &Value) -> Result<Value, SettingFault> {
-        let value = match (&self.default, value) {
-            (Value::Float(_), Value::Integer(whole)) => Value::Float(*whole as f64),
-            (wanted, got) if wanted.kind() == got.kind() => got.clone(),
-            (wanted, got) => {
-                return Err(SettingFault::WrongType {
-                    wanted: wanted.kind(),
-                    range: self.range.clone(),
-                    got: got.clone(),
-                });
-            }
-        };
-        if let Value::Float(number) = value
-            && !number.is_finite()
-        {
-            return Err(SettingFault::NotFinite { range: self.range.clone(), got: number });
-        }
-        let inside = match (&self.range, &value) {
-            (Range::Any, _) => true,
-            (Range::Float { min, max }, Value::Float(x)) => (*min..=*max).contains(x),
-            (Range::Integer { min, max }, Value::Integer(x)) => (*min..=*max).contains(x),
-            (Range::OneOf(names), Value::Text(name)) => {
-                if names.contains(&name.as_str()) {
-                    true
-                } else {
-                    let suggestion = Suggestion::find(name, names.iter().copied());
-                    return Err(SettingFault::NotOneOf { names, got: name.clone(), suggestion });
-                }
-            }
-            _ => false,
-        };
-        if inside { Ok(value) } else { Err(SettingFault::OutOfRange { range: self.range.clone(), got: value }) }
-    }
-}
-
-/// Why a value does not suit a setting.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum SettingFault {
-    /// Such as a text where a number belongs.
-    #[error("wanted a {wanted} ({range}), got the {} {got}", got.kind())]
-    WrongType {
-        /// Name of the wanted type.
-        wanted: &'static str,
-        /// Accepted values.
-        range: Range,
-        /// What was given.
-        got: Value,
-    },
-    /// NaN or infinite.
-    #[error("wanted a finite number ({range}), got {got}")]
-    NotFinite {
-        /// Accepted values.
-        range: Range,
-        /// What was given.
-        got: f64,
-    },
-    /// Too low or too high.
-    #[error("wanted {range}, got {got}")]
-    OutOfRange {
-        /// Accepted values.
-        range: Range,
-        /// What was given.
-        got: Value,
-    },
-    /// A name that is not in the list.
-    #[error("wanted one of {}, got \"{got}\"{suggestion}", names.join(", "))]
-    NotOneOf {
-        /// Accepted names.
-        names: &'static [&'static str],
-        /// What was given.
-        got: String,
-        /// The closest accepted name.
-        suggestion: Suggestion,
-    },
-}
-
 /// One implementation of a slot, as `magpie stages` shows it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImplementationInfo {
@@ -265,7 +95,7 @@ impl SlotInfo {
     }
 
     /// Mistakes in the description itself, one sentence each: a missing default implementation, a repeated key, a default
-    /// value that its own range refuses, a setting without a description. For tests of those who register effects.
+    /// value or a step of a sweep that its own range refuses, a setting without a description. For tests of those who register effects.
     #[must_use]
     pub fn mistakes(&self) -> Vec<String> {
         let slot = &self.name;
@@ -284,6 +114,7 @@ impl SlotInfo {
                 if let Err(fault) = spec.accept(&spec.default) {
                     found.push(format!("{key}: its default does not suit it: {fault}"));
                 }
+                found.extend(spec.mistakes_of_sweep().into_iter().map(|mistake| format!("{key}: {mistake}")));
                 if spec.about.is_empty() {
                     found.push(format!("{key}: no description"));
                 }

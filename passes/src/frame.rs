@@ -46,12 +46,19 @@ pub fn frame(
     stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer });
+    g.slot_image("shadows", shadows.visibility);
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
+    g.slot_image("direct", Some(direct.radiance.read()));
     let gi = stages.gi.add(g, view, IndirectIn { gbuffer });
+    g.slot_image("gi", gi.radiance);
     let reflections = stages.reflections.add(g, view, IndirectIn { gbuffer });
+    g.slot_image("reflections", reflections.radiance);
     let lit = stages.compose.add(g, view, ComposeIn { direct, gi, reflections });
+    g.slot_image("compose", Some(lit.read()));
     let radiance = stages.sky.add(g, view, SkyIn { depth: gbuffer.depth, lit });
+    g.slot_image("sky", Some(radiance));
     let post = stages.post.add(g, view, PostIn { colour: radiance });
+    g.slot_image("post", Some(post.display));
     Ok(FrameOut { radiance, display: post.display })
 }
 

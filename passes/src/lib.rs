@@ -33,6 +33,7 @@ mod gbuffer;
 mod gi;
 pub mod metrics;
 mod post;
+mod precision;
 mod rays;
 mod read_back;
 pub mod reference;

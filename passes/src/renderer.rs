@@ -4,7 +4,7 @@ use crate::frame::{Stages, frame};
 use crate::read_back::Copies;
 use crate::slots::Slots;
 use crate::stages::AccelerationIn;
-use magpie::config::{Config, ConfigError};
+use magpie::config::{Config, ConfigError, Suggestion};
 use magpie::frame::ViewDesc;
 use magpie::gpu::{Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
@@ -63,6 +63,8 @@ pub struct FrameResult {
     pub sample: FrameSample,
     /// Images, when they were asked for.
     pub images: Option<ReadBack>,
+    /// What the slots of [`Renderer::read_slots`] gave, in that order; `None` where a slot gave nothing, as one that is off.
+    pub slots: Vec<(String, Option<Pixels>)>,
     /// What the scan found.
     pub findings: Vec<Finding>,
     /// What was declared.
@@ -106,6 +108,7 @@ pub struct Renderer {
     scan: Option<Scan>,
     trail: Trail,
     poisons: Vec<Poison>,
+    read_slots: Vec<String>,
     options: RenderOptions,
     frame: u32,
     previous: Option<(Camera, Extent)>,
@@ -136,6 +139,7 @@ impl Renderer {
                 .shared(),
             trail: Trail::default(),
             poisons: Vec::new(),
+            read_slots: Vec::new(),
             options,
             frame: 0,
             previous: None,
@@ -223,6 +227,22 @@ impl Renderer {
         self.poisons.push(poison);
     }
 
+    /// From the next frame on, frames that are read back also bring the main image of these slots: `shadows` the visibility,
+    /// `direct`, `gi` and `reflections` their radiance, `compose` and `sky` the sum so far, `post` the display.
+    ///
+    /// # Errors
+    /// [`RenderError::Config`] where there is no such slot, or it has no image.
+    pub fn read_slots(&mut self, slots: &[&str]) -> Result<(), RenderError> {
+        let known: Vec<String> = SLOTS_WITH_IMAGES.map(str::to_owned).to_vec();
+        for slot in slots.iter().filter(|s| !SLOTS_WITH_IMAGES.contains(s)) {
+            let (origin, key, slot) = ("read_slots".to_owned(), (*slot).to_owned(), (*slot).to_owned());
+            let suggestion = Suggestion::find(&slot, SLOTS_WITH_IMAGES);
+            return Err(wrong(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
+        }
+        self.read_slots = slots.iter().map(|s| (*s).to_owned()).collect();
+        Ok(())
+    }
+
     /// Renders one frame and waits for it. `None`: the size is zero, nothing was done, and all is as it was.
     ///
     /// # Errors
@@ -286,6 +306,20 @@ impl Renderer {
             }
         });
 
+        let mut slot_copies = None;
+        if request.read_back && !self.read_slots.is_empty() {
+            let copies = Copies::new(&self.gpu, &imports);
+            let gave = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
+            slot_copies = Some((copies.clone(), gave.clone()));
+            let wanted = self.read_slots.clone();
+            g.observe_slots(move |g, slot, image| {
+                if let (Some(at), Some(image)) = (wanted.iter().position(|w| w == slot), image) {
+                    copies.copy(g, &format!("read_back.{slot}"), image);
+                    gave.borrow_mut()[at] = true;
+                }
+            });
+        }
+
         let out = frame(&mut self.stages, &mut g, &view, scene)?;
         match request.view {
             Some((pass, output)) => {
@@ -318,10 +352,28 @@ impl Renderer {
         }
         self.previous = Some((request.camera.clone(), extent));
         self.frame += 1;
+        let slots = match slot_copies {
+            None => Vec::new(),
+            Some((copies, gave)) => in_order(&self.read_slots, &gave.borrow(), copies.finish()?),
+        };
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
-        Ok(Some(FrameResult { sample, images, findings, declaration, plan }))
+        Ok(Some(FrameResult { sample, images, slots, findings, declaration, plan }))
     }
+}
+
+/// The slots of [`frame`] that give an image, in its order.
+const SLOTS_WITH_IMAGES: [&str; 7] = ["shadows", "direct", "gi", "reflections", "compose", "sky", "post"];
+
+/// Images come in the order of the frame; they are wanted in the order in which they were asked for.
+fn in_order(wanted: &[String], gave: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
+    let mut slots: Vec<(String, Option<Pixels>)> = wanted.iter().map(|slot| (slot.clone(), None)).collect();
+    let given =
+        SLOTS_WITH_IMAGES.iter().filter_map(|slot| wanted.iter().position(|w| w == slot)).filter(|at| gave[*at]);
+    for (at, image) in given.zip(images) {
+        slots[at].1 = Some(image);
+    }
+    slots
 }
 
 fn wrong(error: ConfigError) -> RenderError {

@@ -1,8 +1,9 @@
 //! Light of the unoccluded sky on what the camera sees: one compute pass. Slots `gi` and `reflections` differ in the shader.
+use crate::precision;
 use crate::stages::{IndirectIn, IndirectOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::StageError;
+use magpie::stage::{Settings, StageError};
 use magpie_shaders::Shader;
 use magpie_shaders::sky_light::SkyLightParams;
 
@@ -22,12 +23,14 @@ impl Effect for Off {
 pub struct SkyLight {
     pass: &'static str,
     kernel: Kernel,
+    format: Format,
 }
 
 impl SkyLight {
-    /// Makes the pipeline of `shader` for a pass of this name.
-    pub fn new(gpu: &Gpu, pass: &'static str, shader: &Shader) -> Result<Self, StageError> {
-        Ok(Self { pass, kernel: gpu.kernel(shader).map_err(StageError::other)? })
+    /// Makes the pipeline of `shader` for a pass of this name. The settings have a [`precision`](precision::setting).
+    pub fn new(gpu: &Gpu, pass: &'static str, shader: &Shader, settings: &Settings) -> Result<Self, StageError> {
+        let format = precision::format(settings)?;
+        Ok(Self { pass, kernel: gpu.kernel(shader).map_err(StageError::other)?, format })
     }
 }
 
@@ -39,12 +42,12 @@ impl Effect for SkyLight {
         if !view.has_sky {
             return IndirectOut { radiance: None };
         }
-        let (kernel, block, gbuffer) = (self.kernel, view.block, i.gbuffer);
+        let (kernel, format, block, gbuffer) = (self.kernel, self.format, view.block, i.gbuffer);
         let radiance = g.pass(self.pass, Queue::AsyncCompute, |p| {
             let block = p.read(block);
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
-            let (radiance, target) = p.create("radiance", ImageDesc::like(Format::Rgba32Float, gbuffer.depth));
+            let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {
                 let params = SkyLightParams {
@@ -54,6 +57,7 @@ impl Effect for SkyLight {
                     base_colour: c.id(base_colour),
                     material: c.id(material),
                     radiance: c.id(target),
+                    greatest: format.greatest(),
                 };
                 c.dispatch(kernel, &params, extent);
             })

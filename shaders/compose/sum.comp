@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/precision.glsl"
 #include "shared/compose.glsl"
 // The sum of the lighting stages.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -13,5 +14,5 @@ void main() {
     vec3 radiance = load(params.direct, pixel).rgb;
     if (params.gi != NO_INPUT) radiance += load(params.gi, pixel).rgb;
     if (params.reflections != NO_INPUT) radiance += load(params.reflections, pixel).rgb;
-    store(params.lit, pixel, vec4(radiance, 1.0));
+    store(params.lit, pixel, vec4(at_most(radiance, params.greatest), 1.0));
 }

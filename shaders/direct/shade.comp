@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/brdf.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/precision.glsl"
 #include "lib/lights.glsl"
 #include "shared/direct.glsl"
 // Radiance towards the viewer: light of every lamp, reflected once, and emission. Only the key light is shadowed.
@@ -33,5 +34,5 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    store(params.radiance, pixel, vec4(shade(view, pixel), 1.0));
+    store(params.radiance, pixel, vec4(at_most(shade(view, pixel), params.greatest), 1.0));
 }

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/brdf.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
 // Diffuse light of sky and ground, hidden by nothing but the occlusion map.
@@ -22,5 +23,5 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    store(params.radiance, pixel, vec4(shade(view, pixel), 1.0));
+    store(params.radiance, pixel, vec4(at_most(shade(view, pixel), params.greatest), 1.0));
 }

@@ -5,9 +5,9 @@
 #include "lib/octahedral.glsl"
 #include "shared/scene.glsl"
 
-// Largest finite 16-bit float: emission and motion beyond it stay finite. Chosen by comparison, which keeps a NaN for the scan to
-// find; min and clamp may not.
-const float HALF_MAX = 65504.0;
+// Greatest number that the formats of emission and motion hold: finite numbers stay finite. Chosen by comparison, which keeps a NaN
+// for the scan to find; min and clamp may not.
+layout(constant_id = 1) const float GREATEST = 65504.0;
 
 struct Fragment {
     vec3 to_eye;               // world, unit
@@ -25,7 +25,7 @@ struct Fragment {
 vec2 motion_between(vec3 clip_now, vec3 clip_before) {
     if (clip_before.z <= 0.0) return vec2(0.0);
     vec2 moved = 0.5 * (clip_now.xy / clip_now.z - clip_before.xy / clip_before.z);
-    return mix(moved, sign(moved) * HALF_MAX, greaterThan(abs(moved), vec2(HALF_MAX)));
+    return mix(moved, sign(moved) * GREATEST, greaterThan(abs(moved), vec2(GREATEST)));
 }
 
 #ifdef WRITES_GBUFFER
@@ -47,7 +47,7 @@ void write_gbuffer(Fragment f, uint material_flags) {
     out_normal.xy = octahedral_encode(bend_towards_viewer(f.normal, f.to_eye));
     out_normal.zw = octahedral_encode(f.geometric_normal);
     out_material = f.metalness_roughness;
-    out_emission = vec4(mix(f.emission, vec3(HALF_MAX), greaterThan(f.emission, vec3(HALF_MAX))), 1.0);
+    out_emission = vec4(mix(f.emission, vec3(GREATEST), greaterThan(f.emission, vec3(GREATEST))), 1.0);
     out_motion = f.motion;
     out_ids = f.ids;
 }

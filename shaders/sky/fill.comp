@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky.glsl"
 // The sky behind everything, in place: pixels with a surface are left as they are. Without a sky the background is black.
@@ -17,5 +18,5 @@ void main() {
     if (view.at[0].has_sky != 0u) {
         radiance = sky_radiance_with_sun(view.at[0].sky, normalize(pixel_ray(view, pixel)));
     }
-    store(params.lit, pixel, vec4(radiance, 1.0));
+    store(params.lit, pixel, vec4(at_most(radiance, params.greatest), 1.0));
 }

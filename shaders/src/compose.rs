@@ -15,8 +15,10 @@ pub struct SumParams {
     pub gi: u32,
     /// Radiance of the reflections stage, or [`NO_INPUT`].
     pub reflections: u32,
-    /// The sum, RGBA32F.
+    /// The sum, RGBA32F or RGBA16F.
     pub lit: StorageImage,
+    /// Greatest number that its format holds; infinite for 32-bit floats.
+    pub greatest: f32,
     /// Width and height, pixels.
     pub size: [u32; 2],
 }

@@ -23,6 +23,8 @@ pub struct ShadeParams {
     pub emission: SampledImage,
     /// Visibility of the key light, or [`NO_VISIBILITY`].
     pub visibility: u32,
-    /// Outgoing radiance, RGBA32F.
+    /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
+    /// Greatest number that its format holds; infinite for 32-bit floats.
+    pub greatest: f32,
 }

@@ -10,6 +10,8 @@ pub struct FillParams {
     pub view: Address,
     /// Reversed depth.
     pub depth: SampledImage,
-    /// Radiance, RGBA32F; only background pixels are written.
+    /// Radiance, RGBA32F or RGBA16F; only background pixels are written.
     pub lit: StorageImage,
+    /// Greatest number that its format holds; infinite for 32-bit floats.
+    pub greatest: f32,
 }

@@ -16,6 +16,8 @@ pub struct SkyLightParams {
     pub base_colour: SampledImage,
     /// Metalness in red, roughness in green.
     pub material: SampledImage,
-    /// Outgoing radiance, RGBA32F.
+    /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
+    /// Greatest number that its format holds; infinite for 32-bit floats.
+    pub greatest: f32,
 }

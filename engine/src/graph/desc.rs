@@ -80,6 +80,15 @@ impl Format {
         self == Self::D32Float
     }
 
+    /// Greatest number that a float format holds, infinite for 32 bits and for formats that are no floats: what a shader may bring a
+    /// number down to, so that a finite one stays finite.
+    pub fn greatest(self) -> f32 {
+        match self {
+            Self::Rg16Float | Self::Rgba16Float => 65504.0,
+            _ => f32::INFINITY,
+        }
+    }
+
     /// Whether pixels are unsigned integers.
     pub fn is_uint(self) -> bool {
         matches!(self, Self::R32Uint | Self::Rg32Uint)

@@ -47,6 +47,9 @@ pub struct Produced {
 /// Called with the index of every pass right after it was declared.
 pub type Observer = Box<dyn FnMut(&mut FrameGraph, u32)>;
 
+/// Sees the image that a slot of the frame gives, if it gives one, while it is the newest version.
+pub type SlotObserver = Box<dyn FnMut(&mut FrameGraph, &str, Option<Handle<Image>>)>;
+
 /// One frame, declared anew every time.
 ///
 /// Declaring never fails: mistakes are collected, and [`finish`](Self::finish) returns them together.
@@ -56,6 +59,7 @@ pub struct FrameGraph {
     /// One per pass.
     pub(super) records: Vec<Option<RecordFn>>,
     observer: Option<Observer>,
+    slot_observer: Option<SlotObserver>,
     /// What is spoilt on purpose.
     pub(super) poisons: Vec<Poison>,
     /// What outlives the frame.
@@ -85,7 +89,8 @@ impl FrameGraph {
     pub(super) fn on(declaration: Declaration, records: Vec<Option<RecordFn>>, book: Arc<Book>) -> Self {
         book.open().begin();
         let number = GRAPHS.fetch_add(1, Ordering::Relaxed);
-        Self { declaration, errors: Vec::new(), records, observer: None, poisons: Vec::new(), book, number }
+        let (observer, slot_observer) = (None, None);
+        Self { declaration, errors: Vec::new(), records, observer, slot_observer, poisons: Vec::new(), book, number }
     }
 
     /// Adds a pass: one dispatch, one trace, one draw list or one copy.
@@ -211,6 +216,20 @@ impl FrameGraph {
     /// only read still is. It takes the place of any observer before it. The scan of [`check`](super::check) stands on this.
     pub fn observe_passes(&mut self, observer: impl FnMut(&mut Self, u32) + 'static) {
         self.observer = Some(Box::new(observer));
+    }
+
+    /// Lets `observer` see what [`slot_image`](Self::slot_image) is told from now on. It takes the place of any before it.
+    pub fn observe_slots(&mut self, observer: impl FnMut(&mut Self, &str, Option<Handle<Image>>) + 'static) {
+        self.slot_observer = Some(Box::new(observer));
+    }
+
+    /// Says which image a slot of the frame gives, whichever implementation made it; `None` where the slot is off and gives nothing.
+    /// It costs nothing unless somebody observes.
+    pub fn slot_image(&mut self, slot: &str, image: Option<Handle<Image>>) {
+        if let Some(mut observer) = self.slot_observer.take() {
+            observer(self, slot, image);
+            self.slot_observer = Some(observer);
+        }
     }
 
     /// Spoils one pixel or element of one output of a pass, as if the pass had written it so: for tests of what finds NaN.

@@ -50,6 +50,27 @@ fn unsuitable_values_name_range_and_value() {
 }
 
 #[test]
+fn numbers_of_a_list_are_accepted_and_no_others() {
+    let spec = SettingSpec::among("precision", "bits", "More is more exact.", 32, &[32, 16]).sweep_all();
+    assert_eq!(spec.accept(&Value::Integer(16)), Ok(Value::Integer(16)));
+    let message = spec.accept(&Value::Integer(17)).unwrap_err().to_string();
+    assert_eq!(message, "wanted one of 32, 16, got 17");
+    assert_eq!(spec.sweep, [Value::Integer(32), Value::Integer(16)]);
+}
+
+#[test]
+fn sweeps_hold_the_default_and_what_the_range_accepts() {
+    assert!(cone().sweep.is_empty(), "nobody said that it trades accuracy for time");
+    assert_eq!(cone().sweep([1.0, 2.0]).sweep, [0.27, 1.0, 2.0].map(Value::Float));
+    let all = |spec: SettingSpec| spec.sweep_all().sweep;
+    assert_eq!(all(SettingSpec::switch("jitter", "Moves.", true)), [true, false].map(Value::Bool));
+    assert_eq!(all(SettingSpec::choice("curve", "Shape.", "b", &["a", "b"])), ["a", "b"].map(Value::from));
+    for bad in [cone().sweep([11.0]), cone().sweep([1.0, 1.0]), cone().sweep([Value::Integer(1)])] {
+        assert_eq!(bad.mistakes_of_sweep().len(), 1, "{bad:?}");
+    }
+}
+
+#[test]
 fn a_description_that_contradicts_itself_is_found() {
     let bad = SettingSpec::float("cone_degrees", "degrees", "", 11.0, (0.0, 10.0));
     let info = SlotInfo {

@@ -25,7 +25,8 @@ pub fn stage() -> Stage<AccelerationIn, Result<SceneHandles, ResidentError>> {
              update, with a rebuild every `rebuild_every` frames.",
             "rebuild",
             &["rebuild", "refit"],
-        ),
+        )
+        .sweep_all(),
         SettingSpec::float(
             "cull_distance",
             "metres",
@@ -73,7 +74,8 @@ fn loaded() -> [SettingSpec; 2] {
              faster rays; shadows and reflections of coarser shapes.",
             1.0,
             (0.01, 1.0),
-        ),
+        )
+        .sweep([1.0, 0.5, 0.25]),
     ]
 }
 

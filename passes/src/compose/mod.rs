@@ -1,8 +1,9 @@
 //! The sum of direct light, diffuse and specular indirect light. Without indirect light there is nothing to add and no pass.
+use crate::precision;
 use crate::stages::ComposeIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Stage, StageError};
+use magpie::stage::{Settings, Stage, StageError};
 use magpie_shaders::COMPOSE_SUM_COMP;
 use magpie_shaders::compose::{NO_INPUT, SumParams};
 
@@ -11,18 +12,20 @@ pub fn stage() -> Stage<ComposeIn, WriteHandle<Image>> {
     Stage::new("compose").about("The sum of all light.").with(
         "sum",
         "Direct light, gi and reflections, added.",
-        &[],
-        |build, _| Ok(Box::new(Sum::new(build.gpu)?)),
+        &[precision::setting()],
+        |build, settings| Ok(Box::new(Sum::new(build.gpu, settings)?)),
     )
 }
 
 struct Sum {
     kernel: Kernel,
+    format: Format,
 }
 
 impl Sum {
-    fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        Ok(Self { kernel: gpu.kernel(&COMPOSE_SUM_COMP).map_err(StageError::other)? })
+    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
+        let kernel = gpu.kernel(&COMPOSE_SUM_COMP).map_err(StageError::other)?;
+        Ok(Self { kernel, format: precision::format(settings)? })
     }
 }
 
@@ -34,13 +37,13 @@ impl Effect for Sum {
         if i.gi.radiance.is_none() && i.reflections.radiance.is_none() {
             return i.direct.radiance;
         }
-        let kernel = self.kernel;
+        let (kernel, format) = (self.kernel, self.format);
         g.pass("compose.sum", Queue::Graphics, |p| {
             let direct = p.sample(i.direct.radiance.read());
             let gi = i.gi.radiance.map(|h| p.sample(h));
             let reflections = i.reflections.radiance.map(|h| p.sample(h));
             let extent = p.extent(i.direct.radiance.read());
-            let desc = ImageDesc::like(Format::Rgba32Float, i.direct.radiance.read());
+            let desc = ImageDesc::like(format, i.direct.radiance.read());
             let (lit, target) = p.create("lit", desc);
             (lit, move |c: &mut Record<'_>| {
                 let params = SumParams {
@@ -48,6 +51,7 @@ impl Effect for Sum {
                     gi: gi.map_or(NO_INPUT, |t| c.id(t).0),
                     reflections: reflections.map_or(NO_INPUT, |t| c.id(t).0),
                     lit: c.id(target),
+                    greatest: format.greatest(),
                     size: [extent.width, extent.height],
                 };
                 c.dispatch(kernel, &params, extent);

@@ -2,12 +2,12 @@
 use crate::stages::{GBuffer, GBufferIn};
 use magpie::gpu::{RasterDesc, RasterKernel};
 use magpie::prelude::*;
-use magpie::stage::{Stage, StageError};
+use magpie::stage::{SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::gbuffer::DrawParams;
 use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
-/// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids.
-const COLOURS: [(&str, Format); 6] = [
+/// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids: 38 bytes a pixel with depth.
+const COMPACT: [(&str, Format); 6] = [
     ("base_colour", Format::Rgba8Srgb),
     ("normal", Format::Rgba16Snorm),
     ("material", Format::Rg8Unorm),
@@ -16,35 +16,59 @@ const COLOURS: [(&str, Format); 6] = [
     ("ids", Format::Rg32Uint),
 ];
 
+/// The same as it was computed: 76 bytes a pixel with depth.
+const FULL: [(&str, Format); 6] = [
+    ("base_colour", Format::Rgba32Float),
+    ("normal", Format::Rgba32Float),
+    ("material", Format::Rg32Float),
+    ("emission", Format::Rgba32Float),
+    ("motion", Format::Rg32Float),
+    ("ids", Format::Rg32Uint),
+];
+
 /// The slot.
 pub fn stage() -> Stage<GBufferIn, GBuffer> {
     Stage::new("gbuffer")
         .about("What the camera sees first: depth, normals, material, emission, motion and ids of every pixel.")
-        .with("raster", "Triangles and spheres drawn with reversed infinite depth.", &[], |build, _| {
-            Ok(Box::new(Raster::new(build.gpu)?))
-        })
+        .with(
+            "raster",
+            "Triangles and spheres drawn with reversed infinite depth.",
+            &[precision()],
+            |build, settings| Ok(Box::new(Raster::new(build.gpu, settings)?)),
+        )
+}
+
+fn precision() -> SettingSpec {
+    let about = "Formats. `compact`: 8-bit colours and materials, normals of 16 bits, 16-bit floats. `full`: 32-bit floats \
+                 throughout, twice the memory and more.";
+    SettingSpec::choice("precision", about, "compact", &["compact", "full"]).sweep_all()
 }
 
 #[derive(Clone, Copy)]
 struct Raster {
+    colours: [(&'static str, Format); 6],
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
     spheres: RasterKernel,
 }
 
 impl Raster {
-    fn new(gpu: &Gpu) -> Result<Self, StageError> {
+    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
+        let colours = if settings.choice("precision")? == "full" { FULL } else { COMPACT };
+        let [_, _, _, (_, emission), ..] = colours;
+        let most = emission.greatest().to_bits();
         let kernel = |name, vertex, fragment, constants: &[u32]| {
-            let colours = &COLOURS.map(|(_, format)| format);
+            let colours = &colours.map(|(_, format)| format);
             let desc = RasterDesc { name, vertex, fragment, constants, colours, depth: Some(Format::D32Float) };
             gpu.raster_kernel(&desc).map_err(StageError::other)
         };
         let triangles =
-            |name, alpha_test: bool| kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into()]);
+            |name, alpha_test: bool| kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into(), most]);
         Ok(Self {
+            colours,
             opaque: triangles("gbuffer.opaque", false)?,
             alpha_tested: triangles("gbuffer.alpha_tested", true)?,
-            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[])?,
+            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[0, most])?,
         })
     }
 }
@@ -54,13 +78,13 @@ impl Effect for Raster {
     type Out = GBuffer;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
-        let (Self { opaque, alpha_tested, spheres }, block) = (*self, view.block);
+        let (Self { colours, opaque, alpha_tested, spheres }, block) = (*self, view.block);
         let draws = view.draws.clone();
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));
             i.scene.read(p);
             let [base_colour, normal, material, emission, motion, ids] =
-                COLOURS.map(|(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read());
+                colours.map(|(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read());
             let depth = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0.read();
             let out = GBuffer { depth, base_colour, normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {

@@ -1,4 +1,5 @@
 //! Diffuse indirect light. So far: the irradiance of the whole sky, with nothing in its way.
+use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use crate::stages::{IndirectIn, IndirectOut};
 use magpie::stage::Stage;
@@ -11,8 +12,8 @@ pub fn stage() -> Stage<IndirectIn, IndirectOut> {
         .with(
             "sky",
             "Irradiance of the whole sky, dimmed by the material's occlusion map only: no bounces, no occluders.",
-            &[],
-            |build, _| Ok(Box::new(SkyLight::new(build.gpu, "gi.sky", &GI_SKY_COMP)?)),
+            &[precision::setting()],
+            |build, settings| Ok(Box::new(SkyLight::new(build.gpu, "gi.sky", &GI_SKY_COMP, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -1,4 +1,5 @@
 //! Specular indirect light. So far: the sky in the mirror direction, with nothing in its way.
+use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use crate::stages::{IndirectIn, IndirectOut};
 use magpie::stage::Stage;
@@ -11,8 +12,10 @@ pub fn stage() -> Stage<IndirectIn, IndirectOut> {
         .with(
             "sky",
             "The sky in the mirror direction, blurred with roughness: no occluders, no other objects.",
-            &[],
-            |build, _| Ok(Box::new(SkyLight::new(build.gpu, "reflections.sky", &REFLECTIONS_SKY_COMP)?)),
+            &[precision::setting()],
+            |build, settings| {
+                Ok(Box::new(SkyLight::new(build.gpu, "reflections.sky", &REFLECTIONS_SKY_COMP, settings)?))
+            },
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -9,8 +9,8 @@ use magpie::stage::Stage;
 pub fn stage() -> Stage<ShadowIn, ShadowOut> {
     Stage::new("shadows")
         .about("Where the key light (the sun, else the strongest lamp) is hidden.")
-        .with("ray-traced", "One hard shadow ray per lit pixel.", &[], |build, _| {
-            Ok(Box::new(ray_traced::RayTraced::new(build)?))
+        .with("ray-traced", "One hard shadow ray per lit pixel.", &ray_traced::settings(), |build, settings| {
+            Ok(Box::new(ray_traced::RayTraced::new(build, settings)?))
         })
         .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
 }

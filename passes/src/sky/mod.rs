@@ -51,10 +51,11 @@ impl Effect for Analytic {
         let (kernel, block) = (self.fill, view.block);
         g.pass("sky.fill", Queue::Graphics, |p| {
             let (block, depth) = (p.read(block), p.sample(i.depth));
-            let extent = p.extent(i.depth);
+            let (extent, greatest) = (p.extent(i.depth), p.desc(i.lit.read()).format.greatest());
             let (lit, target) = p.write(i.lit);
             (lit.read(), move |c: &mut Record<'_>| {
-                c.dispatch(kernel, &FillParams { view: c.id(block), depth: c.id(depth), lit: c.id(target) }, extent);
+                let params = FillParams { view: c.id(block), depth: c.id(depth), lit: c.id(target), greatest };
+                c.dispatch(kernel, &params, extent);
             })
         })
     }

@@ -1,3 +1,21 @@
 //! What accuracy costs: error metrics, sweeps of error against time, and the configuration that they recommend.
+//!
+//! A [`sweep`](sweep::sweep) finds truths ([`truth`]), renders what a [`plan`] lists ([`measure`]) and leaves results in a folder
+//! ([`results`]); a [`report`] is made from those, with the Pareto [`front`] of each slot; [`tune`] chooses from it.
 
+mod error;
+pub mod front;
+mod hash;
+#[cfg(test)]
+mod made_up;
+pub mod measure;
 pub mod metrics;
+pub mod pictures;
+pub mod plan;
+pub mod report;
+pub mod results;
+pub mod sweep;
+pub mod truth;
+pub mod tune;
+
+pub use error::AccuracyError;

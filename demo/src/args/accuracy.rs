@@ -1,0 +1,163 @@
+//! The arguments of `magpie accuracy` and `magpie tune`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use magpie_accuracy::sweep::Shard;
+
+use super::{EnvironmentArguments, Extent, Rays};
+
+/// Arguments of `magpie accuracy`.
+#[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct AccuracyArguments {
+    /// Something else than measuring
+    #[command(subcommand)]
+    pub command: Option<AccuracyCommand>,
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE", required = true)]
+    pub scene: Option<PathBuf>,
+    /// The folder of results; what is there already is not measured again
+    #[arg(long, value_name = "DIR", required = true)]
+    pub out: Option<PathBuf>,
+    /// The stages to measure, separated by commas; without it all
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    pub stages: Vec<String>,
+    /// A smaller picture, fewer samples and frames
+    #[arg(long)]
+    pub quick: bool,
+    /// Measure one part of several, on one machine of several
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<Shard>,
+    /// Width and height of the picture, pixels [default: 640x360, 256x144 with --quick]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
+    pub size: Option<Extent>,
+    /// Samples per pixel of the truths [default: 1024, 128 with --quick]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(2..=16_777_216))]
+    pub samples: Option<u32>,
+    /// Keep truths in this folder, which several runs may share [default: DIR/truths]
+    #[arg(long, value_name = "DIR")]
+    pub truths: Option<PathBuf>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub seed: u32,
+    /// A camera of the scene by name, or a camera file
+    #[arg(long, value_name = "NAME|F.toml")]
+    pub camera: Option<PathBuf>,
+    /// The configuration that is varied
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// One value of it; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+    /// Light from an image
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
+}
+
+/// What else `magpie accuracy` does.
+#[derive(Debug, Subcommand)]
+pub enum AccuracyCommand {
+    /// Bring the parts of a run together and make its report
+    Merge {
+        /// The folders of the parts
+        #[arg(value_name = "DIR", required = true)]
+        folders: Vec<PathBuf>,
+        /// The folder of the whole
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+}
+
+/// Arguments of `magpie tune`.
+#[derive(Args, Debug)]
+#[group(id = "goal", required = true, multiple = false, args = ["budget_ms", "max_error"])]
+pub struct TuneArguments {
+    /// The scene of the report: `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The folder of a report of `magpie accuracy`
+    #[arg(long, value_name = "DIR")]
+    pub report: PathBuf,
+    /// The least error in so many milliseconds of the GPU per frame
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = above_zero)]
+    pub budget_ms: Option<f64>,
+    /// The least time with so much relative mean squared error of the picture
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = above_zero)]
+    pub max_error: Option<f64>,
+    /// Write the configuration
+    #[arg(long, value_name = "F.toml")]
+    pub out: PathBuf,
+    /// Do not render the configuration to see whether it keeps its promise
+    #[arg(long)]
+    pub no_render: bool,
+    /// The camera of the report: by name, or a camera file
+    #[arg(long, value_name = "NAME|F.toml")]
+    pub camera: Option<PathBuf>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+    /// Light from an image
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err("wanted a finite number above 0".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::{super::Command, *};
+    use crate::Arguments;
+
+    fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
+        Arguments::try_parse_from([&["magpie"][..], arguments].concat()).map(|a| a.command)
+    }
+
+    #[test]
+    fn a_scene_is_measured_or_folders_are_merged() {
+        let Ok(Command::Accuracy(sweep)) =
+            parse(&["accuracy", "builtin:cornell", "--out", "r", "--stages", "gi,shadows"])
+        else {
+            panic!("no sweep")
+        };
+        assert_eq!((sweep.stages.len(), sweep.quick, sweep.seed), (2, false, 0));
+        let Ok(Command::Accuracy(merge)) = parse(&["accuracy", "merge", "a", "b", "--out", "c"]) else {
+            panic!("no merge")
+        };
+        assert!(matches!(merge.command, Some(AccuracyCommand::Merge { folders, .. }) if folders.len() == 2));
+        for bad in [
+            &["accuracy"][..],
+            &["accuracy", "s"],
+            &["accuracy", "merge", "--out", "c"],
+            &["accuracy", "s", "--out", "r", "--shard", "3/2"],
+        ] {
+            assert!(parse(bad).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn tuning_has_one_goal() {
+        let with = |goal: &[&str]| parse(&[&["tune", "s", "--report", "r", "--out", "f.toml"], goal].concat());
+        assert!(with(&["--budget-ms", "16.7"]).is_ok() && with(&["--max-error", "0.01"]).is_ok());
+        for bad in [&[][..], &["--budget-ms", "1", "--max-error", "1"], &["--budget-ms", "0"], &["--max-error", "nan"]]
+        {
+            assert!(with(bad).is_err(), "{bad:?}");
+        }
+    }
+}

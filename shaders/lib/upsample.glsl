@@ -1,0 +1,54 @@
+#ifndef LIB_UPSAMPLE_GLSL
+#define LIB_UPSAMPLE_GLSL
+#include "lib/gbuffer.glsl"
+// From half resolution to full, along surfaces and not across their edges: Kopf, Cohen, Lischinski, Uyttendaele 2007, "Joint Bilateral
+// Upsampling", with the depth and the normals of the full image as the guide.
+
+// How many pixels' widths off a surface's plane another point may lie to weigh 1/e, and how sharply weights fall with the angle
+// between normals.
+const float PLANE_PIXELS = 2.0;
+const float NORMAL_POWER = 32.0;
+
+// The full pixel whose value the half pixel holds: its upper left one.
+ivec2 full_pixel(ivec2 coarse) {
+    return 2 * coarse;
+}
+
+// The value of `coarse_image` at a full pixel with a surface. A pixel whose own value the half image holds has that; others blend the two
+// or four around them, by distance, by how far these lie off the pixel's plane, and by the angle between the normals.
+vec4 joint_bilateral(
+    ViewBuffer view, ivec2 pixel, Surface here, uint depth_image, uint normal_image, uint coarse_image
+) {
+    ivec2 first = pixel / 2;
+    if (pixel == full_pixel(first)) return load(coarse_image, first);
+
+    ivec2 odd = pixel & 1;
+    float width = pixel_spread(view) * distance(here.position, view.at[0].eye);
+    vec4 sum = vec4(0.0);
+    float weights = 0.0;
+    // Where no neighbour lies on the pixel's surface, the one nearest to its plane has to do.
+    vec4 nearest = vec4(0.0);
+    float nearest_off = 3.4e38;
+    for (int y = 0; y <= odd.y; y++) {
+        for (int x = 0; x <= odd.x; x++) {
+            ivec2 coarse = first + ivec2(x, y);
+            if (!inside(full_pixel(coarse), view.at[0].size)) continue;
+            Surface there = load_geometry(view, full_pixel(coarse), depth_image, normal_image);
+            if (!there.exists) continue;
+            vec4 value = load(coarse_image, coarse);
+            float off = abs(dot(here.geometric_normal, there.position - here.position));
+            if (off < nearest_off) {
+                nearest_off = off;
+                nearest = value;
+            }
+            // All that are left are equally far: a row's or a column's two, or a square's four.
+            float alike = pow(max(dot(here.normal, there.normal), 0.0), NORMAL_POWER);
+            float weight = alike * exp(-off / (PLANE_PIXELS * width));
+            sum += weight * value;
+            weights += weight;
+        }
+    }
+    return weights > 1e-4 ? sum / weights : nearest;
+}
+
+#endif

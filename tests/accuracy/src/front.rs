@@ -1,0 +1,178 @@
+//! Pareto fronts that do not change from run to run.
+//!
+//! Errors are the same every time; times are not. So a front is walked from the least error to the greatest, and a row belongs to it if
+//! it is cheaper than all that are more accurate, by more than the times can be told apart. What is told apart is the ratio of two
+//! rows' times in the same round, since a machine that is busy in one round is so for both; the median over the rounds decides.
+//! Rows whose errors are alike count as equally accurate, and the cheaper one stays. What cannot be told apart either way is decided by
+//! the order of the plan.
+use serde::{Deserialize, Serialize};
+
+/// Times closer than this share count as the same.
+pub const LEAST_TIME: f64 = 0.1;
+/// Errors closer than this share count as the same.
+pub const LEAST_ERROR: f64 = 0.01;
+
+/// A row as a front sees it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// How wrong it is, at least 0.
+    pub error: f64,
+    /// What it took in every round, milliseconds; as many for every point.
+    pub ms: Vec<f64>,
+}
+
+/// Where a row stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Standing {
+    /// Nothing is better in both.
+    Front,
+    /// Dominated by the row of this index.
+    DominatedBy(usize),
+}
+
+impl Standing {
+    /// Whether nothing is better in both.
+    pub fn is_front(self) -> bool {
+        self == Self::Front
+    }
+}
+
+/// Median over the rounds.
+pub fn middle(values: &[f64]) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// Quantile between the nearest two values; 0 of none.
+pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return 0.0 };
+    let at = share * last as f64;
+    let (low, high) = (at.floor() as usize, at.ceil() as usize);
+    sorted[low] + (sorted[high] - sorted[low]) * at.fract()
+}
+
+impl Point {
+    /// Cheaper than another by more than can be mistaken: the median ratio of the times is below 1 by [`LEAST_TIME`], and by the half
+    /// of what the ratios themselves spread (interquartile) where that is more.
+    pub fn is_cheaper(&self, other: &Self) -> bool {
+        let ratios: Vec<f64> = self.ms.iter().zip(&other.ms).filter(|(_, b)| **b > 0.0).map(|(a, b)| a / b).collect();
+        if ratios.is_empty() {
+            return false; // nothing is cheaper than what costs nothing
+        }
+        let spread = 0.5 * (quantile(&ratios, 0.75) - quantile(&ratios, 0.25));
+        middle(&ratios) < 1.0 - LEAST_TIME.max(spread)
+    }
+
+    /// Of the same error as another that is at most as wrong.
+    fn is_as_accurate(&self, better: &Self, floor: f64) -> bool {
+        self.error - better.error <= LEAST_ERROR * better.error || (self.error <= floor && better.error <= floor)
+    }
+}
+
+/// Finds the front. Errors at or below `floor`, the truth's own noise, count as the same. Earlier points win what is undecided.
+pub fn front(points: &[Point], floor: f64) -> Vec<Standing> {
+    let mut order: Vec<usize> = (0..points.len()).collect();
+    order.sort_by(|&a, &b| points[a].error.total_cmp(&points[b].error).then(a.cmp(&b)));
+    let mut standing = vec![Standing::Front; points.len()];
+    let mut kept: Vec<usize> = Vec::new();
+    for at in order {
+        let point = &points[at];
+        let better = kept.iter().copied().find(|&k| !point.is_cheaper(&points[k]));
+        let Some(better) = better else {
+            // Cheaper than all before it; those that are no more accurate than it fall behind.
+            for &k in kept.iter().filter(|&&k| point.is_as_accurate(&points[k], floor)) {
+                standing[k] = Standing::DominatedBy(at);
+            }
+            kept.retain(|&k| standing[k].is_front());
+            kept.push(at);
+            continue;
+        };
+        // Equally fast and equally accurate: the one that comes first in the plan stays.
+        let is_tie = point.is_as_accurate(&points[better], floor) && !points[better].is_cheaper(point);
+        let others_are_dearer = kept.iter().all(|&k| k == better || point.is_cheaper(&points[k]));
+        if is_tie && at < better && others_are_dearer {
+            standing[better] = Standing::DominatedBy(at);
+            kept.retain(|&k| k != better);
+            kept.push(at);
+        } else {
+            standing[at] = Standing::DominatedBy(better);
+        }
+    }
+    // Whoever fell behind a row that fell behind itself is dominated by the last of that chain.
+    for at in 0..standing.len() {
+        let mut hops = 0;
+        while let Standing::DominatedBy(by) = standing[at] {
+            match standing[by] {
+                Standing::DominatedBy(next) if next != at && hops < points.len() => {
+                    standing[at] = Standing::DominatedBy(next)
+                }
+                _ => break,
+            }
+            hops += 1;
+        }
+    }
+    standing
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(of: &[(f64, f64)]) -> Vec<Point> {
+        of.iter().map(|(error, ms)| Point { error: *error, ms: vec![*ms; 5] }).collect()
+    }
+
+    #[test]
+    fn what_is_worse_in_both_is_dominated_and_by_whom() {
+        // error, milliseconds
+        let found = front(&points(&[(0.1, 10.0), (0.2, 5.0), (0.3, 6.0), (0.4, 1.0), (0.5, 20.0)]), 0.0);
+        use Standing::{DominatedBy, Front};
+        assert_eq!(found, [Front, Front, DominatedBy(1), Front, DominatedBy(0)]);
+    }
+
+    #[test]
+    fn what_costs_nothing_is_always_on_the_front() {
+        let found = front(&points(&[(0.1, 3.0), (0.9, 0.0), (1.0, 0.0)]), 0.0);
+        assert_eq!(found, [Standing::Front, Standing::Front, Standing::DominatedBy(1)]);
+    }
+
+    #[test]
+    fn of_equal_errors_the_cheaper_stays_and_of_equal_rows_the_first() {
+        let found = front(&points(&[(0.1, 3.0), (0.1005, 2.0), (0.0999, 2.05)]), 0.0);
+        assert_eq!(found, [Standing::DominatedBy(1), Standing::Front, Standing::DominatedBy(1)]);
+        // Below the truth's noise all errors are alike.
+        let found = front(&points(&[(0.1, 3.0), (0.05, 5.0)]), 0.2);
+        assert_eq!(found, [Standing::Front, Standing::DominatedBy(0)]);
+    }
+
+    #[test]
+    fn noise_of_the_machine_does_not_change_a_front() {
+        // Times swing by a factor of three from round to round, and by 10 % from row to row.
+        let truth = [(0.1, 10.0), (0.11, 9.9), (0.2, 5.0), (0.21, 5.1), (0.4, 1.0), (0.5, 1.02), (1.0, 0.0)];
+        let calm = front(&points(&truth), 0.0);
+        for seed in 0..200_u32 {
+            let mut state = seed;
+            let mut random = || {
+                state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+                f64::from(state >> 8) / f64::from(1 << 24)
+            };
+            let rounds: Vec<f64> = (0..7).map(|_| 1.0 + 2.0 * random()).collect();
+            let noisy: Vec<Point> = truth
+                .iter()
+                .map(|(error, ms)| {
+                    let ms = rounds.iter().map(|busy| ms * busy * (0.95 + 0.1 * random())).collect();
+                    Point { error: *error, ms }
+                })
+                .collect();
+            assert_eq!(front(&noisy, 0.0), calm, "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn quantiles_lie_between_values() {
+        assert_eq!(middle(&[3.0, 1.0, 2.0, 10.0]), 2.5);
+        assert_eq!((quantile(&[1.0], 0.9), quantile(&[], 0.5)), (1.0, 0.0));
+    }
+}

@@ -1,0 +1,249 @@
+//! Rendering one configuration: what it costs and how wrong it is.
+use crate::AccuracyError;
+use crate::metrics::{Comparison, Picture};
+use crate::plan::Setup;
+use crate::results::{Cost, Errors, Measurement, Run, StageCost};
+use crate::truth::{Truth, truth_of};
+use magpie::config::Value;
+use magpie::gpu::Gpu;
+use magpie::measure::{FrameSample, PassTime, median};
+use magpie::pixels::Pixels;
+use magpie::prelude::Rays;
+use magpie::scene::{Camera, Scene};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use std::collections::BTreeMap;
+
+/// Frames before those that are timed: pipelines and memory are made in the first.
+const WARM_UP: u32 = 2;
+
+/// Settings that count when a scene is loaded: another value needs another renderer.
+const OF_LOADING: [(&str, &str); 2] = [("acceleration", "compaction"), ("acceleration", "ray_detail")];
+
+/// Steps of a pass's name that say that it makes good what tracing left. Everything else counts as finding light.
+const DENOISING: [&str; 6] = ["accumulate", "denoise", "filter", "spatial", "temporal", "upsample"];
+
+/// Images of a configuration at the last frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Images {
+    /// Linear radiance.
+    pub picture: Picture,
+    /// The slots' own images, those that have a truth.
+    pub slots: BTreeMap<String, Picture>,
+}
+
+/// Renders configurations of one scene from one camera.
+pub struct Bench<'a> {
+    gpu: &'a Gpu,
+    scene: &'a Scene,
+    camera: &'a Camera,
+    rays: Rays,
+    slots: Slots,
+    /// One for each way to load the scene.
+    renderers: Vec<(Vec<Option<Value>>, Renderer)>,
+}
+
+impl<'a> Bench<'a> {
+    /// Nothing is loaded yet.
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, rays: Rays, slots: &Slots) -> Self {
+        Self { gpu, scene, camera, rays, slots: slots.clone(), renderers: Vec::new() }
+    }
+
+    /// The renderer for a configuration, begun anew.
+    fn renderer(&mut self, setup: &Setup, run: &Run) -> Result<&mut Renderer, AccuracyError> {
+        let of = |(slot, key): (&str, &str)| setup.config.settings.get(slot).and_then(|s| s.get(key)).cloned();
+        let key = OF_LOADING.map(of).to_vec();
+        let at = match self.renderers.iter().position(|(known, _)| *known == key) {
+            Some(at) => at,
+            None => {
+                let [width, height] = run.size;
+                let options = RenderOptions { width, height, seed: run.seed, check: false, rays: self.rays };
+                let new = Renderer::new(self.gpu, self.scene, &self.slots, &setup.config, options)?;
+                self.renderers.push((key, new));
+                self.renderers.len() - 1
+            }
+        };
+        let renderer = &mut self.renderers[at].1;
+        renderer.configure(&setup.config)?;
+        renderer.restart();
+        Ok(renderer)
+    }
+
+    /// Renders a round of a configuration. In the first round errors are measured as well, against `truths` by slot (the whole
+    /// picture's under the empty name), and the last frame's images come back.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    pub fn measure(
+        &mut self,
+        setup: &Setup,
+        round: u32,
+        run: &Run,
+        truths: &BTreeMap<String, Truth>,
+    ) -> Result<(Measurement, Option<Images>), AccuracyError> {
+        let camera = self.camera;
+        let renderer = self.renderer(setup, run)?;
+        let looked_at: Vec<&str> =
+            truths.keys().map(String::as_str).filter(|s| setup.slots.iter().any(|w| w == s)).collect();
+        renderer.read_slots(&looked_at)?;
+
+        // A scene that moves has its errors measured at the last frame only, which shows the moment of the truth.
+        let all = run.frames.last().copied().unwrap_or(1);
+        let last = if round == 0 { all } else { WARM_UP + run.timed };
+        let (mut samples, mut errors, mut images) = (Vec::new(), Vec::new(), None);
+        for frame in 1..=last {
+            let is_compared = round == 0 && run.frames.contains(&frame) && (!setup.moving || frame == last);
+            let back = if setup.moving { f64::from(last - frame) * run.time_step } else { 0.0 };
+            let request = FrameRequest { camera, time: run.time - back, view: None, read_back: is_compared };
+            let lacks = |what: &str| AccuracyError::Lacks { setup: setup.label.clone(), frame, what: what.to_owned() };
+            let result = renderer.frame(request)?.ok_or_else(|| lacks("anything"))?;
+            if is_compared {
+                let found = pictures(&result, setup, frame)?;
+                errors.push(compare(&found, truths, setup, frame)?);
+                images = Some(found);
+            } else if frame > WARM_UP && samples.len() < run.timed as usize {
+                samples.push(result.sample);
+            }
+        }
+        let device = || AccuracyError::NoTimes { device: run.device.name.clone() };
+        let cost = cost(&samples).ok_or_else(device)?;
+        Ok((Measurement { setup: setup.id.clone(), round, cost, errors }, images))
+    }
+}
+
+/// What was read back, as pictures. A slot that gave nothing gave what stands for nothing: light everywhere, or no radiance.
+fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, AccuracyError> {
+    let lacks = |what: &str| AccuracyError::Lacks { setup: setup.label.clone(), frame, what: what.to_owned() };
+    let images = result.images.as_ref().ok_or_else(|| lacks("a picture"))?;
+    let named = |what: &str, pixels: &Pixels| {
+        let what = format!("{}: frame {frame}: {what}", setup.label);
+        Picture::from_pixels(pixels).map_err(AccuracyError::metric(&what))
+    };
+    let picture = named("picture", &images.linear)?;
+    let mut slots = BTreeMap::new();
+    for (slot, image) in &result.slots {
+        let image = match image {
+            Some(image) => named(slot, image)?,
+            None => {
+                let nothing = if slot == "shadows" { 1.0 } else { 0.0 };
+                Picture { pixels: vec![[nothing; 3]; picture.pixels.len()], ..picture }
+            }
+        };
+        slots.insert(slot.clone(), image);
+    }
+    Ok(Images { picture, slots })
+}
+
+fn compare(
+    images: &Images,
+    truths: &BTreeMap<String, Truth>,
+    setup: &Setup,
+    frame: u32,
+) -> Result<Errors, AccuracyError> {
+    let against = |what: &str, test: &Picture, truth: &Truth| {
+        let what = format!("{}: frame {frame}: {what}", setup.label);
+        Comparison::of(test, &truth.picture).map_err(AccuracyError::metric(&what))
+    };
+    let whole = truths.get("").ok_or_else(|| AccuracyError::Lacks {
+        setup: setup.label.clone(),
+        frame,
+        what: "a truth of the picture".to_owned(),
+    })?;
+    let mut slots = BTreeMap::new();
+    for (slot, image) in &images.slots {
+        if let Some(truth) = truths.get(slot) {
+            slots.insert(slot.clone(), against(slot, image, truth)?);
+        }
+    }
+    Ok(Errors { frame, picture: against("picture", &images.picture, whole)?, slots })
+}
+
+/// Under which name the truth of a slot is kept; none where it has none.
+pub fn has_truth(slot: &str) -> bool {
+    truth_of(slot).is_some()
+}
+
+fn middle(values: impl Iterator<Item = u64>) -> f64 {
+    let mut values: Vec<u64> = values.collect();
+    values.sort_unstable();
+    median(&values).unwrap_or(0.0)
+}
+
+/// Medians over the frames; none without a frame, or without times.
+fn cost(samples: &[FrameSample]) -> Option<Cost> {
+    let frames: Vec<u64> = samples.iter().map(|s| s.gpu_ns).collect::<Option<_>>()?;
+    let last = samples.last()?;
+    let mut stages: BTreeMap<String, StageCost> = BTreeMap::new();
+    for stage in samples.iter().flat_map(|s| &s.passes).map(|p| &p.stage) {
+        if !stages.contains_key(stage) && !stage.is_empty() {
+            stages.insert(stage.clone(), stage_cost(samples, stage)?);
+        }
+    }
+    Some(Cost {
+        frame_ms: middle(frames.iter().copied()) / 1e6,
+        frame_min_ms: frames.iter().copied().min()? as f64 / 1e6,
+        stages,
+        transient_bytes: last.memory.transient_bytes,
+        history_bytes: last.memory.history_bytes,
+        acceleration_bytes: last.memory.acceleration_bytes,
+    })
+}
+
+fn stage_cost(samples: &[FrameSample], stage: &str) -> Option<StageCost> {
+    let sums = |of: &dyn Fn(&PassTime) -> Option<u64>| -> Option<Vec<u64>> {
+        let of_stage = |s: &FrameSample| s.passes.iter().filter(|p| p.stage == stage).map(of).sum();
+        samples.iter().map(of_stage).collect()
+    };
+    let all = sums(&|p| p.gpu_ns)?;
+    let denoising = sums(&|p| if is_denoising(&p.name) { p.gpu_ns } else { Some(0) })?;
+    let tracing = all.iter().zip(&denoising).map(|(all, denoising)| all - denoising);
+    let passes = samples.iter().map(|s| s.passes.iter().filter(|p| p.stage == stage).count()).max()?;
+    Some(StageCost {
+        ms: middle(all.iter().copied()) / 1e6,
+        min_ms: all.iter().copied().min()? as f64 / 1e6,
+        trace_ms: middle(tracing) / 1e6,
+        denoise_ms: middle(denoising.iter().copied()) / 1e6,
+        rays_closest: middle(sums(&|p| Some(p.rays_closest))?.into_iter()).round() as u64,
+        rays_any: middle(sums(&|p| Some(p.rays_any))?.into_iter()).round() as u64,
+        passes: passes as u32,
+    })
+}
+
+/// By the pass's name: `shadows.upsample`, `gi.denoise.temporal`.
+fn is_denoising(name: &str) -> bool {
+    name.split('.').skip(1).any(|step| DENOISING.iter().any(|d| step.starts_with(d)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tracing_and_denoising_are_told_apart_by_name() {
+        assert!(is_denoising("shadows.upsample") && is_denoising("gi.denoise.pass_1") && is_denoising("ao.temporal"));
+        assert!(!is_denoising("shadows.trace") && !is_denoising("filter.trace"), "the slot's own name does not count");
+    }
+
+    #[test]
+    fn costs_are_sums_per_stage_and_medians_over_frames() {
+        let pass = |name: &str, ms: u64| PassTime {
+            name: name.to_owned(),
+            stage: name.split('.').next().unwrap().to_owned(),
+            gpu_ns: Some(ms * 1_000_000),
+            rays_any: 10 * ms,
+            ..PassTime::default()
+        };
+        let frame = |ms: u64| FrameSample {
+            gpu_ns: Some(10 * ms * 1_000_000),
+            passes: vec![pass("shadows.trace", ms), pass("shadows.upsample", 2), pass("gi.sky", 1)],
+            ..FrameSample::default()
+        };
+        let cost = cost(&[frame(3), frame(90), frame(4)]).unwrap();
+        let shadows = cost.stages["shadows"];
+        assert_eq!((shadows.ms, shadows.min_ms, shadows.trace_ms, shadows.denoise_ms), (6.0, 5.0, 4.0, 2.0));
+        assert_eq!((shadows.rays_any, shadows.passes), (60, 2));
+        assert_eq!((cost.frame_ms, cost.stages["gi"].denoise_ms), (40.0, 0.0));
+        let mut blind = frame(1);
+        blind.passes[0].gpu_ns = None;
+        assert_eq!(super::cost(&[blind]), None);
+    }
+}

@@ -1,0 +1,351 @@
+//! What is measured: every implementation of every slot, and every step of its settings.
+use crate::AccuracyError;
+use crate::hash::short;
+use magpie::config::{Catalogue, Config, Suggestion, Value};
+use magpie::stage::{ImplementationInfo, SettingSpec, SlotInfo};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Slots that do not change the linear picture, and why.
+const NOT_PICTURED: [(&str, &str); 2] = [
+    ("rays", "it is there for looking at, and no part of the picture"),
+    ("post", "errors are measured in linear radiance, before it"),
+];
+
+/// Settings that only matter while something moves.
+const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
+
+/// Combinations of the steps of all settings of one implementation are measured up to this many; beyond, one setting at a time.
+const MOST_COMBINATIONS: usize = 12;
+
+/// One row of the report: a slot filled by an implementation with settings, everything else as it is by default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Variant {
+    /// The slot.
+    pub slot: String,
+    /// What fills it.
+    pub implementation: String,
+    /// Its settings that are swept, and their values.
+    pub settings: BTreeMap<String, Value>,
+    /// A short name: implementation, and settings that differ from the default.
+    pub label: String,
+    /// It is what runs when nothing is said.
+    pub is_default: bool,
+    /// The [`Setup`] that is rendered for it.
+    pub setup: String,
+}
+
+/// A whole configuration to render. The default one serves every slot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// Unique and always the same for the same configuration.
+    pub id: String,
+    /// For people.
+    pub label: String,
+    /// Every slot and setting.
+    pub config: Config,
+    /// The slots of whose variants it is one.
+    pub slots: Vec<String>,
+    /// The scene moves while it is measured.
+    pub moving: bool,
+}
+
+/// Everything that is measured, in a fixed order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// Rows, slot by slot in the order of the frame, the default of each slot first.
+    pub variants: Vec<Variant>,
+    /// What is rendered for them, the default first.
+    pub setups: Vec<Setup>,
+    /// Slots that are not measured, each with the reason.
+    pub left_out: Vec<(String, String)>,
+}
+
+impl Plan {
+    /// Plans a sweep around `base`. `stages` are the slots that are wanted, none for all. `moves` says whether the scene moves.
+    ///
+    /// # Errors
+    /// [`AccuracyError::UnknownStage`], [`AccuracyError::NotMeasured`].
+    pub fn new(catalogue: &Catalogue, base: &Config, stages: &[String], moves: bool) -> Result<Self, AccuracyError> {
+        let base = catalogue.complete(base);
+        let known: Vec<String> = catalogue.slots.iter().map(|s| s.name.clone()).collect();
+        for name in stages {
+            if !known.contains(name) {
+                let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
+                return Err(AccuracyError::UnknownStage { name: name.clone(), known, suggestion });
+            }
+        }
+        let mut plan = Self::default();
+        for slot in &catalogue.slots {
+            let wanted = stages.is_empty() || stages.contains(&slot.name);
+            match why_not(slot, moves) {
+                Some(why) if !stages.is_empty() && wanted => {
+                    return Err(AccuracyError::NotMeasured { name: slot.name.clone(), why });
+                }
+                Some(why) => plan.left_out.push((slot.name.clone(), why)),
+                None if wanted => plan.add_slot(slot, &base, moves),
+                None => plan.left_out.push((slot.name.clone(), "not asked for".to_owned())),
+            }
+        }
+        Ok(plan)
+    }
+
+    fn add_slot(&mut self, slot: &SlotInfo, base: &Config, moves: bool) {
+        let mut rows: Vec<(&ImplementationInfo, BTreeMap<String, Value>)> = Vec::new();
+        for implementation in &slot.implementations {
+            for settings in steps(slot, implementation, base, moves) {
+                rows.push((implementation, settings));
+            }
+        }
+        // The default first, the others as they were registered.
+        let chosen = base.stages.get(&slot.name);
+        let is_default = |(implementation, settings): &(&ImplementationInfo, BTreeMap<String, Value>)| {
+            Some(&implementation.name) == chosen
+                && settings.iter().all(|(key, value)| of_base(base, slot, implementation, key).as_ref() == Some(value))
+        };
+        rows.sort_by_key(|row| !is_default(row));
+        for row in rows {
+            let is_default = is_default(&row);
+            let (implementation, settings) = row;
+            let label = label(slot, implementation, &settings, base);
+            let moving = moves && slot.implementations.iter().flat_map(|i| &i.settings).any(|s| is_of_motion(slot, s));
+            let setup = self.setup(slot, &implementation.name, &settings, base, &label, moving);
+            let (slot, implementation) = (slot.name.clone(), implementation.name.clone());
+            self.variants.push(Variant { slot, implementation, settings, label, is_default, setup });
+        }
+    }
+
+    /// The setup of a variant: a new one, or one that is the same configuration.
+    fn setup(
+        &mut self,
+        slot: &SlotInfo,
+        implementation: &str,
+        settings: &BTreeMap<String, Value>,
+        base: &Config,
+        label: &str,
+        moving: bool,
+    ) -> String {
+        let mut config = base.clone();
+        if config.stages.insert(slot.name.clone(), implementation.to_owned()).as_deref() != Some(implementation) {
+            // Settings of the implementation that is no longer there mean nothing now.
+            config.settings.remove(&slot.name);
+        }
+        if !settings.is_empty() {
+            config.settings.entry(slot.name.clone()).or_default().extend(settings.clone());
+        }
+        let text = format!("{config:?}");
+        let id = short(&[&text, if moving { "moving" } else { "still" }]);
+        match self.setups.iter_mut().find(|s| s.id == id) {
+            Some(known) => {
+                if !known.slots.contains(&slot.name) {
+                    known.slots.push(slot.name.clone());
+                }
+            }
+            None => {
+                let label = if config == *base { "default".to_owned() } else { format!("{}: {label}", slot.name) };
+                self.setups.push(Setup { id: id.clone(), label, config, slots: vec![slot.name.clone()], moving });
+            }
+        }
+        id
+    }
+
+    /// The setup of that id.
+    pub fn find(&self, id: &str) -> Option<&Setup> {
+        self.setups.iter().find(|s| s.id == id)
+    }
+
+    /// The slots that have rows, in the order of the frame.
+    pub fn slots(&self) -> Vec<String> {
+        let mut slots: Vec<String> = self.variants.iter().map(|v| v.slot.clone()).collect();
+        slots.dedup();
+        slots
+    }
+
+    /// The default setup, with nothing moving.
+    pub fn default_setup(&self) -> Option<&Setup> {
+        self.setups.iter().find(|s| s.label == "default" && !s.moving)
+    }
+}
+
+fn is_of_motion(slot: &SlotInfo, spec: &SettingSpec) -> bool {
+    OF_MOTION.iter().any(|(of, key)| *of == slot.name && *key == spec.key)
+}
+
+/// Why a slot has no rows.
+fn why_not(slot: &SlotInfo, moves: bool) -> Option<String> {
+    if let Some((_, why)) = NOT_PICTURED.iter().find(|(name, _)| *name == slot.name) {
+        return Some((*why).to_owned());
+    }
+    let choices: usize = slot.implementations.iter().map(|i| swept(slot, i, moves).count().max(1)).sum();
+    let has_steps = slot.implementations.iter().any(|i| swept(slot, i, moves).next().is_some());
+    (choices < 2 && !has_steps).then(|| "there is one way to do it only, without steps".to_owned())
+}
+
+/// The settings of an implementation that trade accuracy for time.
+fn swept<'a>(
+    slot: &'a SlotInfo,
+    implementation: &'a ImplementationInfo,
+    moves: bool,
+) -> impl Iterator<Item = &'a SettingSpec> {
+    implementation.settings.iter().filter(move |s| s.sweep.len() > 1 && (moves || !is_of_motion(slot, s)))
+}
+
+/// What the base has for a setting, or the default where the base runs another implementation.
+fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, key: &str) -> Option<Value> {
+    let is_chosen = base.stages.get(&slot.name) == Some(&implementation.name);
+    let set = base.settings.get(&slot.name).and_then(|values| values.get(key)).filter(|_| is_chosen);
+    let default = || implementation.settings.iter().find(|s| s.key == key).map(|s| s.default.clone());
+    set.cloned().or_else(default)
+}
+
+/// The settings of every row of an implementation: the base, each step of one setting, and all combinations where they are few.
+fn steps(
+    slot: &SlotInfo,
+    implementation: &ImplementationInfo,
+    base: &Config,
+    moves: bool,
+) -> Vec<BTreeMap<String, Value>> {
+    let specs: Vec<&SettingSpec> = swept(slot, implementation, moves).collect();
+    let around: BTreeMap<String, Value> =
+        specs.iter().filter_map(|s| Some((s.key.to_owned(), of_base(base, slot, implementation, s.key)?))).collect();
+    let mut rows = vec![around.clone()];
+    for spec in &specs {
+        for step in &spec.sweep {
+            let mut row = around.clone();
+            row.insert(spec.key.to_owned(), step.clone());
+            rows.push(row);
+        }
+    }
+    if specs.iter().map(|s| s.sweep.len()).product::<usize>() <= MOST_COMBINATIONS {
+        let mut all = vec![around];
+        for spec in &specs {
+            let with = |row: &BTreeMap<String, Value>, step: &Value| {
+                let mut row = row.clone();
+                row.insert(spec.key.to_owned(), step.clone());
+                row
+            };
+            all = all.iter().flat_map(|row| spec.sweep.iter().map(move |step| with(row, step))).collect();
+        }
+        rows.extend(all);
+    }
+    let mut unique: Vec<BTreeMap<String, Value>> = Vec::new();
+    for row in rows {
+        if !unique.contains(&row) {
+            unique.push(row);
+        }
+    }
+    unique
+}
+
+fn label(
+    slot: &SlotInfo,
+    implementation: &ImplementationInfo,
+    settings: &BTreeMap<String, Value>,
+    base: &Config,
+) -> String {
+    let mut label = implementation.name.clone();
+    for (key, value) in settings {
+        if of_base(base, slot, implementation, key).as_ref() != Some(value) {
+            let value = match value {
+                Value::Text(text) => text.clone(),
+                other => other.to_string(),
+            };
+            label += &format!(", {key} {value}");
+        }
+    }
+    label
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn implementation(name: &str, settings: Vec<SettingSpec>) -> ImplementationInfo {
+        ImplementationInfo { name: name.to_owned(), about: "About.".to_owned(), settings }
+    }
+
+    fn slot(name: &str, implementations: Vec<ImplementationInfo>) -> SlotInfo {
+        let default = implementations[0].name.clone();
+        SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations }
+    }
+
+    fn catalogue() -> Catalogue {
+        let resolution = SettingSpec::choice("resolution", "About.", "full", &["full", "half"]).sweep_all();
+        let rays = SettingSpec::integer("rays", "", "About.", 1, (1, 16)).sweep([1, 4]);
+        let taste = SettingSpec::float("exposure", "", "About.", 0.0, (-1.0, 1.0));
+        let top = SettingSpec::choice("top_level", "About.", "rebuild", &["rebuild", "refit"]).sweep_all();
+        Catalogue::new(vec![
+            slot("acceleration", vec![implementation("two-level", vec![top])]),
+            slot("shadows", vec![implementation("ray-traced", vec![resolution, rays]), implementation("off", vec![])]),
+            slot("compose", vec![implementation("sum", vec![])]),
+            slot("post", vec![implementation("standard", vec![taste])]),
+        ])
+    }
+
+    #[test]
+    fn every_step_and_few_combinations_are_rows() {
+        let plan = Plan::new(&catalogue(), &Config::default(), &[], false).unwrap();
+        let labels: Vec<&str> = plan.variants.iter().map(|v| v.label.as_str()).collect();
+        let wanted = [
+            "ray-traced",
+            "ray-traced, resolution half",
+            "ray-traced, rays 4",
+            "ray-traced, rays 4, resolution half",
+            "off",
+        ];
+        assert_eq!(labels, wanted);
+        assert!(plan.variants[0].is_default && plan.variants[1..].iter().all(|v| !v.is_default));
+        let ids: BTreeSet<&str> = plan.setups.iter().map(|s| s.id.as_str()).collect();
+        assert_eq!(ids.len(), 5);
+        assert_eq!(plan.default_setup().map(|s| s.id.as_str()), Some(plan.variants[0].setup.as_str()));
+        let left: Vec<&str> = plan.left_out.iter().map(|(slot, _)| slot.as_str()).collect();
+        assert_eq!(left, ["acceleration", "compose", "post"]);
+        assert_eq!(plan, Plan::new(&catalogue(), &Config::default(), &[], false).unwrap());
+    }
+
+    #[test]
+    fn settings_of_motion_are_measured_where_something_moves() {
+        let plan = Plan::new(&catalogue(), &Config::default(), &[], true).unwrap();
+        assert_eq!(plan.variants[1].label, "two-level, top_level refit");
+        assert!(plan.find(&plan.variants[1].setup).unwrap().moving);
+        let defaults: Vec<&Variant> = plan.variants.iter().filter(|v| v.is_default).collect();
+        assert_eq!(defaults.len(), 2);
+        assert_ne!(defaults[0].setup, defaults[1].setup, "the scene stands still for the second");
+        assert!(!plan.default_setup().unwrap().moving);
+    }
+
+    #[test]
+    fn the_default_serves_every_slot_and_follows_the_base() {
+        let mut base = Config::default();
+        base.set("stages.shadows=off").unwrap();
+        let mut both = catalogue();
+        both.slots.push(slot("gi", vec![implementation("sky", vec![]), implementation("off", vec![])]));
+        let plan = Plan::new(&both, &base, &[], false).unwrap();
+        assert_eq!(plan.variants[0].label, "off");
+        let default = plan.default_setup().unwrap();
+        assert_eq!(default.slots, ["shadows", "gi"]);
+        assert_eq!(plan.setups.len(), plan.variants.len() - 1);
+        // What an implementation was set to is not carried over to another.
+        assert!(!default.config.settings.contains_key("shadows"));
+    }
+
+    #[test]
+    fn stages_that_cannot_be_measured_are_told_with_the_reason() {
+        let wanted = |name: &str| {
+            Plan::new(&catalogue(), &Config::default(), &[name.to_owned()], false).map_err(|e| e.to_string())
+        };
+        assert_eq!(wanted("shadows").unwrap().slots(), ["shadows"]);
+        assert!(wanted("shadow").unwrap_err().contains("did you mean \"shadows\"?"));
+        assert!(wanted("post").unwrap_err().contains("linear radiance"));
+        assert!(wanted("compose").unwrap_err().contains("one way"));
+    }
+
+    #[test]
+    fn many_settings_are_varied_one_at_a_time() {
+        let setting = |key: &'static str| SettingSpec::integer(key, "", "About.", 0, (0, 9)).sweep([0, 1, 2]);
+        let many = implementation("many", ["a", "b", "c"].map(setting).to_vec());
+        let plan = Plan::new(&Catalogue::new(vec![slot("gi", vec![many])]), &Config::default(), &[], false).unwrap();
+        assert_eq!(plan.variants.len(), 1 + 3 * 2);
+    }
+}

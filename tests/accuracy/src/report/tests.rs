@@ -1,0 +1,96 @@
+use super::*;
+use crate::made_up::{folder, report};
+use serde_json::Value;
+
+#[test]
+fn rows_hold_medians_and_know_their_place() {
+    let report = report();
+    let shadows = report.effect("shadows").unwrap();
+    let labels: Vec<&str> = shadows.rows.iter().map(|r| r.variant.label.as_str()).collect();
+    assert_eq!(labels, ["ray-traced", "ray-traced, rays 16", "ray-traced, rays 1", "off"]);
+    // Rounds take 1, 2 and 3 times as long.
+    assert_eq!((shadows.rows[0].ms, shadows.rows[0].stage.min_ms, shadows.rows[0].frame_ms), (8.0, 4.0, 40.0));
+    assert_eq!(shadows.rows[3].ms, 0.0);
+    assert_eq!((shadows.judged_by, shadows.metric, shadows.price), (Image::Slot, Metric::Rmse, Price::Stage));
+    assert!(shadows.rows.iter().all(|r| shadows.is_front(r)));
+    // 16 bits change the error by less than 1 % and take less: they stand in front of 32.
+    let gi = report.effect("gi").unwrap();
+    assert_eq!(gi.rows[0].standing[&Image::Slot][&Metric::Relmse], Standing::DominatedBy(1));
+    assert!(gi.is_front(&gi.rows[1]) && gi.is_front(&gi.rows[2]));
+    assert_eq!(report.run.plan.left_out[0].0, "post");
+}
+
+#[test]
+fn the_json_has_the_names_that_others_stand_on_and_reads_back() {
+    let place = tempfile::tempdir().unwrap();
+    let report = report();
+    std::fs::create_dir_all(place.path().join(IMAGES)).unwrap();
+    report.write(place.path()).unwrap();
+    assert_eq!(Report::read(place.path()).unwrap(), report);
+    let json: Value = serde_json::from_str(&std::fs::read_to_string(place.path().join(REPORT_JSON)).unwrap()).unwrap();
+    for path in [
+        "/schema",
+        "/run/device/name",
+        "/run/device/driver",
+        "/run/commit",
+        "/run/date",
+        "/run/size/0",
+        "/run/plan/variants/0/slot",
+        "/truths/0/standard_error",
+        "/truths/0/floor/relmse",
+        "/effects/0/slot",
+        "/effects/0/metric",
+        "/effects/0/rows/0/variant/settings/rays",
+        "/effects/0/rows/0/ms",
+        "/effects/0/rows/0/spread_ms",
+        "/effects/0/rows/0/stage/trace_ms",
+        "/effects/0/rows/0/stage/denoise_ms",
+        "/effects/0/rows/0/stage/rays_any",
+        "/effects/0/rows/0/transient_bytes",
+        "/effects/0/rows/0/errors/1/slot/flip_hdr",
+        "/effects/0/rows/0/errors/1/picture/relmse",
+        "/effects/0/rows/0/standing/slot/rmse",
+        "/combination/products/0/0",
+    ] {
+        assert!(json.pointer(path).is_some_and(|v| !v.is_null()), "{path}");
+    }
+    assert_eq!(json["schema"], 1);
+}
+
+#[test]
+fn the_csv_has_a_row_per_variant_and_as_many_fields_in_each() {
+    let report = report();
+    let csv = report.to_csv();
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines.len(), 1 + report.run.plan.variants.len());
+    // Labels with a comma stand in quotation marks.
+    let fields = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
+    for line in &lines {
+        assert_eq!(fields(line), fields(lines[0]), "{line}");
+    }
+    assert!(lines[0].starts_with("slot,implementation,settings,default,setup,ms,"));
+    assert!(csv.contains("\nshadows,ray-traced,rays=4,true,"), "{csv}");
+}
+
+#[test]
+fn the_page_needs_no_other_file_and_cannot_be_broken_by_names() {
+    let place = tempfile::tempdir().unwrap();
+    let mut report = report();
+    report.run.scene = "</script><b>".to_owned();
+    let setup = &report.run.plan.setups[0].id;
+    std::fs::write(place.path().join(format!("{setup}.shadows.png")), b"picture").unwrap();
+    let html = report.to_html(place.path()).unwrap();
+    assert!(html.contains("cGljdHVyZQ=="), "the picture is inside");
+    assert_eq!(html.matches("</script>").count(), 2, "two scripts, and none from a name");
+    for outside in ["src=\"http", "href=\"http", "url(", "<link", "@import"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn a_report_of_a_part_is_refused() {
+    let mut part = folder();
+    part.measurements.pop();
+    let message = Report::build(&part, Path::new("somewhere")).unwrap_err().to_string();
+    assert!(message.contains("somewhere: 1 of 18 measurements are missing"), "{message}");
+}

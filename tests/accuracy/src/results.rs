@@ -1,0 +1,338 @@
+//! Results as they come in: a line of JSON for each measurement, so that a run can be interrupted, resumed and spread over machines.
+use crate::AccuracyError;
+use crate::metrics::Comparison;
+use crate::plan::Plan;
+use crate::truth::TruthInfo;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Name of the file that says what a folder's results are of.
+pub const RUN_FILE: &str = "run.json";
+/// Name of the file of measurements.
+pub const RESULTS_FILE: &str = "results.jsonl";
+/// Name of the file of what is known of the truths.
+pub const TRUTHS_FILE: &str = "truths.json";
+/// Folder of truths, where no other is named.
+pub const TRUTHS: &str = "truths";
+/// Folder of pictures.
+pub const IMAGES: &str = "images";
+
+/// The device of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DeviceName {
+    /// As the driver names it.
+    pub name: String,
+    /// Driver and version.
+    pub driver: String,
+    /// `cpu`, `integrated` or `discrete`.
+    pub kind: String,
+}
+
+/// What results are of. Results of runs that differ in anything but `date` do not go together.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// Version of Magpie.
+    pub magpie: String,
+    /// Commit that it was built from.
+    pub commit: String,
+    /// When the run began, UTC.
+    pub date: String,
+    /// On what.
+    pub device: DeviceName,
+    /// How rays were traced.
+    pub rays: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// What the truth of the whole picture is of: the scene and the camera are in it.
+    pub subject: String,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Samples per pixel of the truths.
+    pub samples: u32,
+    /// The frames after which errors are measured, counted from 1.
+    pub frames: Vec<u32>,
+    /// How often every configuration is timed.
+    pub rounds: u32,
+    /// Frames of each round whose times count.
+    pub timed: u32,
+    /// Seed of everything random.
+    pub seed: u32,
+    /// Seconds of scene time from frame to frame, where the scene moves.
+    pub time_step: f64,
+    /// The moment that is measured, seconds of scene time.
+    pub time: f64,
+    /// Everything that is measured.
+    pub plan: Plan,
+}
+
+impl Run {
+    /// Fails where another run is not this one, begun at another time.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Different`], which names `path` as where the other comes from.
+    pub fn check_same(&self, other: &Self, path: &Path) -> Result<(), AccuracyError> {
+        let pairs = [
+            ("the version", self.magpie.clone(), other.magpie.clone()),
+            ("the commit", self.commit.clone(), other.commit.clone()),
+            ("the device", format!("{:?}", self.device), format!("{:?}", other.device)),
+            ("the way to trace rays", self.rays.clone(), other.rays.clone()),
+            ("the scene or its camera", self.subject.clone(), other.subject.clone()),
+            ("the size", format!("{:?}", self.size), format!("{:?}", other.size)),
+            ("the number of samples", self.samples.to_string(), other.samples.to_string()),
+            ("the frames", format!("{:?}", self.frames), format!("{:?}", other.frames)),
+            ("the number of rounds", self.rounds.to_string(), other.rounds.to_string()),
+            ("the number of timed frames", self.timed.to_string(), other.timed.to_string()),
+            ("the seed", self.seed.to_string(), other.seed.to_string()),
+            ("the time step", self.time_step.to_string(), other.time_step.to_string()),
+            ("the moment", self.time.to_string(), other.time.to_string()),
+        ];
+        let differs = pairs.into_iter().find(|(_, here, there)| here != there);
+        if let Some((what, wanted, got)) = differs {
+            return Err(AccuracyError::Different { path: path.to_owned(), what, got, wanted });
+        }
+        if self.plan != other.plan {
+            let count = |plan: &Plan| format!("{} variants of {}", plan.variants.len(), plan.slots().join(", "));
+            let (got, wanted) = (count(&other.plan), count(&self.plan));
+            return Err(AccuracyError::Different { path: path.to_owned(), what: "the plan", got, wanted });
+        }
+        Ok(())
+    }
+}
+
+/// What the passes of a stage took in one round.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageCost {
+    /// GPU milliseconds of all its passes, median over the frames.
+    pub ms: f64,
+    /// The least of them.
+    pub min_ms: f64,
+    /// Of these, the passes that find light: all but the next. Median.
+    pub trace_ms: f64,
+    /// Passes that make good what tracing left: denoising, filtering, upsampling. Median.
+    pub denoise_ms: f64,
+    /// Rays that looked for the nearest hit, median.
+    pub rays_closest: u64,
+    /// Rays that looked for any hit, median.
+    pub rays_any: u64,
+    /// Passes.
+    pub passes: u32,
+}
+
+/// What one configuration took in one round.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Milliseconds of the GPU from the first to the last timestamp of a frame, median.
+    pub frame_ms: f64,
+    /// The least of them.
+    pub frame_min_ms: f64,
+    /// By stage; one without passes is missing.
+    pub stages: BTreeMap<String, StageCost>,
+    /// Memory of transients as placed, bytes.
+    pub transient_bytes: u64,
+    /// Memory that is kept from frame to frame, bytes.
+    pub history_bytes: u64,
+    /// Acceleration structures, bytes.
+    pub acceleration_bytes: u64,
+}
+
+/// Errors after so many frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Frames, from 1.
+    pub frame: u32,
+    /// Of the linear picture.
+    pub picture: Comparison,
+    /// Of the slots' own images, where they have a truth.
+    pub slots: BTreeMap<String, Comparison>,
+}
+
+/// One configuration in one round.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    /// [`Setup::id`](crate::plan::Setup::id).
+    pub setup: String,
+    /// From 0.
+    pub round: u32,
+    /// What it took.
+    pub cost: Cost,
+    /// How wrong it is; in round 0 only, since errors are the same every time.
+    pub errors: Vec<Errors>,
+}
+
+/// A folder of results.
+#[derive(Debug)]
+pub struct Results {
+    folder: PathBuf,
+    file: File,
+    /// What is there.
+    pub measurements: Vec<Measurement>,
+}
+
+/// Reads a file of JSON.
+pub(crate) fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, AccuracyError> {
+    let text = std::fs::read_to_string(path).map_err(AccuracyError::file(path))?;
+    serde_json::from_str(&text).map_err(|e| AccuracyError::Json { path: path.to_owned(), line: e.line(), source: e })
+}
+
+/// Writes a file of JSON, whole or not at all.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), AccuracyError> {
+    let text = serde_json::to_string_pretty(value).map_err(AccuracyError::json(path, 0))? + "\n";
+    write_text(path, &text)
+}
+
+/// Writes a text, whole or not at all.
+pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), AccuracyError> {
+    let part = path.with_extension("part");
+    std::fs::write(&part, text).map_err(AccuracyError::file(&part))?;
+    std::fs::rename(&part, path).map_err(AccuracyError::file(path))
+}
+
+impl Results {
+    /// Opens a folder for this run, and makes it where it is not there. What is there already stays, if it is of the same run.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    pub fn open(folder: &Path, run: &mut Run) -> Result<Self, AccuracyError> {
+        for folder in [folder, &folder.join(IMAGES)] {
+            std::fs::create_dir_all(folder).map_err(AccuracyError::file(folder))?;
+        }
+        let path = folder.join(RUN_FILE);
+        if path.exists() {
+            let before: Run = read_json(&path)?;
+            run.check_same(&before, &path)?;
+            run.date = before.date;
+        } else {
+            write_json(&path, run)?;
+        }
+        let path = folder.join(RESULTS_FILE);
+        let measurements = if path.exists() { mend(&path)? } else { Vec::new() };
+        let file = OpenOptions::new().create(true).append(true).open(&path).map_err(AccuracyError::file(&path))?;
+        Ok(Self { folder: folder.to_owned(), file, measurements })
+    }
+
+    /// Whether a measurement is there.
+    pub fn has(&self, setup: &str, round: u32) -> bool {
+        self.measurements.iter().any(|m| m.setup == setup && m.round == round)
+    }
+
+    /// Adds one, on the disk as well.
+    ///
+    /// # Errors
+    /// [`AccuracyError::File`].
+    pub fn push(&mut self, measurement: Measurement) -> Result<(), AccuracyError> {
+        let path = self.folder.join(RESULTS_FILE);
+        let line = serde_json::to_string(&measurement).map_err(AccuracyError::json(&path, 0))? + "\n";
+        self.file.write_all(line.as_bytes()).and_then(|()| self.file.flush()).map_err(AccuracyError::file(&path))?;
+        self.measurements.push(measurement);
+        Ok(())
+    }
+}
+
+/// Reads measurements. A last line that is cut off, as an interrupted run leaves it, is taken away.
+fn mend(path: &Path) -> Result<Vec<Measurement>, AccuracyError> {
+    let text = std::fs::read_to_string(path).map_err(AccuracyError::file(path))?;
+    let whole = text.rfind('\n').map_or(0, |at| at + 1);
+    if whole < text.len() {
+        write_text(path, &text[..whole])?;
+    }
+    let parse = |(at, line): (usize, &str)| serde_json::from_str(line).map_err(AccuracyError::json(path, at + 1));
+    text[..whole].lines().enumerate().map(parse).collect()
+}
+
+/// All that a folder holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Folder {
+    /// Of what.
+    pub run: Run,
+    /// Measurements.
+    pub measurements: Vec<Measurement>,
+    /// Truths.
+    pub truths: Vec<TruthInfo>,
+}
+
+impl Folder {
+    /// Reads a folder.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    pub fn read(folder: &Path) -> Result<Self, AccuracyError> {
+        let run = read_json(&folder.join(RUN_FILE))?;
+        let truths = read_json(&folder.join(TRUTHS_FILE))?;
+        Ok(Self { run, measurements: mend(&folder.join(RESULTS_FILE))?, truths })
+    }
+
+    /// Fails where a measurement is missing.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Incomplete`].
+    pub fn check_complete(&self, path: &Path) -> Result<(), AccuracyError> {
+        let have: BTreeSet<(&str, u32)> = self.measurements.iter().map(|m| (m.setup.as_str(), m.round)).collect();
+        let all = || self.run.plan.setups.iter().flat_map(|s| (0..self.run.rounds).map(move |round| (s, round)));
+        let missing: Vec<_> = all().filter(|(s, round)| !have.contains(&(s.id.as_str(), *round))).collect();
+        match missing.first() {
+            None => Ok(()),
+            Some((setup, _)) => Err(AccuracyError::Incomplete {
+                path: path.to_owned(),
+                missing: missing.len(),
+                all: all().count(),
+                first: setup.label.clone(),
+            }),
+        }
+    }
+}
+
+/// Brings the folders of a run's shards together in `out`: results, truths' figures, pictures.
+///
+/// # Errors
+/// [`AccuracyError::Different`] where they are not of the same run, [`AccuracyError::Incomplete`] where one is missing.
+pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Folder, AccuracyError> {
+    let Some(first) = folders.first() else { return Err(AccuracyError::NothingToMerge) };
+    let mut all = Folder::read(first)?;
+    for folder in &folders[1..] {
+        let other = Folder::read(folder)?;
+        all.run.check_same(&other.run, &folder.join(RUN_FILE))?;
+        for measurement in other.measurements {
+            if !all.measurements.iter().any(|m| (&m.setup, m.round) == (&measurement.setup, measurement.round)) {
+                all.measurements.push(measurement);
+            }
+        }
+        for truth in other.truths {
+            match all.truths.iter().find(|t| t.only == truth.only) {
+                Some(known) if known.hash != truth.hash => {
+                    let (got, wanted, path) = (truth.hash, known.hash.clone(), folder.join(TRUTHS_FILE));
+                    return Err(AccuracyError::Different { path, what: "a truth", got, wanted });
+                }
+                Some(_) => {}
+                None => all.truths.push(truth),
+            }
+        }
+        all.run.date = all.run.date.min(other.run.date);
+    }
+    all.check_complete(out)?;
+    // In the order of the plan, whichever machine was faster.
+    let place = |m: &Measurement| all.run.plan.setups.iter().position(|s| s.id == m.setup);
+    all.measurements.sort_by_key(|m| (m.round, place(m)));
+    let images = out.join(IMAGES);
+    std::fs::create_dir_all(&images).map_err(AccuracyError::file(&images))?;
+    for folder in folders.iter().map(|f| f.join(IMAGES)).filter(|f| *f != images) {
+        for entry in std::fs::read_dir(&folder).map_err(AccuracyError::file(&folder))? {
+            let from = entry.map_err(AccuracyError::file(&folder))?.path();
+            if let Some(name) = from.file_name().filter(|_| from.is_file()) {
+                std::fs::copy(&from, images.join(name)).map_err(AccuracyError::file(&from))?;
+            }
+        }
+    }
+    write_json(&out.join(RUN_FILE), &all.run)?;
+    write_json(&out.join(TRUTHS_FILE), &all.truths)?;
+    let lines: Result<Vec<String>, _> = all.measurements.iter().map(serde_json::to_string).collect();
+    let path = out.join(RESULTS_FILE);
+    let lines = lines.map_err(AccuracyError::json(&path, 0))?;
+    write_text(&path, &(lines.join("\n") + "\n"))?;
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests;

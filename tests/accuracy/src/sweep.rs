@@ -1,0 +1,323 @@
+//! A sweep: truths, then every configuration round after round, each result on the disk as soon as it is there.
+use crate::AccuracyError;
+use crate::measure::{Bench, Images};
+use crate::pictures;
+use crate::plan::{Plan, Setup};
+use crate::results::{DeviceName, Folder, IMAGES, Results, Run, TRUTHS, TRUTHS_FILE, read_json, write_json};
+use crate::truth::{PathTracer, Truth, TruthCache, TruthInfo, TruthSource, truth_of};
+use magpie::config::Config;
+use magpie::gpu::Gpu;
+use magpie::prelude::Rays;
+use magpie::scene::{Camera, Scene};
+use magpie_passes::Slots;
+use magpie_passes::reference::{Only, ReferenceOptions};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::SystemTime;
+
+/// A part of a sweep, for one of several machines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which, from 1.
+    pub index: u32,
+    /// Of how many.
+    pub count: u32,
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match numbers {
+            Some((index, count)) if 1 <= index && index <= count => Ok(Self { index, count }),
+            _ => Err("wanted I/N with I from 1 to N, such as 2/8".to_owned()),
+        }
+    }
+}
+
+impl Shard {
+    /// Whether the configuration at this place of the plan belongs to it.
+    pub fn has(self, place: usize) -> bool {
+        place as u64 % u64::from(self.count) == u64::from(self.index - 1)
+    }
+}
+
+/// How to sweep.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Where results go.
+    pub out: PathBuf,
+    /// Where truths are kept; in a folder of `out` where nothing is said. Several runs may share one.
+    pub truths: Option<PathBuf>,
+    /// The slots; none for all.
+    pub stages: Vec<String>,
+    /// A smaller picture, fewer samples and frames.
+    pub quick: bool,
+    /// Width and height, pixels.
+    pub size: Option<[u32; 2]>,
+    /// Samples per pixel of the truths.
+    pub samples: Option<u32>,
+    /// The part to measure; none for all.
+    pub shard: Option<Shard>,
+    /// Seed of everything random.
+    pub seed: u32,
+    /// How rays are traced.
+    pub rays: Rays,
+    /// What the program was built from.
+    pub commit: String,
+}
+
+/// How much there is of everything.
+struct Extent {
+    size: [u32; 2],
+    samples: u32,
+    frames: [u32; 3],
+    rounds: u32,
+    timed: u32,
+}
+
+const QUICK: Extent = Extent { size: [256, 144], samples: 128, frames: [1, 8, 32], rounds: 7, timed: 8 };
+const FULL: Extent = Extent { size: [640, 360], samples: 1024, frames: [1, 8, 64], rounds: 9, timed: 16 };
+
+/// Seconds of scene time from frame to frame.
+const TIME_STEP: f64 = 1.0 / 60.0;
+
+/// What a sample of a truth takes, in frames of a measurement: for the time that is left, and nothing else.
+const SAMPLE_UNITS: u64 = 8;
+
+/// How far a sweep is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Units of work that are done.
+    pub done: u64,
+    /// All of them.
+    pub all: u64,
+    /// Units that were done before, by an earlier run.
+    pub skipped: u64,
+    /// What is being done.
+    pub what: String,
+}
+
+impl fmt::Display for Progress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {}: {}", self.done, self.all, self.what)
+    }
+}
+
+/// What is swept.
+pub struct Subject<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// The scene, with all that it lacked supplied.
+    pub scene: &'a Scene,
+    /// From where it is seen.
+    pub camera: &'a Camera,
+    /// The implementations.
+    pub slots: &'a Slots,
+    /// What is measured around.
+    pub config: &'a Config,
+}
+
+/// Sweeps, and gives all that the folder then holds. What is there already is not measured again.
+///
+/// # Errors
+/// [`AccuracyError`].
+pub fn sweep(
+    subject: &Subject<'_>,
+    options: &Options,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Folder, AccuracyError> {
+    let Subject { gpu, scene, camera, slots, config } = *subject;
+    let extent = if options.quick { QUICK } else { FULL };
+    let size = options.size.unwrap_or(extent.size);
+    let frames = extent.frames.to_vec();
+    let moves = !scene.animations.is_empty();
+    let plan = Plan::new(&slots.catalogue(), config, &options.stages, moves)?;
+    // Frames before the moment that is measured have moments of their own, from 0.
+    let time = if moves { f64::from(extent.frames[2] - 1) * TIME_STEP } else { 0.0 };
+    let reference = ReferenceOptions {
+        width: size[0],
+        height: size[1],
+        seed: options.seed,
+        time,
+        rays: options.rays,
+        ..ReferenceOptions::default()
+    };
+    let mut tracer = PathTracer::new(gpu, scene, camera, reference);
+    let report = gpu.report();
+    let mut run = Run {
+        magpie: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: options.commit.clone(),
+        date: date(SystemTime::now()),
+        device: DeviceName { name: report.name.clone(), driver: report.driver.clone(), kind: report.kind.to_owned() },
+        rays: options.rays.name().to_owned(),
+        scene: scene.name.clone(),
+        subject: tracer.subject(Only::All),
+        size,
+        samples: options.samples.unwrap_or(extent.samples),
+        frames,
+        rounds: extent.rounds,
+        timed: extent.timed,
+        seed: options.seed,
+        time_step: TIME_STEP,
+        time,
+        plan,
+    };
+    let mut results = Results::open(&options.out, &mut run)?;
+    let mine = |place: usize| options.shard.is_none_or(|shard| shard.has(place));
+    let setups: Vec<&Setup> = run.plan.setups.iter().enumerate().filter(|(at, _)| mine(*at)).map(|(_, s)| s).collect();
+
+    let last = run.frames.last().copied().unwrap_or(1);
+    let frames_of = |round: u32| if round == 0 { u64::from(last) } else { u64::from(run.timed) };
+    let names = wanted_truths(&setups);
+    let mut at = Progress { all: names.len() as u64 * u64::from(run.samples) * SAMPLE_UNITS, ..Progress::default() };
+    at.all += (0..run.rounds).map(|round| frames_of(round) * setups.len() as u64).sum::<u64>();
+
+    let cache = TruthCache::new(options.truths.as_deref().unwrap_or(&options.out.join(TRUTHS)), run.samples, run.seed)?;
+    let truths = find_truths(&cache, &mut tracer, &names, &run, &options.out, &mut at, progress)?;
+    drop(tracer);
+
+    let mut bench = Bench::new(gpu, scene, camera, options.rays, slots);
+    for round in 0..run.rounds {
+        for &setup in &setups {
+            at.what = format!("round {} of {}: {}", round + 1, run.rounds, setup.label);
+            progress(&at);
+            if results.has(&setup.id, round) {
+                at.skipped += frames_of(round);
+            } else {
+                let (measurement, images) = bench.measure(setup, round, &run, &truths)?;
+                if let Some(images) = images {
+                    write_images(&options.out.join(IMAGES), setup, &images, &truths)?;
+                }
+                results.push(measurement)?;
+            }
+            at.done += frames_of(round);
+            progress(&at);
+        }
+    }
+    Folder::read(&options.out)
+}
+
+/// Slots whose truths are needed for these setups, the whole picture's under the empty name first.
+fn wanted_truths(setups: &[&Setup]) -> Vec<(String, Only)> {
+    let mut wanted = vec![(String::new(), Only::All)];
+    for slot in setups.iter().flat_map(|s| &s.slots) {
+        if let Some(only) = truth_of(slot)
+            && !wanted.iter().any(|(name, _)| name == slot)
+        {
+            wanted.push((slot.clone(), only));
+        }
+    }
+    wanted
+}
+
+/// Finds the truths, and leaves their pictures and what is known of them in `out`.
+fn find_truths(
+    cache: &TruthCache,
+    source: &mut dyn TruthSource,
+    wanted: &[(String, Only)],
+    run: &Run,
+    out: &Path,
+    at: &mut Progress,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<BTreeMap<String, Truth>, AccuracyError> {
+    let mut truths = BTreeMap::new();
+    let path = out.join(TRUTHS_FILE);
+    let mut infos: Vec<TruthInfo> = if path.exists() { read_json(&path)? } else { Vec::new() };
+    for (slot, only) in wanted {
+        let (before, all) = (at.done, u64::from(run.samples));
+        at.what = format!("truth of {}", only.name());
+        let mut first = true;
+        let truth = cache.get(source, *only, &mut |samples| {
+            at.done = before + samples * SAMPLE_UNITS;
+            if std::mem::take(&mut first) {
+                at.skipped += samples * SAMPLE_UNITS;
+            }
+            progress(at);
+        })?;
+        at.done = before + all * SAMPLE_UNITS;
+        let images = out.join(IMAGES);
+        let exposure = pictures::exposure(&truth.picture);
+        let shown = if *only == Only::Shadows { 1.0 } else { exposure };
+        pictures::write_shown(&images.join(format!("truth.{}.png", only.name())), &truth.picture, shown)?;
+        if *only == Only::All {
+            pictures::write_exr(&images.join("truth.all.exr"), &truth.picture)?;
+        }
+        infos.retain(|i| i.only != truth.info.only);
+        infos.push(truth.info.clone());
+        truths.insert(slot.clone(), truth);
+    }
+    write_json(&path, &infos)?;
+    Ok(truths)
+}
+
+/// Pictures of a configuration for the report.
+fn write_images(
+    folder: &Path,
+    setup: &Setup,
+    images: &Images,
+    truths: &BTreeMap<String, Truth>,
+) -> Result<(), AccuracyError> {
+    pictures::write_exr(&folder.join(format!("{}.exr", setup.id)), &images.picture)?;
+    let all = images.slots.iter().map(|(slot, picture)| (slot.as_str(), picture)).chain([("", &images.picture)]);
+    for (slot, picture) in all {
+        let Some(truth) = truths.get(slot) else { continue };
+        let is_radiance = slot != "shadows";
+        let exposure = if is_radiance { pictures::exposure(&truth.picture) } else { 1.0 };
+        let name = |what: &str| folder.join(image_name(&setup.id, slot, what));
+        pictures::write_shown(&name("png"), picture, exposure)?;
+        pictures::write_flip(&name("flip.png"), picture, &truth.picture, is_radiance)?;
+    }
+    Ok(())
+}
+
+/// Name of a picture of a slot, or of the whole picture under the empty name.
+pub fn image_name(setup: &str, slot: &str, what: &str) -> String {
+    let slot = if slot.is_empty() { "picture" } else { slot };
+    format!("{setup}.{slot}.{what}")
+}
+
+/// `2026-01-31 12:34 UTC` of a time after 1970, by the days-to-civil algorithm (Hinnant 2013, "chrono-Compatible Low-Level Date
+/// Algorithms").
+fn date(time: SystemTime) -> String {
+    let seconds = time.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()) as i64;
+    let (days, minutes) = (seconds / 86_400 + 719_468, seconds % 86_400 / 60);
+    let era = days / 146_097;
+    let day_of_era = days % 146_097;
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
+    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+    let year = year_of_era + era * 400 + i64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02} {:02}:{:02} UTC", minutes / 60, minutes % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let at = |seconds: u64| date(SystemTime::UNIX_EPOCH + Duration::from_secs(seconds));
+        assert_eq!(at(0), "1970-01-01 00:00 UTC");
+        assert_eq!(at(951_827_640), "2000-02-29 12:34 UTC");
+        assert_eq!(at(1_798_761_599), "2026-12-31 23:59 UTC");
+    }
+
+    #[test]
+    fn shards_share_everything_and_nothing_twice() {
+        let shards: Vec<Shard> = (1..=3).map(|index| Shard { index, count: 3 }).collect();
+        for place in 0..20 {
+            assert_eq!(shards.iter().filter(|s| s.has(place)).count(), 1, "{place}");
+        }
+        assert_eq!("2/8".parse(), Ok(Shard { index: 2, count: 8 }));
+        for bad in ["", "2", "0/8", "9/8", "1/0", "a/b", "1/2/3", "-1/2"] {
+            assert!(bad.parse::<Shard>().is_err(), "{bad}");
+        }
+    }
+}

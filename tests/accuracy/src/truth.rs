@@ -1,0 +1,326 @@
+//! Truths: what each slot should give, converged as far as its standard error says, and kept in files.
+use crate::AccuracyError;
+use crate::hash::short;
+use crate::metrics::{Comparison, Picture};
+use glam::DVec3;
+use magpie::gpu::Gpu;
+use magpie::scene::{Camera, Scene};
+use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Samples between two times that an unfinished truth is saved.
+const SAVE_EVERY: u64 = 64;
+/// Samples between two reports of progress.
+const STEP: u32 = 8;
+
+/// The slots whose own image has a truth.
+pub const TRUTHS: [(&str, Only); 4] =
+    [("shadows", Only::Shadows), ("direct", Only::Direct), ("gi", Only::Gi), ("reflections", Only::Reflections)];
+
+/// The truth of a slot's own image, where there is one.
+pub fn truth_of(slot: &str) -> Option<Only> {
+    TRUTHS.iter().find(|(name, _)| *name == slot).map(|(_, only)| *only)
+}
+
+/// Where truths come from.
+pub trait TruthSource {
+    /// Of what it is: two with the same are the same, samples and seeds aside.
+    fn subject(&self, only: Only) -> String;
+
+    /// Begins, or goes on from, an estimate.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    fn begin(&mut self, only: Only, from: Option<&Estimate>) -> Result<(), AccuracyError>;
+
+    /// Adds samples to what was begun.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    fn add(&mut self, samples: u32) -> Result<(), AccuracyError>;
+
+    /// What they came to.
+    fn estimate(&self) -> Option<&Estimate>;
+}
+
+/// Magpie's own path tracer.
+pub struct PathTracer<'a> {
+    gpu: &'a Gpu,
+    scene: &'a Scene,
+    camera: &'a Camera,
+    options: ReferenceOptions,
+    begun: Option<(Only, Reference)>,
+}
+
+impl<'a> PathTracer<'a> {
+    /// Of this scene from this camera. Samples lie at the centres of pixels, where the raster has its own.
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, options: ReferenceOptions) -> Self {
+        Self { gpu, scene, camera, options: ReferenceOptions { pixel: PixelSampling::Centre, ..options }, begun: None }
+    }
+}
+
+impl TruthSource for PathTracer<'_> {
+    fn subject(&self, only: Only) -> String {
+        ReferenceOptions { only, ..self.options }.subject(self.scene, self.camera)
+    }
+
+    fn begin(&mut self, only: Only, from: Option<&Estimate>) -> Result<(), AccuracyError> {
+        let failed = |source| AccuracyError::Reference { what: only.name(), source: Box::new(source) };
+        let options = ReferenceOptions { only, ..self.options };
+        let mut reference = Reference::new(self.gpu, self.scene, self.camera, options).map_err(failed)?;
+        if let Some(from) = from {
+            reference.resume(from).map_err(failed)?;
+        }
+        self.begun = Some((only, reference));
+        Ok(())
+    }
+
+    fn add(&mut self, samples: u32) -> Result<(), AccuracyError> {
+        let Some((only, reference)) = &mut self.begun else { return Ok(()) };
+        let what = only.name();
+        reference.add(samples).map_err(|source| AccuracyError::Reference { what, source: Box::new(source) })
+    }
+
+    fn estimate(&self) -> Option<&Estimate> {
+        self.begun.as_ref().map(|(_, reference)| reference.estimate())
+    }
+}
+
+/// What is known of a truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruthInfo {
+    /// Name of the [`Only`].
+    pub only: String,
+    /// A hash of all that it depends on: scene, camera, size, model, samples, seed.
+    pub hash: String,
+    /// Samples per pixel.
+    pub samples: u64,
+    /// Root mean square of its standard error, in the unit of the picture.
+    pub standard_error: f64,
+    /// Mean luminance, or mean visibility.
+    pub mean: f64,
+    /// What every metric finds between this truth and another of the same quality: the same picture with normally distributed errors of
+    /// the stated size. Errors of a stage that are no larger cannot be told from none.
+    pub floor: Comparison,
+}
+
+/// A truth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// The mean.
+    pub picture: Picture,
+    /// What is known of it.
+    pub info: TruthInfo,
+}
+
+/// Truths in a folder.
+#[derive(Clone, Debug)]
+pub struct TruthCache {
+    folder: PathBuf,
+    samples: u32,
+    seed: u32,
+}
+
+impl TruthCache {
+    /// Files go to this folder, which is made. So many samples per pixel, from this seed.
+    ///
+    /// # Errors
+    /// [`AccuracyError::File`].
+    pub fn new(folder: &Path, samples: u32, seed: u32) -> Result<Self, AccuracyError> {
+        std::fs::create_dir_all(folder).map_err(AccuracyError::file(folder))?;
+        Ok(Self { folder: folder.to_owned(), samples, seed })
+    }
+
+    /// The hash that a truth goes by.
+    pub fn hash(&self, source: &dyn TruthSource, only: Only) -> String {
+        let version = concat!("magpie ", env!("CARGO_PKG_VERSION"));
+        short(&[version, &source.subject(only), &self.samples.to_string(), &self.seed.to_string()])
+    }
+
+    /// Takes the truth from its file, or finds it and writes the file. One that was interrupted goes on. `progress` is told of samples
+    /// that are there, and by it whether to go on.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    pub fn get(
+        &self,
+        source: &mut dyn TruthSource,
+        only: Only,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<Truth, AccuracyError> {
+        let (hash, subject) = (self.hash(source, only), source.subject(only));
+        let path = self.folder.join(format!("{}-{hash}.exr", only.name()));
+        let failed = |e| AccuracyError::Estimate(Box::new(e));
+        let mut known = None;
+        if path.exists() {
+            known = Some(Estimate::load(&path, Some(&subject)).map_err(failed)?);
+        }
+        let wanted = u64::from(self.samples);
+        let begun = known.as_ref().map_or(0, |e| e.samples);
+        progress(begun.min(wanted));
+        if begun < wanted {
+            source.begin(only, known.as_ref())?;
+            let (mut have, mut saved) = (begun, begun);
+            while have < wanted {
+                let step = STEP.min((wanted - have) as u32);
+                source.add(step)?;
+                have += u64::from(step);
+                progress(have);
+                if have == wanted || have - saved >= SAVE_EVERY {
+                    saved = have;
+                    if let Some(estimate) = source.estimate() {
+                        estimate.save(&path, &subject).map_err(failed)?;
+                    }
+                }
+            }
+            // From the file in any case: who finds the truth there has the same numbers.
+            known = Some(Estimate::load(&path, Some(&subject)).map_err(failed)?);
+        }
+        let estimate = known.unwrap_or_else(|| Estimate::new(1, 1));
+        Truth::new(only, hash, &estimate)
+    }
+}
+
+impl Truth {
+    /// An estimate as a truth.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Metric`] where it is not finite.
+    pub fn new(only: Only, hash: String, estimate: &Estimate) -> Result<Self, AccuracyError> {
+        let (width, height) = (estimate.width as usize, estimate.height as usize);
+        let pixel = |v: &DVec3| v.as_vec3().to_array();
+        let picture = Picture { width, height, pixels: estimate.mean.iter().map(pixel).collect() };
+        let errors = estimate.standard_error();
+        let mean_square = errors.iter().map(|e| e.length_squared() / 3.0).sum::<f64>() / errors.len() as f64;
+        let another = perturbed(&picture, &errors);
+        let what = format!("truth of {}", only.name());
+        let floor = Comparison::of(&another, &picture).map_err(AccuracyError::metric(&what))?;
+        let info = TruthInfo {
+            only: only.name().to_owned(),
+            hash,
+            samples: estimate.samples,
+            standard_error: mean_square.sqrt(),
+            mean: picture.mean_luminance(),
+            floor,
+        };
+        Ok(Self { picture, info })
+    }
+}
+
+/// The picture with independent normal errors of these standard deviations, always the same ones.
+fn perturbed(picture: &Picture, errors: &[DVec3]) -> Picture {
+    let mut random = Normal(0x9e37_79b9_7f4a_7c15);
+    let mut pixels = picture.pixels.clone();
+    for (pixel, error) in pixels.iter_mut().zip(errors) {
+        // The channels of a path vary together.
+        let deviation = random.next();
+        for (x, e) in pixel.iter_mut().zip(error.to_array()) {
+            *x += (deviation * e) as f32;
+        }
+    }
+    Picture { pixels, ..*picture }
+}
+
+/// Normal deviates: SplitMix64 (Steele, Lea, Flood 2014), then Box and Muller 1958.
+struct Normal(u64);
+
+impl Normal {
+    /// Uniform in (0, 1).
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 12) as f64 / (1_u64 << 52) as f64 + 0.5 / (1_u64 << 52) as f64
+    }
+
+    fn next(&mut self) -> f64 {
+        let (u, v) = (self.uniform(), self.uniform());
+        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every sample is 1 in even pixels; in odd ones it is 0 or 2 in turns.
+    struct MadeUp {
+        estimate: Option<Estimate>,
+        asked: u32,
+    }
+
+    impl TruthSource for MadeUp {
+        fn subject(&self, only: Only) -> String {
+            format!("made up {}", only.name())
+        }
+
+        fn begin(&mut self, _: Only, from: Option<&Estimate>) -> Result<(), AccuracyError> {
+            self.estimate = Some(from.cloned().unwrap_or_else(|| Estimate::new(8, 4)));
+            Ok(())
+        }
+
+        fn add(&mut self, samples: u32) -> Result<(), AccuracyError> {
+            self.asked += samples;
+            let mut added = Estimate::new(8, 4);
+            added.samples = u64::from(samples);
+            added.mean = vec![DVec3::ONE; 32];
+            added.squares = (0..32).map(|i| DVec3::splat(f64::from(i % 2) * f64::from(samples))).collect();
+            self.estimate.as_mut().unwrap().merge(&added).map_err(AccuracyError::from)
+        }
+
+        fn estimate(&self) -> Option<&Estimate> {
+            self.estimate.as_ref()
+        }
+    }
+
+    #[test]
+    fn truths_are_kept_and_go_on_where_they_stopped() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = |samples| TruthCache::new(folder.path(), samples, 0).unwrap();
+        let mut source = MadeUp { estimate: None, asked: 0 };
+        let mut told = Vec::new();
+        let first = cache(100).get(&mut source, Only::Gi, &mut |n| told.push(n)).unwrap();
+        assert_eq!((source.asked, first.info.samples), (100, 100));
+        assert_eq!((told[0], *told.last().unwrap()), (0, 100));
+        let again = cache(100).get(&mut source, Only::Gi, &mut |_| {}).unwrap();
+        assert_eq!((source.asked, again.clone()), (100, first.clone()), "from the file");
+        assert_ne!(cache(100).hash(&source, Only::Gi), cache(100).hash(&source, Only::All));
+        assert_ne!(
+            cache(100).hash(&source, Only::Gi),
+            TruthCache::new(folder.path(), 100, 1).unwrap().hash(&source, Only::Gi)
+        );
+
+        // A file with fewer samples than it should have is what an interrupted run leaves.
+        let path = folder.path().join(format!("gi-{}.exr", first.info.hash));
+        let mut part = MadeUp { estimate: None, asked: 0 };
+        part.begin(Only::Gi, None).unwrap();
+        part.add(64).unwrap();
+        part.estimate().unwrap().save(&path, "made up gi").unwrap();
+        source.asked = 0;
+        let resumed = cache(100).get(&mut source, Only::Gi, &mut |_| {}).unwrap();
+        assert_eq!((source.asked, resumed.info.samples), (36, 100));
+        assert!((resumed.info.standard_error / first.info.standard_error - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn the_floor_is_what_the_standard_error_makes() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = TruthCache::new(folder.path(), 100, 0).unwrap();
+        let truth = cache.get(&mut MadeUp { estimate: None, asked: 0 }, Only::Gi, &mut |_| {}).unwrap();
+        // Half the pixels have a deviation of 1 over 100 samples, divided by n - 1.
+        let wanted = (0.5_f64 / 99.0).sqrt();
+        assert!((truth.info.standard_error - wanted).abs() < 1e-6, "{} {wanted}", truth.info.standard_error);
+        assert!((truth.info.floor.rmse / wanted - 1.0).abs() < 0.5, "{} {wanted}", truth.info.floor.rmse);
+        assert!(truth.info.floor.relmse > 0.0 && truth.info.floor.flip_hdr > 0.0);
+    }
+
+    #[test]
+    fn deviates_are_normal() {
+        let mut random = Normal(1);
+        let values: Vec<f64> = (0..100_000).map(|_| random.next()).collect();
+        let moment = |n: i32| values.iter().map(|v| v.powi(n)).sum::<f64>() / values.len() as f64;
+        assert!(moment(1).abs() < 0.015 && (moment(2) - 1.0).abs() < 0.02 && (moment(4) - 3.0).abs() < 0.15);
+    }
+}
