@@ -10,6 +10,8 @@ use magpie_tests::made;
 
 #[path = "images/metrics.rs"]
 mod metrics;
+#[path = "images/reference.rs"]
+mod reference;
 
 const SIZE: [u32; 2] = [240, 135];
 /// Different drivers round differently; a black, shifted or unshadowed picture is far beyond this.
