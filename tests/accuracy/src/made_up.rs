@@ -80,7 +80,7 @@ pub fn rendered(label: &str) -> Picture {
 pub fn measurement(run: &Run, setup: &str, round: u32) -> Measurement {
     let setup = run.plan.find(setup).unwrap();
     let (slot, _, change) = effect_of(&setup.label);
-    let busy = 1.0 + f64::from(round);
+    let busy = f64::from(round.max(1));
     let mut cost = Cost { frame_ms: busy * (20.0 + change), frame_min_ms: 19.0 + change, ..Cost::default() };
     for (stage, ms) in [("shadows", 4.0), ("gi", 2.0)] {
         let ms = busy * (ms + if stage == slot { change } else { 0.0 });
@@ -99,7 +99,7 @@ pub fn measurement(run: &Run, setup: &str, round: u32) -> Measurement {
 /// A folder with everything in it.
 pub fn folder() -> Folder {
     let run = run();
-    let all = run.plan.setups.iter().flat_map(|s| (0..run.rounds).map(|round| measurement(&run, &s.id, round)));
+    let all = run.plan.setups.iter().flat_map(|s| (0..=run.rounds).map(|round| measurement(&run, &s.id, round)));
     let floor = Comparison::of(&truth(), &truth()).unwrap();
     let truths = ["all", "shadows", "gi"].map(|only| TruthInfo {
         only: only.to_owned(),

@@ -54,7 +54,7 @@ pub struct Run {
     pub samples: u32,
     /// The frames after which errors are measured, counted from 1.
     pub frames: Vec<u32>,
-    /// How often every configuration is timed.
+    /// How often every configuration is timed: rounds from 1. In round 0 errors are measured, and times are disturbed by that.
     pub rounds: u32,
     /// Frames of each round whose times count.
     pub timed: u32,
@@ -154,7 +154,7 @@ pub struct Errors {
 pub struct Measurement {
     /// [`Setup::id`](crate::plan::Setup::id).
     pub setup: String,
-    /// From 0.
+    /// 0 for the one in which errors are measured.
     pub round: u32,
     /// What it took.
     pub cost: Cost,
@@ -270,7 +270,7 @@ impl Folder {
     /// [`AccuracyError::Incomplete`].
     pub fn check_complete(&self, path: &Path) -> Result<(), AccuracyError> {
         let have: BTreeSet<(&str, u32)> = self.measurements.iter().map(|m| (m.setup.as_str(), m.round)).collect();
-        let all = || self.run.plan.setups.iter().flat_map(|s| (0..self.run.rounds).map(move |round| (s, round)));
+        let all = || self.run.plan.setups.iter().flat_map(|s| (0..=self.run.rounds).map(move |round| (s, round)));
         let missing: Vec<_> = all().filter(|(s, round)| !have.contains(&(s.id.as_str(), *round))).collect();
         match missing.first() {
             None => Ok(()),

@@ -79,7 +79,7 @@ struct Extent {
     timed: u32,
 }
 
-const QUICK: Extent = Extent { size: [256, 144], samples: 128, frames: [1, 8, 32], rounds: 7, timed: 8 };
+const QUICK: Extent = Extent { size: [256, 144], samples: 128, frames: [1, 8, 32], rounds: 9, timed: 8 };
 const FULL: Extent = Extent { size: [640, 360], samples: 1024, frames: [1, 8, 64], rounds: 9, timed: 16 };
 
 /// Seconds of scene time from frame to frame.
@@ -174,16 +174,19 @@ pub fn sweep(
     let frames_of = |round: u32| if round == 0 { u64::from(last) } else { u64::from(run.timed) };
     let names = wanted_truths(&setups);
     let mut at = Progress { all: names.len() as u64 * u64::from(run.samples) * SAMPLE_UNITS, ..Progress::default() };
-    at.all += (0..run.rounds).map(|round| frames_of(round) * setups.len() as u64).sum::<u64>();
+    at.all += (0..=run.rounds).map(|round| frames_of(round) * setups.len() as u64).sum::<u64>();
 
     let cache = TruthCache::new(options.truths.as_deref().unwrap_or(&options.out.join(TRUTHS)), run.samples, run.seed)?;
     let truths = find_truths(&cache, &mut tracer, &names, &run, &options.out, &mut at, progress)?;
     drop(tracer);
 
     let mut bench = Bench::new(gpu, scene, camera, options.rays, slots);
-    for round in 0..run.rounds {
+    for round in 0..=run.rounds {
         for &setup in &setups {
-            at.what = format!("round {} of {}: {}", round + 1, run.rounds, setup.label);
+            at.what = match round {
+                0 => format!("errors: {}", setup.label),
+                _ => format!("times, round {round} of {}: {}", run.rounds, setup.label),
+            };
             progress(&at);
             if results.has(&setup.id, round) {
                 at.skipped += frames_of(round);

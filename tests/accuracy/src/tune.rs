@@ -316,8 +316,8 @@ pub fn verify(
     };
     let mut bench = Bench::new(subject.gpu, subject.scene, subject.camera, rays, subject.slots);
     let (first, _) = bench.measure(&setup, 0, run, &truths)?;
-    let mut times = vec![first.cost.frame_ms];
-    for round in 1..run.rounds {
+    let mut times = Vec::new();
+    for round in 1..=run.rounds {
         times.push(bench.measure(&setup, round, run, &truths)?.0.cost.frame_ms);
     }
     let lacks = || AccuracyError::Lacks { setup: setup.label.clone(), frame: 1, what: "an error".to_owned() };

@@ -274,10 +274,10 @@ fn rank(rows: &mut [Row], image: Image, metric: Metric, floor: f64) {
 }
 
 fn row(folder: &Folder, variant: &Variant, price: Price) -> Row {
-    let mut of: Vec<&Measurement> = folder.measurements.iter().filter(|m| m.setup == variant.setup).collect();
-    of.sort_by_key(|m| m.round);
-    let stages: Vec<StageCost> =
-        of.iter().map(|m| m.cost.stages.get(&variant.slot).copied().unwrap_or_default()).collect();
+    let mut all: Vec<&Measurement> = folder.measurements.iter().filter(|m| m.setup == variant.setup).collect();
+    all.sort_by_key(|m| m.round);
+    let of = || all.iter().filter(|m| m.round > 0);
+    let stages: Vec<StageCost> = of().map(|m| m.cost.stages.get(&variant.slot).copied().unwrap_or_default()).collect();
     let mid = |value: &dyn Fn(&StageCost) -> f64| middle(&stages.iter().map(value).collect::<Vec<_>>());
     let least = |values: &mut dyn Iterator<Item = f64>| values.reduce(f64::min).unwrap_or(0.0);
     let stage = StageCost {
@@ -289,17 +289,17 @@ fn row(folder: &Folder, variant: &Variant, price: Price) -> Row {
         rays_any: mid(&|s| s.rays_any as f64).round() as u64,
         passes: stages.iter().map(|s| s.passes).max().unwrap_or(0),
     };
-    let frames: Vec<f64> = of.iter().map(|m| m.cost.frame_ms).collect();
+    let frames: Vec<f64> = of().map(|m| m.cost.frame_ms).collect();
     let rounds_ms = match price {
         Price::Stage => stages.iter().map(|s| s.ms).collect(),
         Price::Frame => frames.clone(),
     };
-    let errors = of.iter().flat_map(|m| &m.errors).map(|e| RowErrors {
+    let errors = all.iter().flat_map(|m| &m.errors).map(|e| RowErrors {
         frame: e.frame,
         slot: e.slots.get(&variant.slot).copied(),
         picture: e.picture,
     });
-    let most = |value: &dyn Fn(&Measurement) -> u64| of.iter().map(|m| value(m)).max().unwrap_or(0);
+    let most = |value: &dyn Fn(&Measurement) -> u64| of().map(|m| value(m)).max().unwrap_or(0);
     Row {
         variant: variant.clone(),
         ms: middle(&rounds_ms),
@@ -307,7 +307,7 @@ fn row(folder: &Folder, variant: &Variant, price: Price) -> Row {
         rounds_ms,
         stage,
         frame_ms: middle(&frames),
-        frame_min_ms: least(&mut of.iter().map(|m| m.cost.frame_min_ms)),
+        frame_min_ms: least(&mut of().map(|m| m.cost.frame_min_ms)),
         transient_bytes: most(&|m| m.cost.transient_bytes),
         history_bytes: most(&|m| m.cost.history_bytes),
         acceleration_bytes: most(&|m| m.cost.acceleration_bytes),

@@ -23,7 +23,7 @@ function head() {
       <label>of <select id="image"><option value="auto">the stage's own image</option><option value="picture">the final picture</option></select></label>
       <label>over <select id="price"><option value="auto">the stage's time</option><option value="frame">the frame's time</option></select></label>
     </div><div id="effects"></div>
-    <p class="soft">Blue: on the Pareto front, nothing is both more accurate and cheaper. Times closer than 10 %, or than they spread, count as the same, errors closer than 1 % too. Orange ring: the default. Axes are logarithmic.</p>`;
+    <p class="soft">Blue: on the Pareto front, nothing is both more accurate and cheaper. Times closer than 6 %, or than their ratio spreads from round to round, count as the same, errors closer than 1 % too. Orange ring: the default. Axes are logarithmic.</p>`;
 }
 
 function effect(e) {
@@ -78,7 +78,11 @@ function table(e, rows, image) {
   return `<details><summary>All numbers</summary><div class="wide"><table><thead><tr><th>${clean(e.slot)}</th>${columns.map(([c]) => `<th>${c}</th>`).join("")}</tr></thead><tbody>${body}</tbody></table></div></details>`;
 }
 
-const draw = () => { document.getElementById("effects").innerHTML = report.effects.map(effect).join(""); };
+const draw = () => {
+  // Stages with a truth of their own come first.
+  const own = report.effects.filter((e) => e.judged_by === "slot"), others = report.effects.filter((e) => e.judged_by !== "slot");
+  document.getElementById("effects").innerHTML = [...own, ...others].map(effect).join("");
+};
 document.getElementById("page").innerHTML = head();
 for (const id of Object.keys(choice)) document.getElementById(id).onchange = (event) => { choice[id] = event.target.value; draw(); };
 draw();

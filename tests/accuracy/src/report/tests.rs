@@ -92,5 +92,5 @@ fn a_report_of_a_part_is_refused() {
     let mut part = folder();
     part.measurements.pop();
     let message = Report::build(&part, Path::new("somewhere")).unwrap_err().to_string();
-    assert!(message.contains("somewhere: 1 of 18 measurements are missing"), "{message}");
+    assert!(message.contains("somewhere: 1 of 24 measurements are missing"), "{message}");
 }

@@ -72,7 +72,7 @@ fn shards_come_together_as_if_one_machine_had_done_it_all() {
     }
     let out = place.path().join("out");
     let message = merge(&paths[..2], &out).unwrap_err().to_string();
-    assert!(message.contains("6 of 18 measurements are missing"), "{message}");
+    assert!(message.contains("8 of 24 measurements are missing"), "{message}");
     let merged = merge(&paths, &out).unwrap();
     let place_of = |m: &Measurement| all.run.plan.setups.iter().position(|s| s.id == m.setup);
     all.measurements.sort_by_key(|m| (m.round, place_of(m)));
