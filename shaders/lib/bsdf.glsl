@@ -89,11 +89,10 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     float v_h = dot(v, h);
     float l_h = dot(l, h);
     if (v_h <= 0.0 || l_h >= 0.0) return vec3(0.0);
-    // Walter et al. 2007, equation 21, over the square of the index behind.
+    // Walter et al. 2007, equation 21, over the square of the index behind; masking and shadowing by height-correlated Smith, as above.
     float bend = v_h + b.eta * l_h;
-    float g = smith_g1(v.z, b.alpha) * smith_g1(-l.z, b.alpha);
-    float f = dielectric_f(v_h, b.eta);
-    return b.base_colour * ((1.0 - f) * local_d(h, b.alpha) * g * v_h * -l_h / (v.z * bend * bend));
+    float visible = 4.0 * smith_v_cosine(-l.z, v.z, b.alpha);
+    return b.base_colour * ((1.0 - dielectric_f(v_h, b.eta)) * local_d(h, b.alpha) * visible * v_h * -l_h / (bend * bend));
 }
 
 // BSDF times |n·l|, per steradian, of the lobes that are asked for.

