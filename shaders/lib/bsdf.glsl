@@ -118,60 +118,65 @@ vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
     return sum;
 }
 
-// How often each lobe is sampled: diffuse, specular, transmission, coat. Roughly what they reflect; never 0 where a lobe gives
-// anything. All 0 where none of those asked for does.
+// How often each lobe is sampled: diffuse, specular, glass, coat. Roughly what they reflect; never 0 where a lobe gives anything. All 0
+// where none of those asked for does. Glass is one lobe: its facets reflect or let through, as Fresnel says of each.
 vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
     const float LEAST = 0.05;
     float coat = coat_share(b, v);
     vec3 f = schlick_f(b.f0, v.z);
-    float glass = b.transmission > 0.0 ? dielectric_f(v.z, b.eta) : 0.0;
     float base = max(b.base_colour.r, max(b.base_colour.g, b.base_colour.b));
+    float reflected = max(f.r, max(f.g, f.b));
+    float opaque = 1.0 - b.transmission;
     vec4 odds = vec4(0.0);
-    if ((lobes & LOBE_DIFFUSE) != 0u) {
-        float share = (1.0 - b.transmission) * (1.0 - b.metalness) * base;
-        odds.x = share * max(1.0 - max(f.r, max(f.g, f.b)), LEAST);
-    }
+    if ((lobes & LOBE_DIFFUSE) != 0u) odds.x = opaque * (1.0 - b.metalness) * base * max(1.0 - reflected, LEAST);
     if ((lobes & LOBE_SPECULAR) != 0u) {
-        odds.y = max((1.0 - b.transmission) * max(f.r, max(f.g, f.b)) + b.transmission * glass, LEAST);
+        odds.y = opaque > 0.0 ? max(opaque * reflected, LEAST) : 0.0;
         odds.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
     }
-    if ((lobes & LOBE_TRANSMISSION) != 0u && b.transmission > 0.0) {
-        odds.z = b.transmission * base * max(1.0 - glass, LEAST);
-    }
+    if ((lobes & (LOBE_SPECULAR | LOBE_TRANSMISSION)) != 0u) odds.z = b.transmission;
     odds.xyz *= 1.0 - coat;
     float sum = odds.x + odds.y + odds.z + odds.w;
     return sum > 0.0 ? odds / sum : vec4(0.0);
 }
 
+// How often a facet of glass reflects rather than lets through.
+float reflection_odds(Bsdf b, float v_h, uint lobes) {
+    if ((lobes & LOBE_TRANSMISSION) == 0u) return 1.0;
+    return (lobes & LOBE_SPECULAR) == 0u ? 0.0 : dielectric_f(v_h, b.eta);
+}
+
 // Density of transmitted directions, per steradian.
-float transmission_pdf(Bsdf b, vec3 v, vec3 l) {
+float transmission_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     if (b.thin) {
         vec3 h = safe_normalize(v + mirrored(l), vec3(0.0, 0.0, 1.0));
         float v_h = dot(v, h);
-        return v_h > 0.0 ? visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h) : 0.0;
+        if (v_h <= 0.0) return 0.0;
+        return (1.0 - reflection_odds(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
     }
     vec3 h = refraction_half(b, v, l);
     float v_h = dot(v, h);
     float l_h = dot(l, h);
     if (v_h <= 0.0 || l_h >= 0.0) return 0.0;
     float bend = v_h + b.eta * l_h;
-    return visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
+    return (1.0 - reflection_odds(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
 }
 
 // Density with which `bsdf_sample` gives `l`, per steradian.
 float bsdf_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     vec4 odds = lobe_odds(b, v, lobes);
-    if (l.z < 0.0) return odds.z > 0.0 ? odds.z * transmission_pdf(b, v, l) : 0.0;
+    if (l.z < 0.0) return odds.z > 0.0 ? odds.z * transmission_pdf(b, v, l, lobes) : 0.0;
+    float pdf = odds.x * l.z / PI;
     vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
     float v_h = dot(v, h);
-    if (v_h <= 0.0) return odds.x * l.z / PI;
-    float pdf = odds.x * l.z / PI;
-    pdf += odds.y * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
+    if (v_h <= 0.0) return pdf;
+    float facets = odds.y + odds.z * reflection_odds(b, v_h, lobes);
+    pdf += facets * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
     if (odds.w > 0.0) pdf += odds.w * visible_normal_pdf(v, h, b.coat_alpha) / (4.0 * v_h);
     return pdf;
 }
 
-// A direction towards light. False where the sample is lost: below the horizon, or reflected where it was to go through.
+// A direction towards light. False where the sample is lost: below the horizon, or reflected where it was to go through. `choice` is
+// uniform and independent of `u`.
 bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     vec4 odds = lobe_odds(b, v, lobes);
     l = vec3(0.0, 0.0, 1.0);
@@ -182,12 +187,12 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     }
     if (choice < odds.x + odds.z) {
         vec3 h = sample_visible_normal(v, b.alpha, u);
-        if (b.thin) {
-            l = mirrored(reflect(-v, h));
-        } else {
-            l = refract(-v, h, 1.0 / b.eta);
-        }
-        return l.z < 0.0;
+        // What is left of the choice is uniform again.
+        bool reflects = (choice - odds.x) / odds.z < reflection_odds(b, dot(v, h), lobes);
+        if (reflects || b.thin) l = reflect(-v, h);
+        else l = refract(-v, h, 1.0 / b.eta);
+        if (b.thin && !reflects) l = mirrored(l);
+        return reflects ? l.z > 0.0 : l.z < 0.0;
     }
     bool on_coat = choice >= odds.x + odds.z + odds.y && odds.w > 0.0;
     vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);

@@ -28,7 +28,7 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
 #[test]
 fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let (scene, slots, config) = (builtin("courtyard")?, Slots::default(), Config::default());
+    let (scene, slots, config) = (builtin("cornell")?, Slots::default(), Config::default());
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &scene.cameras[0], slots: &slots, config: &config };
     let place = tempfile::tempdir()?;
     let whole = place.path().join("whole");

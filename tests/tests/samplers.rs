@@ -16,7 +16,8 @@ const BINS: u32 = 16;
 const POINTS: u32 = 112;
 const SAMPLES: u32 = 1 << 20;
 
-/// Directions are binned around an axis, finer near it: `t = c / (c + width)` of `c`, 1 less the cosine, and the angle around.
+/// Directions are binned around an axis, finer near it: by `t = c / (c + width)` of `c`, 1 less the cosine, and the angle around. Lobes
+/// with long tails take a logarithm for three quarters of the bins, up to a right angle, where some of them end.
 const FRAME: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -29,14 +30,29 @@ layout(push_constant, scalar) uniform Push { uvec2 counts; uvec2 densities; uvec
 "#;
 
 const MAIN: &str = r#"
-vec3 direction_of(vec2 at) {
-    float c = WIDTH * at.x / (1.0 - at.x);
+const float SHARP = 2.0 / (2.0 + WIDTH);
+const float SLOW = log(1.0 + 1.0 / WIDTH) / 0.75;
+float t_of(float c) {
+    if (!TAIL) return c / (c + WIDTH) / SHARP;
+    return c < 1.0 ? log(1.0 + c / WIDTH) / SLOW : 0.75 + 0.25 * (c - 1.0);
+}
+// And how much c changes with t.
+float c_of(float t, out float slope) {
+    if (!TAIL) {
+        float left = 1.0 - t * SHARP;
+        slope = SHARP * WIDTH / (left * left);
+        return WIDTH * t * SHARP / left;
+    }
+    slope = t < 0.75 ? WIDTH * SLOW * exp(t * SLOW) : 4.0;
+    return t < 0.75 ? WIDTH * (exp(t * SLOW) - 1.0) : 1.0 + 4.0 * (t - 0.75);
+}
+vec3 direction_of(vec2 at, out float slope) {
+    float c = c_of(at.x, slope);
     return frame_of(AXIS) * around_z(2.0 * PI * at.y, sqrt(max(c * (2.0 - c), 0.0)), 1.0 - c);
 }
 void main() {
     uint i = gl_GlobalInvocationID.x;
     uint side = bins;
-    float last = 2.0 / (2.0 + WIDTH);
     if (i < samples) {
         Random random = random_of(i, 17u, 4u);
         uvec4 words = random_words(random);
@@ -47,7 +63,7 @@ void main() {
             vec3 apart = d - AXIS;
             float c = 0.5 * dot(apart, apart);
             float around = atan(local.y, local.x) / (2.0 * PI);
-            vec2 at = vec2(c / (c + WIDTH) / last, around < 0.0 ? around + 1.0 : around);
+            vec2 at = vec2(t_of(c), around < 0.0 ? around + 1.0 : around);
             uvec2 cell = min(uvec2(at * float(side)), uvec2(side - 1u));
             bin = cell.y * side + cell.x;
         }
@@ -61,9 +77,9 @@ void main() {
             for (uint x = 0u; x < points; x++) {
                 vec2 inner = (vec2(x, y) + 0.5) / float(points);
                 vec2 at = (vec2(i % side, i / side) + inner) / float(side);
-                at.x *= last;
-                float stretch = last * WIDTH / ((1.0 - at.x) * (1.0 - at.x)) * 2.0 * PI;
-                row += pdf_of(direction_of(at)) * stretch;
+                float slope;
+                vec3 d = direction_of(at, slope);
+                row += pdf_of(d) * slope * 2.0 * PI;
             }
             sum += row;
         }
@@ -154,19 +170,26 @@ struct Case {
     code: String,
     axis: String,
     width: f32,
+    tail: bool,
 }
 
 fn case(name: &str, axis: &str, width: f32, sample: &str, pdf: &str) -> Case {
     let code =
         format!("bool sample_it(vec4 u, uvec4 words, out vec3 d) {{ {sample} }}\nfloat pdf_of(vec3 d) {{ {pdf} }}\n");
-    Case { name: name.to_owned(), code, axis: axis.to_owned(), width }
+    Case { name: name.to_owned(), code, axis: axis.to_owned(), width, tail: false }
+}
+
+/// The same of a lobe that reaches to the horizon.
+fn lobe(name: &str, axis: &str, width: f32, sample: &str, pdf: &str) -> Case {
+    Case { tail: true, ..case(name, axis, width, sample, pdf) }
 }
 
 fn all(cases: &[Case], tables: Option<&Tables>) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    for Case { name, code, axis, width } in cases {
-        let constants = format!("const vec3 AXIS = normalize({axis});\nconst float WIDTH = {width:?};\n");
+    for Case { name, code, axis, width, tail } in cases {
+        let constants =
+            format!("const vec3 AXIS = normalize({axis});\nconst float WIDTH = {width:?};\nconst bool TAIL = {tail};\n");
         let (counts, shares) =
             run(&mut bench, "sampler.comp", &format!("{FRAME}{constants}{code}{MAIN}"), BINS, tables)?;
         check(name, &counts, &shares)?;
@@ -208,7 +231,7 @@ fn visible_normals() -> Result<()> {
     for alpha in [0.002, 0.05, 0.3, 1.0] {
         for cosine in [1.0_f32, 0.6, 0.1, 0.01] {
             let v = format!("vec3({:?}, 0.0, {cosine:?})", (1.0 - cosine * cosine).sqrt());
-            cases.push(case(
+            cases.push(lobe(
                 &format!("visible normals, alpha {alpha}, cosine {cosine}"),
                 "vec3(0.0, 0.0, 1.0)",
                 (alpha * alpha) as f32,
@@ -247,7 +270,7 @@ fn surface_models() -> Result<()> {
     for (name, bsdf, lobes) in &models {
         for cosine in [0.95_f32, 0.3] {
             let v = format!("vec3({:?}, 0.0, {cosine:?})", (1.0 - cosine * cosine).sqrt());
-            cases.push(case(
+            cases.push(lobe(
                 &format!("{name}, cosine {cosine}"),
                 "vec3(-0.4, 0.1, 0.8)",
                 0.5,
@@ -295,12 +318,15 @@ fn lights_with_a_size() -> Result<()> {
 /// The courtyard's sky, by its cells.
 #[test]
 fn the_sky() -> Result<()> {
-    let scene = builtin("courtyard")?;
+    let scenes = [("sky", builtin("courtyard")?), ("environment map", magpie_tests::oracle::scenes::environment_map())];
     let sample = "LightTables t = LightTablesBuffer(tables).at[0]; \
         uint cell = choose(LightChoiceBuffer(t.sky), t.sky_cells.x * t.sky_cells.y, words.x, u.z); \
         d = sky_direction((vec2(cell % t.sky_cells.x, cell / t.sky_cells.x) + u.xy) / vec2(t.sky_cells)); return true;";
     let pdf = "return sky_pdf(LightTablesBuffer(tables).at[0], d);";
-    all(&[case("sky", "vec3(0.0, 1.0, 0.0)", 2.0, sample, pdf)], Some(&Tables::new(&scene, 0.0)))
+    for (name, scene) in scenes {
+        all(&[case(name, "vec3(0.0, 1.0, 0.0)", 2.0, sample, pdf)], Some(&Tables::new(&scene, 0.0)))?;
+    }
+    Ok(())
 }
 
 /// Points of triangles and discs: shares of areas that are known.
