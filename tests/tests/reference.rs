@@ -62,7 +62,9 @@ fn full() -> bool {
 fn the_error_falls_with_the_root_of_the_samples() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let most: u32 = if full() { 4096 } else { 256 };
-    for scene in four()? {
+    // In the courtyard sun off smooth tiles is found once in a million paths: 4096 samples are too few there to see a slope.
+    let scenes = four()?.map(|s| if s.name == "courtyard" { scenes::area_light() } else { s });
+    for scene in scenes {
         // At the centres: pixels on the edge of a lamp are bright or not, and those few would be all of the error.
         let pixel = PixelSampling::Centre;
         let run = |seed| Reference::new(&gpu, &scene, &scene.cameras[0], ReferenceOptions { seed, pixel, ..options() });

@@ -3,6 +3,7 @@ use super::Estimate;
 use exr::prelude::*;
 use glam::DVec3;
 use std::path::Path;
+use std::time::SystemTime;
 
 /// Names of the channels: mean, then standard error.
 const CHANNELS: [&str; 6] = ["R", "G", "B", "error.R", "error.G", "error.B"];
@@ -64,8 +65,9 @@ impl Estimate {
         let text = |t: &str| AttributeValue::Text(Text::from(t));
         layer.attributes.other.insert(Text::from(SAMPLES), text(&self.samples.to_string()));
         layer.attributes.other.insert(Text::from(SUBJECT), text(subject));
-        // Whole or not at all: whoever stops a long run keeps what was saved before.
-        let part = path.with_extension("exr.part");
+        // Whole or not at all: whoever stops a long run keeps what was saved before. Several programs may be at the same file.
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+        let part = path.with_extension(format!("exr.{}-{now}.part", std::process::id()));
         let written = Image::from_layer(layer).write().to_file(&part);
         let moved = written.and_then(|()| std::fs::rename(&part, path).map_err(Error::from));
         moved.map_err(|source| EstimateFileError::File { path: path.display().to_string(), source })
