@@ -11,7 +11,7 @@ layout(constant_id = 1) const float GREATEST = 65504.0;
 
 struct Fragment {
     vec3 to_eye;               // world, unit
-    vec3 normal;               // shading normal on the side that is seen, unit; bent here where it points away from the viewer
+    vec3 normal;               // shading normal on the side that is seen, unit; turned to the viewer here where it points away
     vec3 geometric_normal;     // unit, on the side that is seen
     vec3 base_colour;
     float occlusion;           // 1 is open
@@ -44,7 +44,7 @@ void write_gbuffer(Fragment f, uint material_flags) {
         f.metalness_roughness = vec2(1.0);
     }
     out_base_colour = vec4(f.base_colour, f.occlusion);
-    out_normal.xy = octahedral_encode(bend_towards_viewer(f.normal, f.to_eye));
+    out_normal.xy = octahedral_encode(turn_to_viewer(f.normal, f.to_eye));
     out_normal.zw = octahedral_encode(f.geometric_normal);
     out_material = f.metalness_roughness;
     out_emission = vec4(mix(f.emission, vec3(GREATEST), greaterThan(f.emission, vec3(GREATEST))), 1.0);

@@ -15,10 +15,11 @@ vec3 apply_normal_map(vec3 n, vec4 t, vec3 texel, float scale) {
 }
 
 // Interpolated and mapped normals may point away from the viewer on a surface that is visible; no microfacet model knows what to do
-// then. Such a normal is bent, in the plane of itself and `to_eye`, to just above the horizon. Both unit; so is the result.
-vec3 bend_towards_viewer(vec3 n, vec3 to_eye) {
+// then. Such a normal is mirrored at the viewer's horizon: as far in front of it as it was behind, and never nearer than the least
+// cosine. To bend it to the horizon itself would leave it dark, as all light is reflected there. Both unit; so is the result.
+vec3 turn_to_viewer(vec3 n, vec3 to_eye) {
     float cosine = dot(n, to_eye);
-    return cosine >= MIN_NORMAL_COSINE ? n : normalize(n + to_eye * (MIN_NORMAL_COSINE - cosine));
+    return cosine >= MIN_NORMAL_COSINE ? n : normalize(n + to_eye * (max(-cosine, MIN_NORMAL_COSINE) - cosine));
 }
 
 #endif

@@ -104,7 +104,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         material.metallic_roughness_texture.image = NO_TEXTURE;
         material.emission_texture.image = NO_TEXTURE;
         read_material(scene, material, at, vec4(1.0), hit.front, p);
-        p.normal = bend_towards_viewer(p.start.normal, towards);
+        p.normal = turn_to_viewer(p.start.normal, towards);
         return p;
     }
 
@@ -146,7 +146,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         vec3 texel = read_texture(material.normal_texture, at, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
         shading = apply_normal_map(normal, vec4(tangents * w, turn), texel, material.normal_scale);
     }
-    p.normal = bend_towards_viewer(side * shading, towards);
+    p.normal = turn_to_viewer(side * shading, towards);
     return p;
 }
 

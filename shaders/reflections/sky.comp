@@ -21,7 +21,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     Sky sky = view.at[0].sky;
     vec3 incident = mix(sky_radiance(sky, axis), sky_irradiance(sky, axis) / PI, s.roughness);
 
-    // A bent normal can send the axis below the surface, where the surface itself is in the way
+    // A mapped normal can send the axis below the surface, where the surface itself is in the way
     // (Russell 2015, "Horizon Occlusion for Normal Mapped Reflections").
     float horizon = clamp(1.0 + dot(axis, s.geometric_normal), 0.0, 1.0);
 

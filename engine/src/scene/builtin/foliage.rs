@@ -118,7 +118,9 @@ pub(super) fn climber(seed: u64, half: Vec3, outward: Vec3, cards: usize, size: 
     shape
 }
 
+/// A leaf card whose front is on the side of its shading normal.
 fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
+    let right = if right.cross(up).dot(normal) < 0.0 { -right } else { right };
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y)| shape.vertex(centre + right * x + up * y, normal, Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y)));
     shape.triangle([corners[0], corners[1], corners[2]]);

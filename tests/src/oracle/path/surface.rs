@@ -130,7 +130,7 @@ impl Materials {
         normal *= side;
         let cosine = normal.dot(to_viewer);
         if cosine < LEAST_COSINE {
-            normal = (normal + to_viewer * (LEAST_COSINE - cosine)).normalize();
+            normal = (normal + to_viewer * (LEAST_COSINE.max(-cosine) - cosine)).normalize();
         }
 
         let shown = self.emission(m, &at, hit.front, base);
