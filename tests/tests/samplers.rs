@@ -188,8 +188,9 @@ fn all(cases: &[Case], tables: Option<&Tables>) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
     for Case { name, code, axis, width, tail } in cases {
-        let constants =
-            format!("const vec3 AXIS = normalize({axis});\nconst float WIDTH = {width:?};\nconst bool TAIL = {tail};\n");
+        let constants = format!(
+            "const vec3 AXIS = normalize({axis});\nconst float WIDTH = {width:?};\nconst bool TAIL = {tail};\n"
+        );
         let (counts, shares) =
             run(&mut bench, "sampler.comp", &format!("{FRAME}{constants}{code}{MAIN}"), BINS, tables)?;
         check(name, &counts, &shares)?;

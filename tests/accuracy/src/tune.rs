@@ -6,7 +6,7 @@
 use crate::AccuracyError;
 use crate::measure::Bench;
 use crate::plan::Setup;
-use crate::report::{Combination, Effect, Report, Row};
+use crate::report::{Combination, Effect, Price, Report, Row};
 use crate::results::{Run, TRUTHS};
 use crate::sweep::Subject;
 use crate::truth::{PathTracer, TruthCache, TruthSource};
@@ -228,7 +228,8 @@ impl<'a> Tuner<'a> {
         let Some((place, effect)) = self.place(slot) else { return "not measured: as by default".to_owned() };
         let at = choice.rows[place];
         let row = &effect.rows[at];
-        let mut text = format!("{:.3} ms", row.ms);
+        let of_what = if effect.price == Price::Frame { " of the whole frame" } else { "" };
+        let mut text = format!("{:.3} ms{of_what}", row.ms);
         if effect.rows.len() < 2 {
             return text;
         }

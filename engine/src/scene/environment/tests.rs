@@ -207,3 +207,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn the_studio_that_comes_along_is_a_map() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../demo/environments/studio.hdr");
+    let studio = Environment::load(&path).unwrap();
+    studio.validate().unwrap();
+    assert_eq!((studio.width, studio.height), (256, 128));
+    let brightest = studio.radiance.iter().map(|r| r.max_element()).fold(0.0, f32::max);
+    let darkest = studio.radiance.iter().map(|r| r.min_element()).fold(f32::MAX, f32::min);
+    assert!(brightest > 5.0 && darkest > 0.05, "{darkest} to {brightest}");
+}
