@@ -31,7 +31,10 @@ const OFF: f64 = 0.15;
 impl From<AccuracyError> for Failure {
     fn from(error: AccuracyError) -> Self {
         match error {
-            AccuracyError::Render(RenderError::Gpu(error)) => error.into(),
+            AccuracyError::Render(error) => match *error {
+                RenderError::Gpu(error) => error.into(),
+                other => Self::running(other),
+            },
             AccuracyError::UnknownStage { .. }
             | AccuracyError::NotMeasured { .. }
             | AccuracyError::Different { .. }

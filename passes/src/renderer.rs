@@ -234,7 +234,7 @@ impl Renderer {
     /// [`RenderError::Config`] where there is no such slot, or it has no image.
     pub fn read_slots(&mut self, slots: &[&str]) -> Result<(), RenderError> {
         let known: Vec<String> = SLOTS_WITH_IMAGES.map(str::to_owned).to_vec();
-        for slot in slots.iter().filter(|s| !SLOTS_WITH_IMAGES.contains(s)) {
+        if let Some(slot) = slots.iter().find(|s| !SLOTS_WITH_IMAGES.contains(s)) {
             let (origin, key, slot) = ("read_slots".to_owned(), (*slot).to_owned(), (*slot).to_owned());
             let suggestion = Suggestion::find(&slot, SLOTS_WITH_IMAGES);
             return Err(wrong(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));

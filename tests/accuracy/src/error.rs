@@ -1,8 +1,8 @@
 //! What can go wrong.
 use crate::metrics::MetricError;
-use magpie::config::{ConfigError, Suggestion};
+use magpie::config::Suggestion;
 use magpie_passes::RenderError;
-use magpie_passes::reference::{EstimateFileError, ReferenceError, SizeMismatch};
+use magpie_passes::reference::{EstimateFileError, ReferenceError};
 use std::path::{Path, PathBuf};
 
 /// Why a sweep, a report or a recommendation could not be made.
@@ -26,17 +26,9 @@ pub enum AccuracyError {
         /// The reason.
         why: String,
     },
-    /// A part of a sweep that is none.
-    #[error("--shard {index}/{count}: wanted I/N with I from 1 to N")]
-    Shard {
-        /// Which part, from 1.
-        index: u32,
-        /// Of how many.
-        count: u32,
-    },
     /// A frame was not rendered.
     #[error(transparent)]
-    Render(#[from] RenderError),
+    Render(Box<RenderError>),
     /// A frame came back without what was asked for.
     #[error("{setup}: frame {frame} came back without {what}")]
     Lacks {
@@ -61,9 +53,6 @@ pub enum AccuracyError {
         /// What went wrong.
         source: Box<ReferenceError>,
     },
-    /// Truths of different sizes.
-    #[error(transparent)]
-    Size(#[from] SizeMismatch),
     /// A truth's file.
     #[error(transparent)]
     Estimate(Box<EstimateFileError>),
@@ -128,9 +117,6 @@ pub enum AccuracyError {
     /// No results were given.
     #[error("nothing to merge: wanted at least one folder of `magpie accuracy`")]
     NothingToMerge,
-    /// A configuration could not be written.
-    #[error(transparent)]
-    Config(#[from] ConfigError),
     /// A report that no configuration can be chosen from.
     #[error("{path}: {lacks}", path = path.display())]
     NotTunable {
@@ -147,6 +133,12 @@ pub enum AccuracyError {
         /// What comes nearest.
         nearest: String,
     },
+}
+
+impl From<RenderError> for AccuracyError {
+    fn from(error: RenderError) -> Self {
+        Self::Render(Box::new(error))
+    }
 }
 
 impl AccuracyError {

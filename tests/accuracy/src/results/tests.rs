@@ -34,7 +34,8 @@ fn results_stay_and_a_line_that_is_cut_off_goes() {
 fn results_of_another_run_are_refused() {
     let place = tempfile::tempdir().unwrap();
     Results::open(place.path(), &mut run()).unwrap();
-    let changes: [(&str, fn(&mut Run)); 5] = [
+    type Change = fn(&mut Run);
+    let changes: [(&str, Change); 5] = [
         ("the size", |r| r.size = [9, 4]),
         ("the seed", |r| r.seed = 1),
         ("the device", |r| r.device.name = "another".to_owned()),
