@@ -43,7 +43,7 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     for file in [REPORT_JSON, REPORT_CSV, REPORT_HTML] {
         ensure!(std::fs::metadata(whole.join(file))?.len() > 1000, "{file}");
     }
-    ensure!(Report::read(&whole)? == report, "the JSON reads back");
+    ensure!(Report::read(&whole)?.table() == report.table(), "the JSON reads back");
     rows_are_plausible(&report)?;
 
     // Again: nothing is left to do.

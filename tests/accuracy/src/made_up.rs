@@ -7,7 +7,13 @@ use crate::truth::TruthInfo;
 use magpie::config::{Catalogue, Config};
 use magpie::stage::{ImplementationInfo, SettingSpec, SlotInfo};
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::path::Path;
+
+/// All of it to nine digits: the last one of a number may be another after it was in a file.
+pub fn digits(thing: &impl Debug) -> String {
+    format!("{thing:.9?}")
+}
 
 /// Shadows in three qualities and off, gi in two and off, a tone curve.
 pub fn catalogue() -> Catalogue {

@@ -68,6 +68,11 @@ pub struct Run {
     pub plan: Plan,
 }
 
+/// Seconds as far as they count: the last digit of what was read from a file may be another.
+fn nanoseconds(seconds: f64) -> String {
+    format!("{seconds:.9}")
+}
+
 impl Run {
     /// Fails where another run is not this one, begun at another time.
     ///
@@ -86,8 +91,8 @@ impl Run {
             ("the number of rounds", self.rounds.to_string(), other.rounds.to_string()),
             ("the number of timed frames", self.timed.to_string(), other.timed.to_string()),
             ("the seed", self.seed.to_string(), other.seed.to_string()),
-            ("the time step", self.time_step.to_string(), other.time_step.to_string()),
-            ("the moment", self.time.to_string(), other.time.to_string()),
+            ("the time step", nanoseconds(self.time_step), nanoseconds(other.time_step)),
+            ("the moment", nanoseconds(self.time), nanoseconds(other.time)),
         ];
         let differs = pairs.into_iter().find(|(_, here, there)| here != there);
         if let Some((what, wanted, got)) = differs {

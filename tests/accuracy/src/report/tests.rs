@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{folder, report};
+use crate::made_up::{digits, folder, report};
 use serde_json::Value;
 
 #[test]
@@ -26,7 +26,7 @@ fn the_json_has_the_names_that_others_stand_on_and_reads_back() {
     let report = report();
     std::fs::create_dir_all(place.path().join(IMAGES)).unwrap();
     report.write(place.path()).unwrap();
-    assert_eq!(Report::read(place.path()).unwrap(), report);
+    assert_eq!(digits(&Report::read(place.path()).unwrap()), digits(&report));
     let json: Value = serde_json::from_str(&std::fs::read_to_string(place.path().join(REPORT_JSON)).unwrap()).unwrap();
     for path in [
         "/schema",
