@@ -140,6 +140,7 @@ fn nothing_is_overwritten_or_left_half_done() {
     fs::remove_dir(at("shaders/paper_moon")).unwrap();
 
     // A folder that cannot be made is met after other files have been written.
+    fs::rename(at("tests/tests/images"), at("aside")).unwrap();
     fs::write(at("tests/tests/images"), "a file").unwrap();
     refused(copy.path(), "paper-rain", 1, &["tests/tests/images/paper_rain.rs", "nothing was changed"]);
     assert!(
@@ -147,6 +148,7 @@ fn nothing_is_overwritten_or_left_half_done() {
         "an empty folder stays behind"
     );
     fs::remove_file(at("tests/tests/images")).unwrap();
+    fs::rename(at("aside"), at("tests/tests/images")).unwrap();
 
     let before = walked(copy.path());
     let ended = new_pass(copy.path(), "paper-rain", &[("PATH", "")]);
