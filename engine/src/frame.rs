@@ -2,7 +2,7 @@
 use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
-use crate::scene::{Camera, ResidentScene};
+use crate::scene::{Camera, Caster, ResidentScene};
 use glam::{DVec3, Mat4};
 use magpie_shaders::SampledImage;
 use magpie_shaders::scene::NO_TEXTURE;
@@ -18,8 +18,8 @@ pub struct View {
     pub frame: u32,
     /// What the raster passes draw.
     pub draws: Arc<[Draw]>,
-    /// Index of the light that the shadow stage traces; `None` when nothing casts a shadow.
-    pub key_light: Option<u32>,
+    /// The lights that can cast shadows, the one that matters most first.
+    pub casters: Arc<[Caster]>,
     /// The scene has a sky.
     pub has_sky: bool,
 }
@@ -67,6 +67,7 @@ impl ViewDesc<'_> {
         let now = clip_from_world(camera, extent, origin);
         let before = self.previous.map_or(now, |(camera, extent)| clip_from_world(camera, extent, origin));
         let placed = camera.placed(origin);
+        let casters = scene.casters();
         // The product of the two inverses: the inverse of the product loses digits far from the origin.
         let world_from_clip = Mat4::from(placed) * clip_from_view(camera, extent).inverse();
         let contents = shared::View {
@@ -77,7 +78,8 @@ impl ViewDesc<'_> {
             frame: self.frame,
             size: [self.extent.width, self.extent.height],
             seed: self.seed,
-            key_light: scene.key_light().unwrap_or(NO_LIGHT),
+            caster_count: casters.len() as u32,
+            casters: std::array::from_fn(|k| casters.get(k).map_or(NO_LIGHT, |c| c.light)),
             scene: scene.root(),
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or(Sky { environment: SampledImage(NO_TEXTURE), ..Sky::default() }),
@@ -87,7 +89,7 @@ impl ViewDesc<'_> {
             block: g.import_buffer("view", BufferDesc::new(BLOCK_BYTES), Access::BufferRead, key).read(),
             frame: self.frame,
             draws: scene.draws().clone(),
-            key_light: scene.key_light(),
+            casters: casters.into(),
             has_sky: scene.sky().is_some(),
         })
     }

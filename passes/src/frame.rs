@@ -46,7 +46,7 @@ pub fn frame(
     stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer });
-    g.slot_image("shadows", shadows.visibility);
+    g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
     g.slot_image("direct", Some(direct.radiance.read()));
     let gi = stages.gi.add(g, view, IndirectIn { gbuffer });

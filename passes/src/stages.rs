@@ -66,11 +66,25 @@ pub struct ShadowIn {
     pub gbuffer: GBuffer,
 }
 
-/// Visibility of the key light, one channel, 1 where it shines; `None` when it shines everywhere.
+/// Most images of visibility.
+pub const SHADOW_GROUPS: usize = 4;
+
+/// How much of some lights each pixel sees.
 #[derive(Clone, Copy, Debug)]
+pub struct ShadowGroup {
+    /// A light in each channel: the share of it that is seen, 0 to 1. Red alone, red and green, or four channels.
+    pub visibility: Handle<Image>,
+    /// Which lights, by their index in the scene; `NO_LIGHT` in channels that hold none.
+    pub lights: [u32; 4],
+    /// The first three channels belong to the first light, one for each of its colours.
+    pub coloured: bool,
+}
+
+/// Visibility of the lights that cast shadows; all others shine through everything.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ShadowOut {
-    /// The image.
-    pub visibility: Option<Handle<Image>>,
+    /// Filled from the front.
+    pub groups: [Option<ShadowGroup>; SHADOW_GROUPS],
 }
 
 /// Slot `direct`.

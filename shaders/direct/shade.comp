@@ -6,9 +6,21 @@
 #include "lib/precision.glsl"
 #include "lib/lights.glsl"
 #include "shared/direct.glsl"
-// Radiance towards the viewer: light of every lamp, reflected once, and emission. Only the key light is shadowed.
+// Radiance towards the viewer: light of every lamp times what is seen of it, reflected once, and emission.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ShadeParams params; };
+
+// The share of a light that is seen; all of those that cast no shadow.
+vec3 visibility(uint light, ivec2 pixel) {
+    for (uint group = 0u; group < params.group_count; group++) {
+        for (uint channel = 0u; channel < 4u; channel++) {
+            if (params.lights[4u * group + channel] != light) continue;
+            vec4 seen = load(params.visibility[group], pixel);
+            return (params.coloured & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
+        }
+    }
+    return vec3(1.0);
+}
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
@@ -19,10 +31,9 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     vec3 radiance = load(params.emission, pixel).rgb;
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
         LightSample light = sample_light(lights.at[i], s.position);
-        if (i == view.at[0].key_light && params.visibility != NO_VISIBILITY) {
-            light.irradiance *= load(params.visibility, pixel).r;
-        }
-        // Unlit and unseen lights stop here; most of them, in a scene with many.
+        // Lights that are out of reach stop here; most of them, in a scene with many.
+        if (light.irradiance == vec3(0.0)) continue;
+        light.irradiance *= visibility(i, pixel);
         if (light.irradiance == vec3(0.0)) continue;
         vec3 reflected = brdf_cosine(s.normal, s.to_eye, light.direction, s.base_colour, s.metalness, s.roughness);
         radiance += reflected * light.irradiance;

@@ -2,9 +2,6 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Value of [`ShadeParams::visibility`] without a shadow stage.
-pub const NO_VISIBILITY: u32 = 4294967295;
-
 /// Push constants of `shade.comp`: radiance from every light, and emission.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -21,10 +18,16 @@ pub struct ShadeParams {
     pub material: SampledImage,
     /// Emitted radiance.
     pub emission: SampledImage,
-    /// Visibility of the key light, or [`NO_VISIBILITY`].
-    pub visibility: u32,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
     /// Greatest number that its format holds; infinite for 32-bit floats.
     pub greatest: f32,
+    /// How many images of visibility there are.
+    pub group_count: u32,
+    /// Their images.
+    pub visibility: [u32; 4],
+    /// The light of each channel of each, or [`NO_LIGHT`](super::view::NO_LIGHT).
+    pub lights: [u32; 16],
+    /// A bit for each image whose first three channels belong to its first light, one for each of its colours.
+    pub coloured: u32,
 }

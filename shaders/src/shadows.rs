@@ -2,7 +2,7 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Push constants of `trace.comp`: one hard shadow ray per pixel towards the key light.
+/// Push constants of `trace.ray`: shadow rays towards up to four lights.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TraceParams {
@@ -16,10 +16,16 @@ pub struct TraceParams {
     pub normal: SampledImage,
     /// Instance + 1 and primitive.
     pub ids: SampledImage,
-    /// R8: 1 where the key light is visible, 0 where it is hidden.
+    /// A light in each channel: 1 where all of it is visible, 0 where it is hidden.
     pub visibility: StorageImage,
-    /// One ray for so many pixels in each direction: 1, or 2 for half resolution.
+    /// Every so many pixels in each direction have rays: 1, or 2 for half resolution.
     pub step: u32,
+    /// Rays of a pixel to each light; 0 for one to its centre.
+    pub samples: u32,
+    /// How many lights.
+    pub count: u32,
+    /// Their indices in the scene.
+    pub lights: [u32; 4],
 }
 
 /// Push constants of `upsample.comp`: visibility of half resolution brought to full.
@@ -32,8 +38,8 @@ pub struct UpsampleParams {
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// R8, half as large: visibility of the upper left one of four pixels.
+    /// Half as large: visibility of the upper left one of four pixels.
     pub half_visibility: SampledImage,
-    /// R8, full size.
+    /// Full size.
     pub visibility: StorageImage,
 }

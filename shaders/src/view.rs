@@ -2,8 +2,11 @@
 use super::types::{Address, SampledImage, SamplerId};
 use bytemuck::{Pod, Zeroable};
 
-/// [`View::key_light`] when no light casts a shadow.
+/// In a table of lights: none.
 pub const NO_LIGHT: u32 = 4294967295;
+
+/// Most lights that cast shadows in one frame.
+pub const MOST_CASTERS: u32 = 8;
 
 /// Camera, frame and sky. Matrices are column-major; clip space has reversed, infinite depth and y down.
 #[repr(C)]
@@ -23,8 +26,10 @@ pub struct View {
     pub size: [u32; 2],
     /// Seed of the run.
     pub seed: u32,
-    /// Index of the light that the shadow stage traces, or [`NO_LIGHT`].
-    pub key_light: u32,
+    /// How many of [`View::casters`] there are.
+    pub caster_count: u32,
+    /// Indices of the lights that can cast shadows, the one that matters most first; [`NO_LIGHT`] behind the last.
+    pub casters: [u32; 8],
     /// Root of the scene's tables.
     pub scene: Address,
     /// 1 when the scene has a sky.

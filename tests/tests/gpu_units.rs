@@ -290,7 +290,9 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
     let ran = bench.frame(shot, &config(&[])?, &wanted)?.clean()?;
     let [depth, normal, visibility] = [ran.values(wanted[0])?, ran.values(wanted[1])?, ran.values(wanted[2])?];
     let eye = Eye::new(&scene.cameras[0], extent);
-    let Some(light) = resident.borrow().key_light().map(|i| &scene.lights[i as usize]) else { bail!("no light") };
+    let Some(light) = resident.borrow().casters().first().map(|c| &scene.lights[c.light as usize]) else {
+        bail!("no light")
+    };
     let (mut sure, mut unsure, mut seen) = (0_u64, 0_u64, 0_u64);
     for i in 0..depth.len() {
         if depth[i][0] == 0.0 {

@@ -31,7 +31,9 @@ pub use error::{Fault, SceneError};
 pub use import::load;
 pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
-pub use resident::{Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene};
+pub use resident::{
+    Caster, Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene,
+};
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};
 

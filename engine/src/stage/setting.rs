@@ -133,6 +133,13 @@ impl SettingSpec {
         }
     }
 
+    /// A text, read by the implementation.
+    #[must_use]
+    pub fn text(key: &'static str, about: &'static str, default: &'static str) -> Self {
+        let default = Value::Text(default.to_owned());
+        Self { key, unit: "", about, default, range: Range::Any, sweep: Vec::new() }
+    }
+
     /// Says which values trade accuracy for time, for `magpie accuracy` to measure. The default belongs to them, whether it is
     /// named or not.
     #[must_use]

@@ -1,11 +1,12 @@
-//! Direct lighting: every light on every pixel, GGX and Lambert, the key light times its visibility.
+//! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it.
 use crate::precision;
 use crate::stages::{DirectIn, DirectOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::stage::{Settings, Stage, StageError};
 use magpie_shaders::DIRECT_SHADE_COMP;
-use magpie_shaders::direct::{NO_VISIBILITY, ShadeParams};
+use magpie_shaders::direct::ShadeParams;
+use magpie_shaders::view::NO_LIGHT;
 
 /// The slot.
 pub fn stage() -> Stage<DirectIn, DirectOut> {
@@ -41,7 +42,7 @@ impl Effect for AllLights {
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
             let emission = p.sample(gbuffer.emission);
-            let visibility = i.shadows.visibility.map(|v| p.sample(v));
+            let groups = i.shadows.groups.map(|group| group.map(|group| (p.sample(group.visibility), group)));
             // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
@@ -53,9 +54,12 @@ impl Effect for AllLights {
                     base_colour: c.id(base_colour),
                     material: c.id(material),
                     emission: c.id(emission),
-                    visibility: visibility.map_or(NO_VISIBILITY, |v| c.id(v).0),
                     radiance: c.id(target),
                     greatest: format.greatest(),
+                    group_count: groups.iter().flatten().count() as u32,
+                    visibility: groups.map(|group| group.map_or(0, |(token, _)| c.id(token).0)),
+                    lights: std::array::from_fn(|k| groups[k / 4].map_or(NO_LIGHT, |(_, group)| group.lights[k % 4])),
+                    coloured: (0..4).map(|k| u32::from(groups[k].is_some_and(|(_, group)| group.coloured)) << k).sum(),
                 };
                 c.dispatch(kernel, &params, extent);
             })

@@ -1,23 +1,64 @@
-//! Ray-traced hard shadows: one ray per pixel from the surface to the key light, or one per four pixels.
-use crate::stages::{ShadowIn, ShadowOut};
+//! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
+use crate::stages::ShadowIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
+use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
 use magpie_shaders::shadows::{TraceParams, UpsampleParams};
+use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
 
-/// The effect.
+/// Traces.
 pub struct RayTraced {
     trace: RayKernel,
     /// At half resolution only.
     upsample: Option<Kernel>,
+    /// To each light that has a size; 0 for hard shadows.
+    samples: u32,
 }
 
 /// Its settings.
-pub fn settings() -> [SettingSpec; 1] {
-    let about = "`full`: one ray per pixel. `half`: one ray per four pixels, brought to full size along surfaces; a quarter of the \
-                 rays, thin shadows and the edges of others suffer.";
-    [SettingSpec::choice("resolution", about, "full", &["full", "half"]).sweep_all()]
+pub fn settings() -> [SettingSpec; 3] {
+    [
+        SettingSpec::choice(
+            "resolution",
+            "`full`: each pixel has rays. `half`: one of four, brought to full size along surfaces; a quarter of the rays, thin shadows \
+             and the edges of others suffer.",
+            "full",
+            &["full", "half"],
+        )
+        .sweep_all(),
+        SettingSpec::choice(
+            "edges",
+            "`soft`: rays go to points all over a light, whose shadows have penumbrae, and noise. `hard`: one ray to its centre, as \
+             though it were a point.",
+            "soft",
+            &["soft", "hard"],
+        )
+        .sweep_all(),
+        SettingSpec::among(
+            "rays",
+            "",
+            "Rays of a pixel to each light that has a size. Higher: less noise, its variance falls by as much as the time grows.",
+            1,
+            &[1, 2, 4, 8],
+        )
+        .sweep_all(),
+    ]
+}
+
+/// One number for each light: no more memory than is needed.
+pub fn format(lights: usize) -> Format {
+    match lights {
+        1 => Format::R8Unorm,
+        2 => Format::Rg8Unorm,
+        _ => Format::Rgba8Unorm,
+    }
+}
+
+/// Indices of up to four lights.
+pub fn indices(lights: &[Caster]) -> [u32; 4] {
+    std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |caster| caster.light))
 }
 
 impl RayTraced {
@@ -25,25 +66,21 @@ impl RayTraced {
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.gpu.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
-        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?, upsample })
+        let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
+        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?, upsample, samples })
     }
-}
 
-impl Effect for RayTraced {
-    type In = ShadowIn;
-    type Out = ShadowOut;
-
-    fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
-        if view.key_light.is_none() {
-            return ShadowOut { visibility: None }; // nothing casts a shadow: no pass, no ray
-        }
-        let (kernel, block, step) = (self.trace, view.block, if self.upsample.is_some() { 2 } else { 1 });
-        let traced = g.pass("shadows.trace", Queue::AsyncCompute, |p| {
+    /// Visibility of up to four lights, one in each channel.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Handle<Image> {
+        let (kernel, samples, block, step) =
+            (self.trace, self.samples, view.block, if self.upsample.is_some() { 2 } else { 1 });
+        let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
+        let traced = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let ids = p.sample(i.gbuffer.ids);
-            let like = ImageDesc::like(Format::R8Unorm, i.gbuffer.depth);
-            let desc = if step == 1 { like } else { ImageDesc::half(Format::R8Unorm) };
+            let like = ImageDesc::like(format, i.gbuffer.depth);
+            let desc = if step == 1 { like } else { ImageDesc::half(format) };
             let (visibility, target) = p.create("visibility", desc);
             let extent = p.extent_of(desc);
             (visibility.read(), move |c: &mut Record<'_>| {
@@ -55,25 +92,35 @@ impl Effect for RayTraced {
                     ids: c.id(ids),
                     visibility: c.id(target),
                     step,
+                    samples,
+                    count,
+                    lights,
                 };
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        let visibility = match self.upsample {
-            Some(kernel) => upsample(g, view, kernel, i, traced),
+        match self.upsample {
+            Some(kernel) => upsample(g, view, kernel, i, traced, name),
             None => traced,
-        };
-        ShadowOut { visibility: Some(visibility) }
+        }
     }
 }
 
 /// From half resolution to full.
-fn upsample(g: &mut FrameGraph, view: &View, kernel: Kernel, i: ShadowIn, traced: Handle<Image>) -> Handle<Image> {
+fn upsample(
+    g: &mut FrameGraph,
+    view: &View,
+    kernel: Kernel,
+    i: ShadowIn,
+    traced: Handle<Image>,
+    name: &str,
+) -> Handle<Image> {
     let block = view.block;
-    g.pass("shadows.upsample", Queue::AsyncCompute, |p| {
+    let format = g.desc(traced).format;
+    g.pass(&format!("shadows.upsample{name}"), Queue::AsyncCompute, |p| {
         let (block, traced) = (p.read(block), p.sample(traced));
         let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
-        let (visibility, target) = p.create("visibility", ImageDesc::like(Format::R8Unorm, i.gbuffer.depth));
+        let (visibility, target) = p.create("visibility", ImageDesc::like(format, i.gbuffer.depth));
         let extent = p.extent(i.gbuffer.depth);
         (visibility.read(), move |c: &mut Record<'_>| {
             let params = UpsampleParams {

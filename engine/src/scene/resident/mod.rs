@@ -39,6 +39,15 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
+/// A light that can cast shadows.
+#[derive(Clone, Copy, Debug)]
+pub struct Caster {
+    /// Index in the scene's lights.
+    pub light: u32,
+    /// What shaders read of it: its place counted from the origin of the frame.
+    pub placed: shared::Light,
+}
+
 /// Why a scene could not be brought to the device.
 #[derive(Debug, thiserror::Error)]
 pub enum ResidentError {
@@ -111,7 +120,7 @@ pub struct ResidentScene {
     frames: u64,
     cut: bool,
     draws: Arc<[Draw]>,
-    key_light: Option<u32>,
+    casters: Vec<u32>,
     sky: Option<Sky>,
 }
 
@@ -313,7 +322,7 @@ impl ResidentScene {
             frames: 0,
             cut: false,
             draws: tables::draws(scene, &index_offsets),
-            key_light: tables::key_light(&scene.lights),
+            casters: tables::casters(&scene.lights),
             sky,
             textures,
             vertices,
@@ -440,9 +449,13 @@ impl ResidentScene {
         &self.draws
     }
 
-    /// The light that the shadow stage traces: the first directional one, else the strongest lamp.
-    pub fn key_light(&self) -> Option<u32> {
-        self.key_light
+    /// The lights that can cast shadows, at most [`MOST_CASTERS`](magpie_shaders::view::MOST_CASTERS), as they are in the moment that
+    /// was gone to. The one that matters most comes first: directional lights in the order of the scene, then lamps by power, as they
+    /// are at rest, so that none changes its place while it moves.
+    pub fn casters(&self) -> Vec<Caster> {
+        let pose = &self.state.pose;
+        let placed = |light: &u32| tables::light(&pose.lights[*light as usize], self.state.origin);
+        self.casters.iter().map(|light| Caster { light: *light, placed: placed(light) }).collect()
     }
 
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.

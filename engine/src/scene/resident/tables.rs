@@ -5,6 +5,7 @@ use crate::graph::Draw;
 use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie_shaders::scene as shared;
+use magpie_shaders::view::MOST_CASTERS;
 use magpie_shaders::{SampledImage, SamplerId};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -222,11 +223,12 @@ pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
     }
 }
 
-pub(super) fn key_light(lights: &[Light]) -> Option<u32> {
-    let sun = lights.iter().position(|l| matches!(l, Light::Directional { .. }));
+/// Which lights cast shadows: those from afar first, then lamps by power.
+pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
     let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
     let power = |l: &Light| match l {
-        Light::Directional { illuminance, .. } => luminance(*illuminance),
+        Light::Directional { illuminance, .. } if luminance(*illuminance) > 0.0 => f32::INFINITY,
+        Light::Directional { .. } => 0.0,
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => luminance(*intensity),
         Light::Rectangle { half_u, half_v, radiance, .. } => {
             luminance(*radiance) * half_u.cross(*half_v).length() * 4.0
@@ -236,8 +238,11 @@ pub(super) fn key_light(lights: &[Light]) -> Option<u32> {
             luminance(*radiance) * PI * radius * radius
         }
     };
-    let strongest = || (0..lights.len()).max_by(|a, b| power(&lights[*a]).total_cmp(&power(&lights[*b])));
-    sun.or_else(strongest).map(|i| i as u32)
+    let mut ranked: Vec<u32> = (0..lights.len() as u32).filter(|i| power(&lights[*i as usize]) > 0.0).collect();
+    // Equal ones stay in the order of the scene.
+    ranked.sort_by(|a, b| power(&lights[*b as usize]).total_cmp(&power(&lights[*a as usize])));
+    ranked.truncate(MOST_CASTERS as usize);
+    ranked
 }
 
 pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {

@@ -109,7 +109,9 @@ impl Run<'_> {
         let answers = self.tracer.closest(first.rays, first.target, &on_device)?;
         let surfaces = Surfaces::new(scene, &seen, &answers);
         let key_light = match first.target {
-            Target::Scene(resident) => resident.borrow().key_light().and_then(|l| scene.lights.get(l as usize)),
+            Target::Scene(resident) => {
+                resident.borrow().casters().first().and_then(|c| scene.lights.get(c.light as usize))
+            }
             Target::World(_) => None,
         };
         let none = || RayTable::of(Vec::new(), Question::Any);
