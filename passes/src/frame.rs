@@ -1,4 +1,5 @@
 //! The whole frame on one screen: read this first.
+use crate::denoise::Reprojection;
 use crate::slots::Slots;
 use crate::stages::{
     AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut,
@@ -14,6 +15,7 @@ pub struct Stages {
     acceleration: Filled<AccelerationIn, Result<SceneHandles, ResidentError>>,
     rays: Filled<RaysIn, RaysOut>,
     gbuffer: Filled<GBufferIn, GBuffer>,
+    reprojection: Reprojection,
     shadows: Filled<ShadowIn, ShadowOut>,
     direct: Filled<DirectIn, DirectOut>,
     gi: Filled<IndirectIn, IndirectOut>,
@@ -45,7 +47,8 @@ pub fn frame(
     let scene = stages.acceleration.add(g, view, scene)?;
     stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
-    let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer });
+    let reprojected = stages.reprojection.add(g, view, gbuffer); // for denoisers, and culled when there are none
+    let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer, reprojected });
     g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
     g.slot_image("direct", Some(direct.radiance.read()));
@@ -72,6 +75,7 @@ impl Stages {
             acceleration: slots.acceleration.from_config(build, config)?,
             rays: slots.rays.from_config(build, config)?,
             gbuffer: slots.gbuffer.from_config(build, config)?,
+            reprojection: Reprojection::new(build.gpu)?,
             shadows: slots.shadows.from_config(build, config)?,
             direct: slots.direct.from_config(build, config)?,
             gi: slots.gi.from_config(build, config)?,

@@ -27,6 +27,7 @@
 
 mod acceleration;
 mod compose;
+pub mod denoise;
 mod direct;
 pub mod frame;
 mod gbuffer;

@@ -36,6 +36,15 @@ pub struct GBuffer {
     pub ids: Handle<Image>,
 }
 
+/// The surfaces that are seen, and where they were one frame ago, as denoisers read them.
+#[derive(Clone, Copy, Debug)]
+pub struct Reprojected {
+    /// View depth, shading normal and instance in two words.
+    pub guide: Handle<Image>,
+    /// Shares of the four pixels around where a surface was seen; zeros where it was not.
+    pub taps: Handle<Image>,
+}
+
 /// Slot `gbuffer`.
 #[derive(Clone, Copy, Debug)]
 pub struct GBufferIn {
@@ -64,6 +73,8 @@ pub struct ShadowIn {
     pub scene: SceneHandles,
     /// What receives.
     pub gbuffer: GBuffer,
+    /// Where it was one frame ago.
+    pub reprojected: Reprojected,
 }
 
 /// Most images of visibility.

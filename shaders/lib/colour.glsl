@@ -2,6 +2,11 @@
 #define LIB_COLOUR_GLSL
 // Colour: linear Rec.709 in, display values out.
 
+// Luminance of linear Rec.709.
+float luminance(vec3 c) {
+    return dot(c, vec3(0.2126, 0.7152, 0.0722));
+}
+
 // sRGB encoding (IEC 61966-2-1) of 0..1.
 vec3 srgb_encode(vec3 c) {
     vec3 low = 12.92 * c;

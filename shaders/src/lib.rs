@@ -10,6 +10,7 @@ pub mod acceleration;
 pub mod bench;
 pub mod check;
 pub mod compose;
+pub mod denoise;
 pub mod direct;
 pub mod gbuffer;
 pub mod metrics;

@@ -28,6 +28,36 @@ pub struct TraceParams {
     pub lights: [u32; 4],
 }
 
+/// Push constants of `gradient.ray`: what has changed since the frame before.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct GradientParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Two counters, closest-hit and any-hit rays (`uint`).
+    pub rays: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// Instance + 1 and primitive.
+    pub ids: SampledImage,
+    /// Texture coordinates now minus one frame ago.
+    pub motion: SampledImage,
+    /// Zeros where the surface was not seen one frame ago.
+    pub taps: SampledImage,
+    /// What `trace.ray` found then.
+    pub previous_visibility: SampledImage,
+    /// Difference of each channel, 0 to 1, a third as large.
+    pub change: StorageImage,
+    /// As in [`TraceParams`].
+    pub samples: u32,
+    /// How many lights.
+    pub count: u32,
+    /// Their indices in the scene.
+    pub lights: [u32; 4],
+}
+
 /// Push constants of `upsample.comp`: visibility of half resolution brought to full.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

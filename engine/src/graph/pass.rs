@@ -428,7 +428,7 @@ impl FrameGraph {
             Shape::Image { format, extent, .. } => Some(Produced {
                 pass: self.declaration.pass_name(pass).to_owned(),
                 pass_index: pass,
-                output: output.name,
+                output: output.name.strip_suffix(".next").map(str::to_owned).unwrap_or(output.name),
                 image: Handle::new(output.resource, output.version, self.number),
                 format,
                 extent,

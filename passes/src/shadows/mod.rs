@@ -2,15 +2,16 @@
 mod choice;
 mod ray_traced;
 
+use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Technique};
 use magpie::prelude::*;
 use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
-use ray_traced::RayTraced;
+use ray_traced::{RayTraced, Traced};
 
 /// The slot.
 pub fn stage() -> Stage<ShadowIn, ShadowOut> {
-    let settings: Vec<SettingSpec> = choice::settings().into_iter().chain(ray_traced::settings()).collect();
+    let settings: Vec<SettingSpec> = choice::settings().into_iter().chain(ray_traced::settings()).chain(denoising()).collect();
     Stage::new("shadows")
         .about("How much of each light is seen.")
         .with("ray-traced", "Rays from the surface to the lights.", &settings, |build, settings| {
@@ -23,11 +24,13 @@ pub fn stage() -> Stage<ShadowIn, ShadowOut> {
 struct Shadows {
     choice: Choice,
     rays: RayTraced,
+    denoiser: Denoiser,
 }
 
 impl Shadows {
     fn new(build: &Build<'_>, settings: &Settings, technique: Technique) -> Result<Self, StageError> {
-        Ok(Self { choice: Choice::new(settings, technique)?, rays: RayTraced::new(build, settings)? })
+        let denoiser = Denoiser::new(build.gpu, "shadows", settings)?;
+        Ok(Self { choice: Choice::new(settings, technique)?, rays: RayTraced::new(build, settings)?, denoiser })
     }
 }
 
@@ -40,7 +43,18 @@ impl Effect for Shadows {
         for (at, group) in self.choice.groups(&view.casters).iter().enumerate() {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
-            let visibility = self.rays.add(g, view, i, &group.lights, &name);
+            let Traced { mut visibility, change } = self.rays.add(g, view, i, &group.lights, &name);
+            if self.rays.is_noisy(&group.lights) {
+                let content = Content::Channels(group.lights.len() as u32);
+                let noisy = DenoiseIn {
+                    noisy: visibility,
+                    content,
+                    gbuffer: i.gbuffer,
+                    reprojected: i.reprojected,
+                    change,
+                };
+                visibility = self.denoiser.add(g, view, noisy, &name);
+            }
             let lights = ray_traced::indices(&group.lights);
             out.groups[at] = Some(ShadowGroup { visibility, lights, coloured: false });
         }

@@ -1,12 +1,16 @@
 //! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
+use crate::denoise::is_adaptive;
 use crate::stages::ShadowIn;
 use magpie::gpu::Kernel;
+use magpie::graph::{Extent, History, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
-use magpie_shaders::shadows::{TraceParams, UpsampleParams};
+use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
+use magpie_shaders::denoise::GRADIENT_STRATUM;
+use magpie_shaders::shadows::{GradientParams, TraceParams, UpsampleParams};
 use magpie_shaders::view::NO_LIGHT;
-use magpie_shaders::{SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
+use magpie_shaders::{SHADOWS_GRADIENT_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
 
 /// Traces.
 pub struct RayTraced {
@@ -15,6 +19,18 @@ pub struct RayTraced {
     upsample: Option<Kernel>,
     /// To each light that has a size; 0 for hard shadows.
     samples: u32,
+    /// Looks for changes, where a denoiser wants to know of them.
+    gradient: Option<RayKernel>,
+    scope: HistoryScope,
+}
+
+/// What rays found.
+#[derive(Clone, Copy)]
+pub struct Traced {
+    /// A light in each channel.
+    pub visibility: Handle<Image>,
+    /// How much it has changed since the frame before, in one pixel of nine.
+    pub change: Option<Handle<Image>>,
 }
 
 /// Its settings.
@@ -67,11 +83,32 @@ impl RayTraced {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.gpu.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
-        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?, upsample, samples })
+        let adaptive = is_adaptive(settings)? && samples > 0 && !half;
+        let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
+        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?, upsample, samples, gradient, scope: HistoryScope::new() })
+    }
+
+    /// Whether rays go to different points of any of these lights: shadows of points have no noise.
+    pub fn is_noisy(&self, lights: &[Caster]) -> bool {
+        let has_size = |light: &Light| match light.kind {
+            LIGHT_POINT | LIGHT_SPOT => false,
+            LIGHT_DIRECTIONAL => light.radius > 0.0,
+            _ => true,
+        };
+        self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
     }
 
     /// Visibility of up to four lights, one in each channel.
-    pub fn add(&self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Handle<Image> {
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Traced {
+        let history = self.gradient.filter(|_| self.is_noisy(lights)).map(|kernel| {
+            let desc = ImageDesc::like(format(lights.len()), i.gbuffer.depth);
+            (kernel, g.history(&self.scope, format!("visibility{name}"), desc))
+        });
+        let (gradient, next) = match history {
+            Some((kernel, History { previous, next, valid })) => (valid.then_some((kernel, previous)), Some(next)),
+            None => (None, None),
+        };
+        let change = gradient.map(|(kernel, previous)| self.changes(g, view, kernel, i, previous, lights, name));
         let (kernel, samples, block, step) =
             (self.trace, self.samples, view.block, if self.upsample.is_some() { 2 } else { 1 });
         let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
@@ -79,9 +116,11 @@ impl RayTraced {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let ids = p.sample(i.gbuffer.ids);
-            let like = ImageDesc::like(format, i.gbuffer.depth);
-            let desc = if step == 1 { like } else { ImageDesc::half(format) };
-            let (visibility, target) = p.create("visibility", desc);
+            let desc = if step == 1 { ImageDesc::like(format, i.gbuffer.depth) } else { ImageDesc::half(format) };
+            let (visibility, target) = match next {
+                Some(next) => p.write(next),
+                None => p.create("visibility", desc),
+            };
             let extent = p.extent_of(desc);
             (visibility.read(), move |c: &mut Record<'_>| {
                 let params = TraceParams {
@@ -99,10 +138,53 @@ impl RayTraced {
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        match self.upsample {
+        let visibility = match self.upsample {
             Some(kernel) => upsample(g, view, kernel, i, traced, name),
             None => traced,
-        }
+        };
+        Traced { visibility, change }
+    }
+
+    /// Rays to where those of the frame before went.
+    #[allow(clippy::too_many_arguments, reason = "what a pass reads")]
+    fn changes(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        kernel: RayKernel,
+        i: ShadowIn,
+        previous: Handle<Image>,
+        lights: &[Caster],
+        name: &str,
+    ) -> Handle<Image> {
+        let (samples, block) = (self.samples, view.block);
+        let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
+        g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
+            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let (ids, motion) = (p.sample(i.gbuffer.ids), p.sample(i.gbuffer.motion));
+            let (taps, previous) = (p.sample(i.reprojected.taps), p.sample(previous));
+            let Extent { width, height } = p.extent(i.gbuffer.depth);
+            let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
+            let (change, target) = p.create("change", ImageDesc::fixed(format, extent));
+            (change.read(), move |c: &mut Record<'_>| {
+                let params = GradientParams {
+                    view: c.id(block),
+                    rays: c.rays(),
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    ids: c.id(ids),
+                    motion: c.id(motion),
+                    taps: c.id(taps),
+                    previous_visibility: c.id(previous),
+                    change: c.id(target),
+                    samples,
+                    count,
+                    lights,
+                };
+                c.trace(kernel, tlas, &params, extent);
+            })
+        })
     }
 }
 

@@ -1,0 +1,42 @@
+//! One blur along surfaces: the cheap denoiser.
+use super::DenoiseIn;
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::stage::{Settings, StageError};
+use magpie_shaders::DENOISE_BILATERAL_COMP;
+use magpie_shaders::denoise::BilateralParams;
+
+/// The denoiser.
+pub struct Bilateral {
+    effect: &'static str,
+    kernel: Kernel,
+    radius: u32,
+}
+
+impl Bilateral {
+    /// Makes its pipeline.
+    pub fn new(gpu: &Gpu, effect: &'static str, settings: &Settings) -> Result<Self, StageError> {
+        let kernel = gpu.kernel(&DENOISE_BILATERAL_COMP).map_err(StageError::other)?;
+        Ok(Self { effect, kernel, radius: settings.u32("radius")? })
+    }
+
+    /// Denoises an image.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
+        let (kernel, radius, block) = (self.kernel, self.radius, view.block);
+        g.pass(&format!("{}.bilateral{name}", self.effect), Queue::AsyncCompute, |p| {
+            let (block, guide, noisy) = (p.read(block), p.sample(i.reprojected.guide), p.sample(i.noisy));
+            let (filtered, target) = p.create("filtered", ImageDesc::like(i.content.colour(), i.noisy));
+            let extent = p.extent(i.noisy);
+            (filtered.read(), move |c: &mut Record<'_>| {
+                let params = BilateralParams {
+                    view: c.id(block),
+                    guide: c.id(guide),
+                    noisy: c.id(noisy),
+                    filtered: c.id(target),
+                    radius,
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+}

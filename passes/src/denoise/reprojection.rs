@@ -1,0 +1,56 @@
+//! Where the surfaces that are seen were one frame ago.
+use crate::stages::{GBuffer, Reprojected};
+use magpie::gpu::Kernel;
+use magpie::graph::{History, HistoryScope};
+use magpie::prelude::*;
+use magpie::stage::StageError;
+use magpie_shaders::DENOISE_REPROJECT_COMP;
+use magpie_shaders::denoise::ReprojectParams;
+
+/// The effect: one for all denoisers of a frame, left out where none is at work.
+pub struct Reprojection {
+    kernel: Kernel,
+    scope: HistoryScope,
+}
+
+impl Reprojection {
+    /// Makes its pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
+        let kernel = gpu.kernel(&DENOISE_REPROJECT_COMP).map_err(StageError::other)?;
+        Ok(Self { kernel, scope: HistoryScope::new() })
+    }
+}
+
+impl Effect for Reprojection {
+    type In = GBuffer;
+    type Out = Reprojected;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBuffer) -> Reprojected {
+        let (kernel, block) = (self.kernel, view.block);
+        let History { previous, next, valid } =
+            g.history(&self.scope, "guide", ImageDesc::like(Format::Rg32Uint, i.depth));
+        g.pass("denoise.reproject", Queue::AsyncCompute, |p| {
+            let block = p.read(block);
+            let (depth, normal) = (p.sample(i.depth), p.sample(i.normal));
+            let (ids, motion) = (p.sample(i.ids), p.sample(i.motion));
+            let previous = p.sample(previous);
+            let (next, guide) = p.write(next);
+            let (taps, target) = p.create("taps", ImageDesc::like(Format::Rgba8Unorm, i.depth));
+            let extent = p.extent(i.depth);
+            (Reprojected { guide: next.read(), taps: taps.read() }, move |c: &mut Record<'_>| {
+                let params = ReprojectParams {
+                    view: c.id(block),
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    ids: c.id(ids),
+                    motion: c.id(motion),
+                    previous_guide: c.id(previous),
+                    guide: c.id(guide),
+                    taps: c.id(target),
+                    valid: valid.into(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+}

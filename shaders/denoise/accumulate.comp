@@ -1,0 +1,62 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/colour.glsl"
+#include "lib/gbuffer.glsl"
+#include "shared/denoise.glsl"
+// The mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather than two moments: the
+// difference of moments loses the digits of small variances (Welford 1962; for weights that fade: Finch 2009, "Incremental calculation
+// of weighted mean and variance", equations 138 and 143).
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { AccumulateParams params; };
+
+// Up to so many frames what is fed back counts in full.
+const float FEW = 4.0;
+
+vec4 reprojected(uint image, ivec2 first, vec4 taps) {
+    vec4 sum = vec4(0.0);
+    for (int k = 0; k < 4; k++) {
+        if (taps[k] > 0.0) sum += taps[k] * load(image, first + ivec2(k & 1, k >> 1));
+    }
+    return sum;
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    vec4 now = load(params.noisy, pixel);
+    vec4 sampled = params.radiance != 0u ? vec4(luminance(now.rgb)) : now;
+
+    vec4 taps = load(params.taps, pixel);
+    float sum = taps.x + taps.y + taps.z + taps.w;
+    vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(1.0);
+    if (sum > 0.0) {
+        taps /= sum;
+        ivec2 first = ivec2(floor(vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size)));
+        frames = round(reprojected(params.previous_frames, first, taps) * LONGEST);
+        if (params.gradient != NO_GRADIENT) {
+            // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
+            // Temporal Filtering", section 3.3).
+            frames *= vec4(1.0) - load(params.gradient, pixel / int(GRADIENT_STRATUM));
+        }
+        frames = min(floor(frames) + 1.0, params.longest);
+        vec4 share = 1.0 / frames;
+        vec4 before = reprojected(params.previous_mean, first, taps);
+        vec4 apart = sampled - before;
+        mean = before + share * apart;
+        variance = (1.0 - share) * (reprojected(params.previous_variance, first, taps) + share * apart * apart);
+        vec4 filtered = reprojected(params.previous_filtered, first, taps);
+        vec4 fed = filtered + share * (now - filtered);
+        // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
+        vec4 plain = params.radiance != 0u ? fed : mean;
+        vec4 fading = clamp((frames - FEW) / (0.5 * params.longest), 0.0, 1.0);
+        accumulated = fed + fading * (plain - fed);
+    }
+    store(params.accumulated, pixel, accumulated);
+    // The variance of a mean is that of one of its samples over their number.
+    store(params.error, pixel, variance / frames);
+    store(params.mean, pixel, mean);
+    store(params.variance, pixel, variance);
+    store(params.frames, pixel, frames / LONGEST);
+}

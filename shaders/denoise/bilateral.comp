@@ -1,0 +1,40 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/guide.glsl"
+#include "shared/denoise.glsl"
+// A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal in the
+// place of the colour's own edges). No history, no variance: one pass.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { BilateralParams params; };
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    vec4 noisy = load(params.noisy, pixel);
+    Guide here = load_guide(params.guide, pixel);
+    if (!is_surface(here)) {
+        store(params.filtered, pixel, noisy);
+        return;
+    }
+    vec2 gradient = depth_gradient(view, pixel, here);
+    int radius = int(params.radius);
+    // Two standard deviations to each side.
+    float falloff = 2.0 / float(radius * radius);
+    vec4 sum = vec4(0.0);
+    float weights = 0.0;
+    for (int y = -radius; y <= radius; y++) {
+        for (int x = -radius; x <= radius; x++) {
+            ivec2 at = pixel + ivec2(x, y);
+            if (!inside(at, view.at[0].size)) continue;
+            float edges = ivec2(x, y) == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+            if (!(edges > 0.0)) continue;
+            float weight = edges * exp(-falloff * float(x * x + y * y));
+            weights += weight;
+            // A running mean: of equal values it is that value.
+            sum += (weight / weights) * (load(params.noisy, at) - sum);
+        }
+    }
+    store(params.filtered, pixel, sum);
+}

@@ -1,0 +1,56 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/colour.glsl"
+#include "lib/guide.glsl"
+#include "lib/tiles.glsl"
+// One level of the edge-avoiding à-trous wavelet filter (Dammertz et al. 2010), guided by depth, normal and variance (Schied et al. 2017,
+// section 4.4): 5x5 taps of a cubic B-spline, `step` pixels apart.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { LevelParams params; };
+
+const float SPLINE[3] = float[](3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0);
+// Beside the standard deviation: what two values may differ by in any case, so that no weight is 0 over 0.
+const float LEAST_DIFFERENCE = 1e-6;
+
+vec4 compared(vec4 colour) {
+    return params.radiance != 0u ? vec4(luminance(colour.rgb)) : colour;
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = listed_pixel(params.list);
+    if (!inside(pixel, view.at[0].size)) return;
+    vec4 colour = load(params.colour, pixel);
+    vec4 blurred = load_error(params.blurred, pixel, params.channels);
+    Guide here = load_guide(params.guide, pixel);
+    // Where nothing varies, nothing changes, to the last bit.
+    if (!is_surface(here) || blurred == vec4(0.0)) {
+        store(params.filtered, pixel, colour);
+        store(params.filtered_error, pixel, load(params.error, pixel));
+        return;
+    }
+    vec2 gradient = depth_gradient(view, pixel, here);
+    vec4 value = compared(colour);
+    vec4 apart = params.sigma * sqrt(blurred) + LEAST_DIFFERENCE;
+    vec4 sum = vec4(0.0), errors = vec4(0.0), weights = vec4(0.0);
+    for (int y = -2; y <= 2; y++) {
+        for (int x = -2; x <= 2; x++) {
+            ivec2 offset = ivec2(x, y) * int(params.step);
+            ivec2 at = pixel + offset;
+            if (!inside(at, view.at[0].size)) continue;
+            float edges = offset == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(offset));
+            if (!(edges > 0.0)) continue;
+            vec4 there = load(params.colour, at);
+            vec4 weight = (SPLINE[abs(x)] * SPLINE[abs(y)] * edges) * exp(-abs(compared(there) - value) / apart);
+            sum += weight * there;
+            errors += weight * weight * load(params.error, at);
+            weights += weight;
+        }
+    }
+    // A channel that does not vary stays as it is; of radiance all channels share a weight.
+    vec4 filtered = sum / weights;
+    bvec4 still = params.radiance != 0u ? bvec4(false) : equal(blurred, vec4(0.0));
+    store(params.filtered, pixel, mix(filtered, colour, still));
+    store(params.filtered_error, pixel, errors / (weights * weights));
+}

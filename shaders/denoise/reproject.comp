@@ -1,0 +1,64 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/guide.glsl"
+#include "shared/denoise.glsl"
+#include "shared/scene.glsl"
+// Where each surface was seen one frame ago: the four pixels around that place, each left out where it showed something else, by depth,
+// normal or instance. All denoisers read the same answer.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { ReprojectParams params; };
+
+// Least cosine between the normal that is seen and the one that was.
+const float ALIKE = 0.9;
+// How far a depth may be from what it should have been, over it, beside what one pixel's step along the surface makes.
+const float DEPTH_TOLERANCE = 0.01;
+
+// View depth of a point one frame ago. It goes with its instance; what deforms is taken to have kept its shape.
+float depth_before(ViewBuffer view, uint instance, vec3 position) {
+    Instance placed = InstanceBuffer(SceneBuffer(view.at[0].scene).at[0].instances).at[instance];
+    vec3 before = position;
+    if (placed.world_from_object != placed.previous_world_from_object) {
+        before = transform_point(placed.previous_world_from_object, transform_point(placed.object_from_world, position));
+    }
+    mat4 m = view.at[0].previous_clip_from_world;
+    return m[0].w * before.x + m[1].w * before.y + m[2].w * before.z + m[3].w;
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    Surface surface = load_geometry(view, pixel, params.depth, params.normal);
+    uint instance = load_uint(params.ids, pixel).x;
+    Guide here = Guide(0.0, vec3(0.0, 0.0, 1.0), instance & 0xffu);
+    if (surface.exists) {
+        here.depth = view_depth(view, load(params.depth, pixel).r);
+        here.normal = surface.normal;
+    }
+    store_uint(params.guide, pixel, uvec4(pack_guide(here), 0u, 0u));
+
+    vec4 taps = vec4(0.0);
+    if (params.valid != 0u && surface.exists) {
+        vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
+        vec2 first = floor(was);
+        vec2 f = was - first;
+        vec4 bilinear = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
+        vec2 gradient = depth_gradient(view, pixel, here);
+        float expected = depth_before(view, instance - 1u, surface.position);
+        float tolerance = abs(gradient.x) + abs(gradient.y) + DEPTH_TOLERANCE * expected;
+        for (int k = 0; k < 4; k++) {
+            // A thousandth of a pixel is no place of its own.
+            if (bilinear[k] < 1e-3) continue;
+            ivec2 tap = ivec2(first) + ivec2(k & 1, k >> 1);
+            if (!inside(tap, view.at[0].size)) continue;
+            Guide there = load_guide(params.previous_guide, tap);
+            if (!is_surface(there) || there.instance != here.instance) continue;
+            if (abs(there.depth - expected) > tolerance || dot(there.normal, here.normal) < ALIKE) continue;
+            taps[k] = bilinear[k];
+        }
+        float sum = taps.x + taps.y + taps.z + taps.w;
+        taps = sum > 0.0 ? taps / sum : vec4(0.0);
+    }
+    store(params.taps, pixel, taps);
+}

@@ -1,0 +1,49 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/colour.glsl"
+#include "lib/guide.glsl"
+#include "shared/denoise.glsl"
+// Where too few frames were seen to know a variance, that of the 7x7 pixels around on the same surface takes its place (Schied et al. 2017,
+// section 4.2).
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { SpatialVarianceParams params; };
+
+const int RADIUS = 3;
+// From so many frames on the variance over frames is known.
+const float ENOUGH = 4.0;
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    if (gl_GlobalInvocationID.xy == uvec2(0u)) TilesBufferWrite(params.tiles).at[0] = Tiles(0u, 1u, 1u);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (!inside(pixel, view.at[0].size)) return;
+    vec4 error = load(params.error, pixel);
+    vec4 frames = round(load(params.frames, pixel) * LONGEST);
+    Guide here = load_guide(params.guide, pixel);
+    bvec4 short_one = lessThan(frames, vec4(ENOUGH));
+    if (is_surface(here) && any(short_one)) {
+        vec2 gradient = depth_gradient(view, pixel, here);
+        vec4 mean = vec4(0.0), squares = vec4(0.0);
+        float weights = 0.0;
+        for (int y = -RADIUS; y <= RADIUS; y++) {
+            for (int x = -RADIUS; x <= RADIUS; x++) {
+                ivec2 at = pixel + ivec2(x, y);
+                if (!inside(at, view.at[0].size)) continue;
+                float weight = ivec2(x, y) == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+                if (!(weight > 0.0)) continue;
+                vec4 there = load(params.accumulated, at);
+                vec4 value = params.radiance != 0u ? vec4(luminance(there.rgb)) : there;
+                // Weighted mean and squares, one after another (West 1979, "Updating Mean and Variance Estimates").
+                weights += weight;
+                vec4 apart = value - mean;
+                // As a square: the product of the differences before and after may round to below 0.
+                squares += weight * (1.0 - weight / weights) * apart * apart;
+                mean += apart * (weight / weights);
+            }
+        }
+        // That of the means over the frames so far, which is what is filtered.
+        error = mix(error, squares / weights, short_one);
+    }
+    store(params.variance, pixel, error);
+}

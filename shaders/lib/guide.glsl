@@ -1,0 +1,77 @@
+#ifndef LIB_GUIDE_GLSL
+#define LIB_GUIDE_GLSL
+#include "lib/bindless.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/octahedral.glsl"
+// What denoisers tell surfaces apart by, in two words for each pixel: view depth, and 12 bits each of an octahedral shading normal over the
+// lower 8 bits of the instance's number. It is free of noise.
+
+struct Guide {
+    float depth;    // along the view, metres; 0 on the background
+    vec3 normal;    // shading normal, unit
+    uint instance;  // lower 8 bits
+};
+
+uvec2 pack_guide(Guide g) {
+    uvec2 n = uvec2(round((octahedral_encode(g.normal) * 0.5 + 0.5) * 4095.0));
+    return uvec2(floatBitsToUint(g.depth), n.x | (n.y << 12u) | (g.instance << 24u));
+}
+
+Guide unpack_guide(uvec2 words) {
+    Guide g;
+    g.depth = uintBitsToFloat(words.x);
+    vec2 n = vec2(words.y & 4095u, (words.y >> 12u) & 4095u) / 4095.0;
+    g.normal = octahedral_decode(n * 2.0 - 1.0);
+    g.instance = words.y >> 24u;
+    return g;
+}
+
+Guide load_guide(uint image, ivec2 pixel) {
+    return unpack_guide(load_uint(image, pixel).xy);
+}
+
+bool is_surface(Guide g) {
+    return g.depth > 0.0;
+}
+
+// View depth at reversed depth `depth`, above 0, metres.
+float view_depth(ViewBuffer view, float depth) {
+    return 1.0 / (depth * view.at[0].world_from_clip[2].w);
+}
+
+// How view depth changes from one pixel to the next, right and down, on the plane that is seen at a pixel: metres. On the plane through
+// x with the normal n, the ray r of a pixel has the depth (n·x) / (n·r).
+vec2 depth_gradient(ViewBuffer view, ivec2 pixel, Guide g) {
+    mat4 m = view.at[0].world_from_clip;
+    vec2 size = vec2(view.at[0].size);
+    float facing = dot(g.normal, pixel_ray(view, pixel));
+    vec2 change = vec2(dot(g.normal, m[0].xyz) * 2.0 / size.x, dot(g.normal, m[1].xyz) * 2.0 / size.y);
+    // Edge on, depth does anything from one pixel to the next.
+    float least = 1e-3 * length(pixel_ray(view, pixel));
+    return -g.depth * change / (abs(facing) < least ? (facing < 0.0 ? -least : least) : facing);
+}
+
+// Weights of one pixel for another, `offset` pixels away: how far it lies off the plane in depth (SVGF's, with the sign and the place of
+// epsilon as they have to be), and how differently it is turned. Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering",
+// equations 3 and 4.
+const float SIGMA_DEPTH = 1.0;
+// The least step in depth that parts two surfaces, over depth.
+const float LEAST_STEP = 2e-3;
+
+float edge_weight(Guide here, vec2 gradient, Guide there, vec2 offset) {
+    if (!is_surface(there)) return 0.0;
+    float expected = abs(dot(gradient, offset));
+    float depth = abs(there.depth - here.depth) / (SIGMA_DEPTH * expected + LEAST_STEP * here.depth);
+    // The power of 128, by squaring.
+    float turned = max(dot(here.normal, there.normal), 0.0);
+    turned *= turned;
+    turned *= turned;
+    turned *= turned;
+    turned *= turned;
+    turned *= turned;
+    turned *= turned;
+    turned *= turned;
+    return exp(-depth) * turned;
+}
+
+#endif

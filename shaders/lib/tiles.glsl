@@ -1,0 +1,24 @@
+#ifndef LIB_TILES_GLSL
+#define LIB_TILES_GLSL
+#include "lib/bindless.glsl"
+#include "shared/denoise.glsl"
+// Tiles of 8x8 pixels, a workgroup each, of which a list says which there is work in.
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer TileListWrite { uint at[]; };
+
+// A variance of so many channels; the others, which the image lacks, are 0.
+vec4 load_error(uint image, ivec2 pixel, uint channels) {
+    return mix(vec4(0.0), load(image, pixel), greaterThan(uvec4(channels), uvec4(0u, 1u, 2u, 3u)));
+}
+
+uint pack_tile(uvec2 tile) {
+    return tile.x | (tile.y << 16u);
+}
+
+// The pixel of this invocation of a pass over a list of tiles.
+ivec2 listed_pixel(uvec2 list) {
+    uint tile = WordBuffer(list).at[gl_WorkGroupID.x];
+    return ivec2(uvec2(tile & 0xffffu, tile >> 16u) * TILE + gl_LocalInvocationID.xy);
+}
+
+#endif
