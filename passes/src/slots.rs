@@ -18,7 +18,7 @@ pub struct Slots {
     pub rays: Stage<RaysIn, RaysOut>,
     /// What the camera sees first.
     pub gbuffer: Stage<GBufferIn, GBuffer>,
-    /// Where the key light is hidden.
+    /// How much of each light is seen.
     pub shadows: Stage<ShadowIn, ShadowOut>,
     /// Light straight from the lights.
     pub direct: Stage<DirectIn, DirectOut>,

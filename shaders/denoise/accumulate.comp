@@ -49,13 +49,16 @@ void main() {
         vec4 filtered = reprojected(params.previous_filtered, first, taps);
         vec4 fed = filtered + share * (now - filtered);
         // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
+        // Of radiance there is no mean but that.
         vec4 plain = params.radiance != 0u ? fed : mean;
-        vec4 fading = clamp((frames - FEW) / (0.5 * params.longest), 0.0, 1.0);
-        accumulated = fed + fading * (plain - fed);
+        vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
+        accumulated = plain + helped * (fed - plain);
     }
     store(params.accumulated, pixel, accumulated);
-    // The variance of a mean is that of one of its samples over their number.
-    store(params.error, pixel, variance / frames);
+    // The variance of a mean is that of one of its samples over their number, were they independent. Points of a scrambled sequence are
+    // stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997, "Scrambled net variance for integrals of
+    // smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
+    store(params.error, pixel, variance / (frames * sqrt(frames)));
     store(params.mean, pixel, mean);
     store(params.variance, pixel, variance);
     store(params.frames, pixel, frames / LONGEST);

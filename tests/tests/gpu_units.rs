@@ -287,7 +287,8 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
     let extent = Extent::new(203, 117);
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent };
     let wanted = ["gbuffer.draw:depth", "gbuffer.draw:normal", "shadows.trace:visibility"];
-    let ran = bench.frame(shot, &config(&[])?, &wanted)?.clean()?;
+    let hard = config(&["shadows.edges=hard", "shadows.most_lights=1"])?;
+    let ran = bench.frame(shot, &hard, &wanted)?.clean()?;
     let [depth, normal, visibility] = [ran.values(wanted[0])?, ran.values(wanted[1])?, ran.values(wanted[2])?];
     let eye = Eye::new(&scene.cameras[0], extent);
     let Some(light) = resident.borrow().casters().first().map(|c| &scene.lights[c.light as usize]) else {

@@ -49,12 +49,22 @@ fn gbuffer() -> Result<()> {
 
 #[test]
 fn shadows() -> Result<()> {
-    let Some(image) = output("shadows.trace", "visibility", &[])? else { return Ok(()) };
+    let Some(image) = output("shadows.trace", "visibility", &["shadows.edges=hard"])? else { return Ok(()) };
     let values = image.values();
     let lit = values.iter().filter(|v| v[0] == 1.0).count() as f64 / values.len() as f64;
     assert!(values.iter().all(|v| v[0] == 0.0 || v[0] == 1.0), "hard shadows are 0 or 1");
     assert!((0.1..0.9).contains(&lit), "{lit} of the pixels see the sun");
     golden("shadows", Some(&image))
+}
+
+#[test]
+fn denoise() -> Result<()> {
+    // Soft shadows, after a few frames: what one ray gave is no longer noise, and nothing that was fully lit or dark has changed.
+    let Some(noisy) = output("shadows.trace", "visibility", &[])? else { return Ok(()) };
+    let Some(image) = output("shadows.level_3", "colour", &[])? else { return Ok(()) };
+    let between = |image: &Pixels| image.values().iter().filter(|v| v[0] > 0.0 && v[0] < 1.0).count();
+    ensure!(between(&noisy) == 0 && between(&image) > 100, "{} and {}", between(&noisy), between(&image));
+    golden("denoise", Some(&image))
 }
 
 #[test]

@@ -18,8 +18,9 @@ use magpie::prelude::Rays;
 use magpie::scene::{
     Camera, FloatingOrigin, Instance, Light, Mesh, Moment, ResidentOptions, ResidentScene, Scene, Sphere,
 };
-use magpie::stage::Build;
+use magpie::stage::{Build, Effect};
 use magpie_passes::Slots;
+use magpie_passes::denoise::Reprojection;
 use magpie_passes::stages::{GBufferIn, ShadowIn};
 use magpie_shaders::{Address, SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
@@ -323,6 +324,7 @@ impl Rig {
         let build = Build { gpu: &gpu, rays };
         let (slots, config) = (Slots::default(), Config::default());
         let mut gbuffer = slots.gbuffer.from_config(&build, &config)?;
+        let mut reprojection = Reprojection::new(&gpu)?;
         let mut shadows = slots.shadows.from_config(&build, &config)?;
         let shot = Shot { scene: &resident, camera, extent: EXTENT };
         let light = if is_lamp { light - origin } else { light.normalize() }.as_vec3().to_array();
@@ -332,8 +334,9 @@ impl Rig {
             .run(EXTENT, &wanted, |g, imports| {
                 let (view, handles) = shot.declare(&gpu, g, imports)?;
                 let gbuffer = gbuffer.add(g, &view, GBufferIn { scene: handles });
-                let out = shadows.add(g, &view, ShadowIn { scene: handles, gbuffer });
-                g.output(out.visibility.context("the light casts no shadow")?);
+                let reprojected = reprojection.add(g, &view, gbuffer);
+                let out = shadows.add(g, &view, ShadowIn { scene: handles, gbuffer, reprojected });
+                g.output(out.groups[0].context("the light casts no shadow")?.visibility);
                 g.pass("test.starts", Queue::Graphics, |p| {
                     let (view, tlas) = (p.read(view.block), handles.trace(p));
                     let (ids, depth) = (p.sample(gbuffer.ids), p.sample(gbuffer.depth));

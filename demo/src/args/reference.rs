@@ -95,7 +95,7 @@ pub enum Only {
     All,
     /// Light straight from lights, and emission.
     Direct,
-    /// Share of the key light that is seen.
+    /// Share that is seen of the first three lights that cast shadows, one in each channel.
     Shadows,
     /// Share of the hemisphere that nothing near hides.
     Ao,

@@ -8,11 +8,12 @@ use magpie::graph::{Buffer, BufferDesc, History, HistoryScope};
 use magpie::prelude::*;
 use magpie::stage::{Settings, StageError};
 use magpie_shaders::denoise::{
-    AccumulateParams, BlurGradientParams, BlurVarianceParams, ClassifyParams, LevelParams, NO_GRADIENT, SpatialVarianceParams, TILE, Tiles,
+    AccumulateParams, BlurGradientParams, BlurVarianceParams, ClassifyParams, LevelParams, NO_GRADIENT,
+    SpatialVarianceParams, TILE, Tiles,
 };
 use magpie_shaders::{
-    DENOISE_ACCUMULATE_COMP, DENOISE_BLUR_GRADIENT_COMP, DENOISE_BLUR_VARIANCE_COMP, DENOISE_CLASSIFY_COMP, DENOISE_LEVEL_COMP,
-    DENOISE_SPATIAL_VARIANCE_COMP,
+    DENOISE_ACCUMULATE_COMP, DENOISE_BLUR_GRADIENT_COMP, DENOISE_BLUR_VARIANCE_COMP, DENOISE_CLASSIFY_COMP,
+    DENOISE_LEVEL_COMP, DENOISE_SPATIAL_VARIANCE_COMP,
 };
 
 /// How often changes are blurred: over 5x5, then 9x9 of their pixels, which are a third as many on each side.

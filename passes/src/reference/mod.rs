@@ -36,7 +36,7 @@ pub enum Only {
     All,
     /// Light straight from lights and emissive surfaces, and emission.
     Direct,
-    /// Share of the key light that is seen, 0 to 1.
+    /// Share that is seen of the first three lights that cast shadows, one in each channel, 0 to 1.
     Shadows,
     /// Cosine-weighted share of the hemisphere that nothing near hides, 0 to 1.
     AmbientOcclusion,

@@ -6,12 +6,16 @@ use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Technique};
 use magpie::prelude::*;
-use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie::stage::{Build, Settings, Stage, StageError};
 use ray_traced::{RayTraced, Traced};
 
 /// The slot.
 pub fn stage() -> Stage<ShadowIn, ShadowOut> {
-    let settings: Vec<SettingSpec> = choice::settings().into_iter().chain(ray_traced::settings()).chain(denoising()).collect();
+    // Rays and the denoiser first: the report crosses what comes first.
+    let mut settings = vec![ray_traced::rays()];
+    settings.extend(denoising());
+    settings.extend(ray_traced::settings());
+    settings.extend(choice::settings());
     Stage::new("shadows")
         .about("How much of each light is seen.")
         .with("ray-traced", "Rays from the surface to the lights.", &settings, |build, settings| {
@@ -46,13 +50,8 @@ impl Effect for Shadows {
             let Traced { mut visibility, change } = self.rays.add(g, view, i, &group.lights, &name);
             if self.rays.is_noisy(&group.lights) {
                 let content = Content::Channels(group.lights.len() as u32);
-                let noisy = DenoiseIn {
-                    noisy: visibility,
-                    content,
-                    gbuffer: i.gbuffer,
-                    reprojected: i.reprojected,
-                    change,
-                };
+                let noisy =
+                    DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
                 visibility = self.denoiser.add(g, view, noisy, &name);
             }
             let lights = ray_traced::indices(&group.lights);

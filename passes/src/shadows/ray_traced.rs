@@ -6,8 +6,8 @@ use magpie::graph::{Extent, History, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
-use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
+use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
 use magpie_shaders::shadows::{GradientParams, TraceParams, UpsampleParams};
 use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{SHADOWS_GRADIENT_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
@@ -33,8 +33,20 @@ pub struct Traced {
     pub change: Option<Handle<Image>>,
 }
 
-/// Its settings.
-pub fn settings() -> [SettingSpec; 3] {
+/// How many rays.
+pub fn rays() -> SettingSpec {
+    SettingSpec::among(
+        "rays",
+        "",
+        "Rays of a pixel to each light that has a size. Higher: less noise, its variance falls by as much as the time grows.",
+        1,
+        &[1, 2, 4, 8],
+    )
+    .sweep_all()
+}
+
+/// Its other settings.
+pub fn settings() -> [SettingSpec; 2] {
     [
         SettingSpec::choice(
             "resolution",
@@ -50,14 +62,6 @@ pub fn settings() -> [SettingSpec; 3] {
              though it were a point.",
             "soft",
             &["soft", "hard"],
-        )
-        .sweep_all(),
-        SettingSpec::among(
-            "rays",
-            "",
-            "Rays of a pixel to each light that has a size. Higher: less noise, its variance falls by as much as the time grows.",
-            1,
-            &[1, 2, 4, 8],
         )
         .sweep_all(),
     ]
@@ -85,7 +89,13 @@ impl RayTraced {
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
         let adaptive = is_adaptive(settings)? && samples > 0 && !half;
         let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
-        Ok(Self { trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?, upsample, samples, gradient, scope: HistoryScope::new() })
+        Ok(Self {
+            trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?,
+            upsample,
+            samples,
+            gradient,
+            scope: HistoryScope::new(),
+        })
     }
 
     /// Whether rays go to different points of any of these lights: shadows of points have no noise.

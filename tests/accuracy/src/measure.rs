@@ -20,7 +20,20 @@ const WARM_UP: u32 = 2;
 const OF_LOADING: [(&str, &str); 2] = [("acceleration", "compaction"), ("acceleration", "ray_detail")];
 
 /// Steps of a pass's name that say that it makes good what tracing left. Everything else counts as finding light.
-const DENOISING: [&str; 6] = ["accumulate", "denoise", "filter", "spatial", "temporal", "upsample"];
+const DENOISING: [&str; 12] = [
+    "accumulate",
+    "bilateral",
+    "blur",
+    "classify",
+    "denoise",
+    "filter",
+    "gradient",
+    "level",
+    "reproject",
+    "spatial",
+    "temporal",
+    "upsample",
+];
 
 /// Images of a configuration at the last frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,7 +129,7 @@ fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, A
     let images = result.images.as_ref().ok_or_else(|| lacks("a picture"))?;
     let named = |what: &str, pixels: &Pixels| {
         let what = format!("{}: frame {frame}: {what}", setup.label);
-        Picture::from_pixels(pixels).map_err(AccuracyError::metric(&what))
+        Picture::from_numbers(pixels).map_err(AccuracyError::metric(&what))
     };
     let picture = named("picture", &images.linear)?;
     let mut slots = BTreeMap::new();

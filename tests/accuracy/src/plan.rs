@@ -15,7 +15,8 @@ const NOT_PICTURED: [(&str, &str); 2] = [
 /// Settings that only matter while something moves.
 const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
 
-/// Combinations of the steps of all settings of one implementation are measured up to this many; beyond, one setting at a time.
+/// Settings of one implementation, from the first on, are measured in all combinations as long as these are up to so many; the others one
+/// at a time.
 const MOST_COMBINATIONS: usize = 12;
 
 /// One row of the report: a slot filled by an implementation with settings, everything else as it is by default.
@@ -198,7 +199,7 @@ fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, 
     set.cloned().or_else(default)
 }
 
-/// The settings of every row of an implementation: the base, each step of one setting, and all combinations where they are few.
+/// The settings of every row of an implementation: the base, each step of one setting, and combinations where they are few.
 fn steps(
     slot: &SlotInfo,
     implementation: &ImplementationInfo,
@@ -216,18 +217,19 @@ fn steps(
             rows.push(row);
         }
     }
-    if specs.iter().map(|s| s.sweep.len()).product::<usize>() <= MOST_COMBINATIONS {
-        let mut all = vec![around];
-        for spec in &specs {
-            let with = |row: &BTreeMap<String, Value>, step: &Value| {
-                let mut row = row.clone();
-                row.insert(spec.key.to_owned(), step.clone());
-                row
-            };
-            all = all.iter().flat_map(|row| spec.sweep.iter().map(move |step| with(row, step))).collect();
+    let mut all = vec![around];
+    for spec in &specs {
+        if all.len() * spec.sweep.len() > MOST_COMBINATIONS {
+            break;
         }
-        rows.extend(all);
+        let with = |row: &BTreeMap<String, Value>, step: &Value| {
+            let mut row = row.clone();
+            row.insert(spec.key.to_owned(), step.clone());
+            row
+        };
+        all = all.iter().flat_map(|row| spec.sweep.iter().map(move |step| with(row, step))).collect();
     }
+    rows.extend(all);
     let mut unique: Vec<BTreeMap<String, Value>> = Vec::new();
     for row in rows {
         if !unique.contains(&row) {

@@ -50,15 +50,23 @@ impl Picture {
     /// # Errors
     /// [`MetricError::Ids`] for integer formats.
     pub fn from_pixels(image: &Pixels) -> Result<Self, MetricError> {
+        let mut picture = Self::from_numbers(image)?;
+        if image.format == Format::Rgba8Unorm {
+            picture.pixels.iter_mut().for_each(|v| *v = v.map(srgb_decode));
+        }
+        Ok(picture)
+    }
+
+    /// Any image whose channels are numbers as they are, none of them encoded for a display.
+    ///
+    /// # Errors
+    /// [`MetricError::Ids`] for integer formats.
+    pub fn from_numbers(image: &Pixels) -> Result<Self, MetricError> {
         let format = image.format;
         if matches!(format, Format::R32Uint | Format::Rg32Uint) {
             return Err(MetricError::Ids(format));
         }
-        let pixel = |v: [f32; 4]| match (format, format.channels()) {
-            (Format::Rgba8Unorm, _) => [v[0], v[1], v[2]].map(srgb_decode),
-            (_, 1) => [v[0]; 3],
-            _ => [v[0], v[1], v[2]],
-        };
+        let pixel = |v: [f32; 4]| if format.channels() == 1 { [v[0]; 3] } else { [v[0], v[1], v[2]] };
         let pixels = image.values().into_iter().map(pixel).collect();
         Ok(Self { width: image.extent.width as usize, height: image.extent.height as usize, pixels })
     }

@@ -6,6 +6,7 @@ use super::random::{Random, frame, from_polar};
 use super::surface::Surface;
 use super::{Witness, WitnessOptions};
 use glam::DVec3;
+use magpie::scene::Light;
 use magpie_passes::reference::Only;
 use std::f64::consts::TAU;
 
@@ -84,7 +85,7 @@ impl Witness {
         };
         let mut surface = self.materials.surface(&self.geometry, &hit, eye, direction);
         match only {
-            Only::Shadows => return DVec3::splat(self.key_light_seen(&surface, random)),
+            Only::Shadows => return self.lights_seen(&surface, random),
             Only::AmbientOcclusion => return DVec3::splat(self.openness(&surface, options.ao_range, random)),
             _ => {}
         }
@@ -249,10 +250,19 @@ impl Witness {
         sum
     }
 
-    /// Share of the key light that is seen, by one sample: uniform over its area, or over the cone that it fills.
-    fn key_light_seen(&self, surface: &Surface, random: &mut Random) -> f64 {
-        let towards = lights::key(&self.lights).and_then(|light| draw(light, surface.position, random));
-        let Some(l) = towards else { return 0.0 };
+    /// Share that is seen of the first three lights that cast shadows, in all channels of a single one.
+    fn lights_seen(&self, surface: &Surface, random: &mut Random) -> DVec3 {
+        let mut seen = DVec3::ZERO;
+        let casters = lights::casters(&self.lights);
+        for (channel, light) in casters.iter().take(3).enumerate() {
+            seen[channel] = self.light_seen(light, surface, random);
+        }
+        if casters.len() == 1 { DVec3::splat(seen.x) } else { seen }
+    }
+
+    /// Share of a light that is seen, by one sample: uniform over its area, or over the cone that it fills.
+    fn light_seen(&self, light: &Light, surface: &Surface, random: &mut Random) -> f64 {
+        let Some(l) = draw(light, surface.position, random) else { return 0.0 };
         let s = surface.scatterer;
         if s.normal.dot(l.direction) <= 0.0 || s.plane.dot(l.direction) <= 0.0 {
             return 0.0;

@@ -3,7 +3,7 @@ use super::geometry::{Geometry, Shape};
 use super::random::{Random, frame, from_polar};
 use super::surface::Materials;
 use crate::oracle::shading::incident;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use magpie::scene::Light;
 use std::f64::consts::{PI, TAU};
 
@@ -142,7 +142,7 @@ pub fn meet(light: &Light, from: DVec3, direction: DVec3) -> Option<(f64, DVec3,
 
 /// How strong a light may be at a point: what lights are chosen by.
 fn strength(light: &Light, from: DVec3) -> f64 {
-    let of_area = |centre: &DVec3, area: f64, radiance: &glam::Vec3| {
+    let of_area = |centre: &DVec3, area: f64, radiance: &Vec3| {
         luminance(radiance.as_dvec3()) * area / centre.distance_squared(from).max(area / PI)
     };
     match light {
@@ -172,10 +172,16 @@ pub fn choose(chances: &[f64], random: &mut Random) -> usize {
     found.unwrap_or(chances.len() - 1)
 }
 
-/// The light that the frame shadows first: the sun, else the strongest.
-pub fn key(lights: &[Light]) -> Option<&Light> {
+/// The lights that cast shadows, in the order of the frame: those from afar, then the stronger the earlier.
+pub fn casters(lights: &[Light]) -> Vec<&Light> {
     let power = |l: &Light| match l {
-        Light::Directional { illuminance, .. } => luminance(illuminance.as_dvec3()),
+        Light::Directional { illuminance, .. } => {
+            if *illuminance == Vec3::ZERO {
+                0.0
+            } else {
+                f64::INFINITY
+            }
+        }
         Light::Point { intensity, .. } | Light::Spot { intensity, .. } => luminance(intensity.as_dvec3()),
         Light::Rectangle { half_u, half_v, radiance, .. } => {
             luminance(radiance.as_dvec3()) * 4.0 * half_u.as_dvec3().cross(half_v.as_dvec3()).length()
@@ -184,8 +190,9 @@ pub fn key(lights: &[Light]) -> Option<&Light> {
             luminance(radiance.as_dvec3()) * PI * f64::from(*radius).powi(2)
         }
     };
-    let sun = lights.iter().find(|l| matches!(l, Light::Directional { .. }));
-    sun.or_else(|| lights.iter().max_by(|a, b| power(a).total_cmp(&power(b))))
+    let mut casters: Vec<&Light> = lights.iter().filter(|l| power(l) > 0.0).collect();
+    casters.sort_by(|a, b| power(b).total_cmp(&power(a)));
+    casters
 }
 
 /// Surfaces that emit, chosen by area and colour of their materials.

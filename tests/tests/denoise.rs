@@ -1,0 +1,286 @@
+//! The denoisers on patterns whose answer is known: what is constant stays so, what does not vary is not touched, surfaces do not mix,
+//! nothing becomes NaN, and what was not seen before has no history.
+use anyhow::{Context, Result, bail, ensure};
+use bytemuck::{Pod, Zeroable};
+use glam::{Affine3A, Quat, Vec3};
+use magpie::config::Config;
+use magpie::gpu::Kernel;
+use magpie::pixels::Pixels;
+use magpie::prelude::*;
+use magpie::scene::Scene;
+use magpie::stage::{Build, SettingSpec, Settings, StageError};
+use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
+use magpie_passes::stages::{ShadowGroup, ShadowIn, ShadowOut};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_shaders::{SampledImage, Stage, StorageImage};
+use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::made::{add, camera, material, plane, scene, sun};
+
+const SIZE: [u32; 2] = [96, 54];
+
+/// `low + (high - low) * x`, where x is 1 (kind 0), a number of each pixel's own (1), one of each pixel and frame (2), or that on
+/// instances with odd numbers and its negative on the others (3).
+const PATTERN: &str = r#"#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/random.glsl"
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { uint ids; uint result; uvec2 size; uint kind; uint frame; float low; float high; };
+void main() {
+    ivec2 p = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(uvec2(p), size))) return;
+    Random random = random_of(uint(p.y) * size.x + uint(p.x), kind == 1u ? 0u : frame, 7u);
+    vec4 x = kind == 0u ? vec4(1.0) : random4(random);
+    if (kind == 3u) x = mix(vec4(low), vec4(high), x) * ((load_uint(ids, p).x & 1u) == 0u ? -1.0 : 1.0);
+    else x = mix(vec4(low), vec4(high), x);
+    store(result, p, x);
+}
+"#;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Params {
+    ids: SampledImage,
+    result: StorageImage,
+    size: [u32; 2],
+    kind: u32,
+    frame: u32,
+    low: f32,
+    high: f32,
+}
+
+/// A pattern, denoised, in the place of shadows.
+struct Patterned {
+    pattern: Kernel,
+    denoiser: Denoiser,
+    content: Content,
+    kind: u32,
+    low: f32,
+    high: f32,
+}
+
+impl Patterned {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+        let words = magpie_shaders::compile("pattern.comp", PATTERN, Stage::Compute).map_err(StageError::other)?;
+        let channels = settings.u32("channels")?;
+        Ok(Self {
+            pattern: build.gpu.kernel_from_words("pattern.comp", &words).map_err(StageError::other)?,
+            denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
+            content: if channels == 0 { Content::Radiance } else { Content::Channels(channels) },
+            kind: settings.u32("kind")?,
+            low: settings.f32("low")?,
+            high: settings.f32("high")?,
+        })
+    }
+}
+
+impl Effect for Patterned {
+    type In = ShadowIn;
+    type Out = ShadowOut;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
+        let Self { pattern, kind, low, high, .. } = *self;
+        let frame = view.frame;
+        let noisy = g.pass("shadows.pattern", Queue::Graphics, |p| {
+            let ids = p.sample(i.gbuffer.ids);
+            let (made, target) = p.create("made", ImageDesc::like(Format::Rgba32Float, i.gbuffer.depth));
+            let extent = p.extent(i.gbuffer.depth);
+            (made.read(), move |c: &mut Record<'_>| {
+                let size = [extent.width, extent.height];
+                let params = Params { ids: c.id(ids), result: c.id(target), size, kind, frame, low, high };
+                c.dispatch(pattern, &params, extent);
+            })
+        });
+        let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
+        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None };
+        let visibility = self.denoiser.add(g, view, i, "");
+        let mut out = ShadowOut::default();
+        out.groups[0] = Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false });
+        out
+    }
+}
+
+fn slots() -> Slots {
+    let mut slots = Slots::default();
+    let float = |key, default| SettingSpec::float(key, "", "Of the pattern.", default, (-1e9, 1e9));
+    let mut settings = denoise::settings();
+    settings.extend([
+        SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, (0, 4)),
+        SettingSpec::integer("kind", "", "Which pattern.", 0, (0, 3)),
+        float("low", 0.0),
+        float("high", 1.0),
+    ]);
+    slots.shadows.register("pattern", "A pattern, denoised.", &settings, |build, settings| {
+        Ok(Box::new(Patterned::new(build, settings)?))
+    });
+    slots
+}
+
+/// The images under these names in the last of some frames, each from a run of its own, all scanned for NaN.
+fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) -> Result<Option<Vec<Pixels>>> {
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    let mut found = Vec::new();
+    for view in wanted {
+        let [width, height] = SIZE;
+        let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
+        let mut renderer = Renderer::new(&gpu, scene, &slots(), config, options)?;
+        let mut last = None;
+        for frame in 1..=frames {
+            let time = f64::from(frame) / 60.0;
+            let request =
+                FrameRequest { camera: &scene.cameras[0], time, view: Some(*view), read_back: frame == frames };
+            let result = renderer.frame(request)?.context("no frame")?;
+            ensure!(result.findings.is_empty(), "frame {frame}: {:?}", result.findings);
+            last = result.images;
+        }
+        found.push(last.context("no image")?.linear);
+    }
+    Ok(Some(found))
+}
+
+fn patterned(settings: &[&str]) -> Result<Config> {
+    let all: Vec<String> = settings.iter().map(|s| format!("shadows.{s}")).collect();
+    let mut all: Vec<&str> = all.iter().map(String::as_str).collect();
+    all.insert(0, "stages.shadows=pattern");
+    config(&all)
+}
+
+/// Two boards that meet at a right angle, and one that floats before them.
+fn boards() -> Scene {
+    let mut s = scene("boards", camera(Vec3::new(0.3, 2.0, 4.0), Vec3::new(0.0, 0.6, 0.0)));
+    let grey = || material([0.5; 3], 0.0, 0.8);
+    add(&mut s, plane(3.0), grey(), Affine3A::IDENTITY);
+    let upright =
+        Affine3A::from_rotation_translation(Quat::from_rotation_x(90_f32.to_radians()), Vec3::new(0.0, 3.0, -1.5));
+    add(&mut s, plane(3.0), grey(), upright);
+    let floating = Affine3A::from_scale_rotation_translation(
+        Vec3::splat(0.2),
+        Quat::from_rotation_x(90_f32.to_radians()),
+        Vec3::new(-0.5, 1.2, -0.5),
+    );
+    add(&mut s, plane(3.0), grey(), floating);
+    s.lights.push(sun(Vec3::new(0.3, 1.0, 0.5)));
+    s
+}
+
+const PATTERN_MADE: (&str, &str) = ("shadows.pattern", "made");
+/// The last of four levels writes the image that the first but one wrote.
+const SVGF: (&str, &str) = ("shadows.level_3", "colour");
+const BILATERAL: (&str, &str) = ("shadows.bilateral", "filtered");
+const IDS: (&str, &str) = ("gbuffer.draw", "ids");
+
+#[test]
+fn constant_input_stays_constant() -> Result<()> {
+    for scene in [builtin("courtyard")?, boards()] {
+        for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+            for value in [0.3_f32, 1e6] {
+                for channels in ["channels=1", "channels=0"] {
+                    let (low, high) = (format!("low={value}"), format!("high={value}"));
+                    let config = patterned(&[denoiser, &low, &high, channels])?;
+                    let Some(found) = images(&scene, &config, 2, &[output])? else { return Ok(()) };
+                    let worst = found[0].values().iter().map(|v| (v[0] / value - 1.0).abs()).fold(0.0, f32::max);
+                    ensure!(worst < 1e-5, "{denoiser} {channels}: {value} becomes another by {worst:e} of it");
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn what_does_not_vary_over_frames_is_not_touched() -> Result<()> {
+    // Each pixel has a number of its own, in all frames. Two frames long the history is at the most; from the fourth frame on variances
+    // are known, and are 0.
+    let config = patterned(&["kind=1", "channels=4", "history=8"])?;
+    let Some(found) = images(&boards(), &config, 16, &[PATTERN_MADE, SVGF, IDS])? else { return Ok(()) };
+    let [made, filtered, ids] = [0, 1, 2].map(|k| found[k].values());
+    let mut surfaces = 0;
+    for ((made, filtered), ids) in made.iter().zip(&filtered).zip(&ids) {
+        if ids[0] > 0.0 {
+            ensure!(made == filtered, "{made:?} became {filtered:?}");
+            surfaces += 1;
+        }
+    }
+    ensure!(surfaces > 2000, "{surfaces} pixels show a surface");
+    Ok(())
+}
+
+#[test]
+fn surfaces_do_not_mix() -> Result<()> {
+    // On one of two neighbours numbers from 0.5 to 1.5, on the other their negatives: nothing between -0.5 and 0.5 can come of either.
+    for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+        let config = patterned(&[denoiser, "kind=3", "low=0.5", "high=1.5", "channels=1", "sigma=16"])?;
+        let Some(found) = images(&boards(), &config, 6, &[output, IDS])? else { return Ok(()) };
+        let (filtered, ids) = (found[0].values(), found[1].values());
+        let (mut smooth, mut surfaces) = (0, 0);
+        for (filtered, ids) in filtered.iter().zip(&ids) {
+            if ids[0] > 0.0 {
+                let side = if ids[0] as u32 & 1 == 0 { -1.0 } else { 1.0 };
+                ensure!(filtered[0] * side > 0.5, "{denoiser}: {} on instance {}", filtered[0], ids[0]);
+                surfaces += 1;
+                smooth += i32::from((filtered[0] * side - 1.0).abs() < 0.15);
+            }
+        }
+        // That it is filtered at all.
+        ensure!(smooth * 10 > surfaces * 8, "{denoiser}: {smooth} of {surfaces} pixels are near their mean");
+    }
+    Ok(())
+}
+
+#[test]
+fn nothing_becomes_nan() -> Result<()> {
+    // The scan of every image is the test: empty pictures, black ones, a million nits beside black.
+    let mut empty = scene("empty", camera(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 1.0, 0.0)));
+    empty.lights.push(sun(Vec3::Y));
+    for scene in [empty, boards()] {
+        for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+            for (kind, high) in [("kind=0", "high=0"), ("kind=2", "high=1e6"), ("kind=1", "high=1e6")] {
+                for channels in ["channels=0", "channels=2"] {
+                    let config = patterned(&[denoiser, kind, "low=0", high, channels])?;
+                    if images(&scene, &config, 5, &[output])?.is_none() {
+                        return Ok(());
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn what_was_not_seen_before_has_no_history() -> Result<()> {
+    // Nothing stands still for the camera: what a moving thing uncovers was hidden in the frame before.
+    let scene = builtin("carousel")?;
+    let config = patterned(&["kind=2", "channels=1"])?;
+    let frames = 8;
+    let wanted = [IDS, ("gbuffer.draw", "motion"), ("shadows.accumulate", "frames")];
+    let Some(now) = images(&scene, &config, frames, &wanted)? else { return Ok(()) };
+    let Some(before) = images(&scene, &config, frames - 1, &[IDS])? else { bail!("no device the second time") };
+    let [ids, motion, counted] = [0, 1, 2].map(|k| now[k].values());
+    let before = before[0].values();
+    let [width, height] = SIZE.map(|n| n as i32);
+    let (mut uncovered, mut kept) = (0, 0);
+    for at in 0..ids.len() {
+        if ids[at][0] == 0.0 {
+            continue;
+        }
+        let was = |k: usize, size: i32| {
+            (at as i32 % width * i32::from(k == 0) + at as i32 / width * i32::from(k == 1)) as f32
+                - motion[at][k] * size as f32
+        };
+        let (x, y) = (was(0, width).floor() as i32, was(1, height).floor() as i32);
+        let same = |dx: i32, dy: i32| {
+            let (x, y) = (x + dx, y + dy);
+            (0..width).contains(&x) && (0..height).contains(&y) && before[(y * width + x) as usize][0] == ids[at][0]
+        };
+        let frames_kept = (counted[at][0] * 255.0).round();
+        if ![(0, 0), (1, 0), (0, 1), (1, 1)].iter().any(|(dx, dy)| same(*dx, *dy)) {
+            ensure!(frames_kept == 1.0, "pixel {at}: uncovered, and {frames_kept} frames are known");
+            uncovered += 1;
+        }
+        kept += i32::from(frames_kept > 1.0);
+    }
+    println!("{uncovered} pixels were uncovered, {kept} have a history");
+    ensure!(uncovered > 20 && kept > 1000, "{uncovered} uncovered, {kept} with a history");
+    Ok(())
+}
