@@ -13,7 +13,7 @@ use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
 use magpie_passes::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
-use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sun};
 
 const SIZE: [u32; 2] = [96, 54];
@@ -139,10 +139,13 @@ fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) 
 }
 
 fn patterned(settings: &[&str]) -> Result<Config> {
-    let all: Vec<String> = settings.iter().map(|s| format!("shadows.{s}")).collect();
-    let mut all: Vec<&str> = all.iter().map(String::as_str).collect();
-    all.insert(0, "stages.shadows=pattern");
-    config(&all)
+    let mut config = Config::default();
+    config.set("stages.shadows=pattern")?;
+    for setting in settings {
+        config.set(&format!("shadows.{setting}"))?;
+    }
+    slots().catalogue().check(&config, "test")?;
+    Ok(config)
 }
 
 /// Two boards that meet at a right angle, and one that floats before them.
