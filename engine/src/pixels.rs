@@ -42,8 +42,8 @@ impl Pixels {
         }
     }
 
-    /// 8-bit RGBA to look at: display images as they are; single channels of up to 16 bits too, which are shares; radiance through `x / (1 + x)`; normals and motion around middle grey;
-    /// depth brightened towards the far; ids as colours that differ.
+    /// 8-bit RGBA to look at: display images as they are; single channels of up to 16 bits too, which are shares; radiance through
+    /// `x / (1 + x)`; normals and motion around middle grey; depth brightened towards the far; ids as colours that differ.
     pub fn presentable(&self) -> Vec<u8> {
         if self.format == Format::Rgba8Unorm {
             return self.bytes.clone();
