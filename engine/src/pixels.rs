@@ -31,6 +31,7 @@ impl Pixels {
             Format::Rgba8Unorm => [unorm(0), unorm(1), unorm(2), unorm(3)],
             Format::Rgba8Srgb => [srgb_decode(unorm(0)), srgb_decode(unorm(1)), srgb_decode(unorm(2)), unorm(3)],
             Format::Rgba16Snorm => [snorm(0), snorm(1), snorm(2), snorm(3)],
+            Format::R16Float => [half(0), 0.0, 0.0, 1.0],
             Format::Rg16Float => [half(0), half(1), 0.0, 1.0],
             Format::Rgba16Float => [half(0), half(1), half(2), half(3)],
             Format::R32Float | Format::D32Float => [float(0), 0.0, 0.0, 1.0],
@@ -41,8 +42,8 @@ impl Pixels {
         }
     }
 
-    /// 8-bit RGBA to look at: display images as they are; radiance through `x / (1 + x)`; normals and motion around middle grey;
-    /// depth brightened towards the far; ids as colours that differ.
+    /// 8-bit RGBA to look at: display images as they are; single channels of up to 16 bits too, which are shares; radiance through
+    /// `x / (1 + x)`; normals and motion around middle grey; depth brightened towards the far; ids as colours that differ.
     pub fn presentable(&self) -> Vec<u8> {
         if self.format == Format::Rgba8Unorm {
             return self.bytes.clone();
@@ -58,7 +59,7 @@ impl Pixels {
                     Format::Rg16Float | Format::Rg32Float => [0.5 + v[0], 0.5 + v[1], 0.5],
                     Format::D32Float => [(v[0] / nearest).max(0.0).cbrt(); 3],
                     Format::R32Uint | Format::Rg32Uint => id_colour(v[0] as u32),
-                    Format::R8Unorm => [v[0]; 3],
+                    Format::R8Unorm | Format::R16Float => [v[0]; 3],
                     Format::Rgba16Float | Format::Rgba32Float => {
                         [v[0], v[1], v[2]].map(|x| srgb_encode(x / (1.0 + x.max(0.0))))
                     }
@@ -105,6 +106,7 @@ mod tests {
         assert_eq!(one(Format::Rgba8Unorm, &[0, 51, 102, 255]), [0.0, 0.2, 0.4, 1.0]);
         assert!((one(Format::Rgba8Srgb, &[188, 0, 0, 0])[0] - 0.5).abs() < 4e-3);
         assert_eq!(one(Format::Rgba16Snorm, &[0xff, 0x7f, 0, 0x80, 1, 0x80, 0, 0]), [1.0, -1.0, -1.0, 0.0]);
+        assert_eq!(one(Format::R16Float, &[0, 0x3a]), [0.75, 0.0, 0.0, 1.0]);
         assert_eq!(one(Format::Rg16Float, &[0, 0x3c, 0, 0xc0]), [1.0, -2.0, 0.0, 1.0]);
         assert_eq!(one(Format::D32Float, &0.25_f32.to_le_bytes()), [0.25, 0.0, 0.0, 1.0]);
         assert_eq!(one(Format::R32Uint, &7_u32.to_le_bytes()), [7.0, 0.0, 0.0, 1.0]);

@@ -2,8 +2,8 @@
 use crate::denoise::Reprojection;
 use crate::slots::Slots;
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut,
-    RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
+    AccelerationIn, AoIn, AoOut, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn,
+    PostOut, RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
 use magpie::prelude::*;
@@ -17,6 +17,7 @@ pub struct Stages {
     gbuffer: Filled<GBufferIn, GBuffer>,
     reprojection: Reprojection,
     shadows: Filled<ShadowIn, ShadowOut>,
+    ao: Filled<AoIn, AoOut>,
     direct: Filled<DirectIn, DirectOut>,
     gi: Filled<IndirectIn, IndirectOut>,
     reflections: Filled<IndirectIn, IndirectOut>,
@@ -50,11 +51,13 @@ pub fn frame(
     let reprojected = stages.reprojection.add(g, view, gbuffer); // for denoisers, and culled when there are none
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer, reprojected });
     g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
+    let ao = stages.ao.add(g, view, AoIn { scene, gbuffer });
+    g.slot_image("ao", ao.openness);
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
     g.slot_image("direct", Some(direct.radiance.read()));
-    let gi = stages.gi.add(g, view, IndirectIn { gbuffer });
+    let gi = stages.gi.add(g, view, IndirectIn { gbuffer, ao });
     g.slot_image("gi", gi.radiance);
-    let reflections = stages.reflections.add(g, view, IndirectIn { gbuffer });
+    let reflections = stages.reflections.add(g, view, IndirectIn { gbuffer, ao });
     g.slot_image("reflections", reflections.radiance);
     let lit = stages.compose.add(g, view, ComposeIn { direct, gi, reflections });
     g.slot_image("compose", Some(lit.read()));
@@ -77,6 +80,7 @@ impl Stages {
             gbuffer: slots.gbuffer.from_config(build, config)?,
             reprojection: Reprojection::new(build.gpu)?,
             shadows: slots.shadows.from_config(build, config)?,
+            ao: slots.ao.from_config(build, config)?,
             direct: slots.direct.from_config(build, config)?,
             gi: slots.gi.from_config(build, config)?,
             reflections: slots.reflections.from_config(build, config)?,
@@ -98,6 +102,7 @@ impl Stages {
             slots.rays.change(&mut self.rays, build, config)?,
             slots.gbuffer.change(&mut self.gbuffer, build, config)?,
             slots.shadows.change(&mut self.shadows, build, config)?,
+            slots.ao.change(&mut self.ao, build, config)?,
             slots.direct.change(&mut self.direct, build, config)?,
             slots.gi.change(&mut self.gi, build, config)?,
             slots.reflections.change(&mut self.reflections, build, config)?,

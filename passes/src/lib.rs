@@ -26,6 +26,7 @@
 //! ```
 
 mod acceleration;
+mod ao;
 mod compose;
 pub mod denoise;
 mod direct;

@@ -227,7 +227,7 @@ impl Renderer {
         self.poisons.push(poison);
     }
 
-    /// From the next frame on, frames that are read back also bring the main image of these slots: `shadows` the visibility,
+    /// From the next frame on, frames that are read back also bring the main image of these slots: `shadows` the visibility, `ao` the openness,
     /// `direct`, `gi` and `reflections` their radiance, `compose` and `sky` the sum so far, `post` the display.
     ///
     /// # Errors
@@ -363,7 +363,7 @@ impl Renderer {
 }
 
 /// The slots of [`frame`] that give an image, in its order.
-const SLOTS_WITH_IMAGES: [&str; 7] = ["shadows", "direct", "gi", "reflections", "compose", "sky", "post"];
+const SLOTS_WITH_IMAGES: [&str; 8] = ["shadows", "ao", "direct", "gi", "reflections", "compose", "sky", "post"];
 
 /// Images come in the order of the frame; they are wanted in the order in which they were asked for.
 fn in_order(wanted: &[String], gave: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {

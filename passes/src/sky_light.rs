@@ -1,11 +1,11 @@
-//! Light of the unoccluded sky on what the camera sees: one compute pass. Slots `gi` and `reflections` differ in the shader.
+//! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
 use crate::precision;
 use crate::stages::{IndirectIn, IndirectOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::stage::{Settings, StageError};
 use magpie_shaders::Shader;
-use magpie_shaders::sky_light::SkyLightParams;
+use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
 
 /// No indirect light: no pass.
 pub struct Off;
@@ -22,15 +22,22 @@ impl Effect for Off {
 /// One shader over the G-buffer.
 pub struct SkyLight {
     pass: &'static str,
+    bends: bool,
     kernel: Kernel,
     format: Format,
 }
 
 impl SkyLight {
-    /// Makes the pipeline of `shader` for a pass of this name. The settings have a [`precision`](precision::setting).
-    pub fn new(gpu: &Gpu, pass: &'static str, shader: &Shader, settings: &Settings) -> Result<Self, StageError> {
+    /// Makes the pipeline of `shader` for a pass of this name. `bends`: the shader reads bent normals. The settings have a [`precision`](precision::setting).
+    pub fn new(
+        gpu: &Gpu,
+        pass: &'static str,
+        shader: &Shader,
+        bends: bool,
+        settings: &Settings,
+    ) -> Result<Self, StageError> {
         let format = precision::format(settings)?;
-        Ok(Self { pass, kernel: gpu.kernel(shader).map_err(StageError::other)?, format })
+        Ok(Self { pass, bends, kernel: gpu.kernel(shader).map_err(StageError::other)?, format })
     }
 }
 
@@ -42,11 +49,14 @@ impl Effect for SkyLight {
         if !view.has_sky {
             return IndirectOut { radiance: None };
         }
-        let (kernel, format, block, gbuffer) = (self.kernel, self.format, view.block, i.gbuffer);
+        let (kernel, format, bends, block) = (self.kernel, self.format, self.bends, view.block);
+        let IndirectIn { gbuffer, ao } = i;
         let radiance = g.pass(self.pass, Queue::AsyncCompute, |p| {
             let block = p.read(block);
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
+            let openness = ao.openness.map(|h| p.sample(h));
+            let bent_normal = ao.bent_normal.filter(|_| bends).map(|h| p.sample(h));
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {
@@ -56,6 +66,8 @@ impl Effect for SkyLight {
                     normal: c.id(normal),
                     base_colour: c.id(base_colour),
                     material: c.id(material),
+                    openness: openness.map_or(NO_IMAGE, |t| c.id(t).0),
+                    bent_normal: bent_normal.map_or(NO_IMAGE, |t| c.id(t).0),
                     radiance: c.id(target),
                     greatest: format.greatest(),
                 };

@@ -1,9 +1,9 @@
 //! The implementations that come with Magpie. A user adds others with [`Stage::register`].
 use crate::stages::{
-    AccelerationIn, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn, PostOut,
-    RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
+    AccelerationIn, AoIn, AoOut, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn,
+    PostOut, RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
 };
-use crate::{acceleration, compose, direct, gbuffer, gi, post, rays, reflections, shadows, sky};
+use crate::{acceleration, ao, compose, direct, gbuffer, gi, post, rays, reflections, shadows, sky};
 use magpie::config::Catalogue;
 use magpie::prelude::*;
 use magpie::scene::ResidentError;
@@ -20,6 +20,8 @@ pub struct Slots {
     pub gbuffer: Stage<GBufferIn, GBuffer>,
     /// How much of each light is seen.
     pub shadows: Stage<ShadowIn, ShadowOut>,
+    /// What is left of the hemisphere above each pixel.
+    pub ao: Stage<AoIn, AoOut>,
     /// Light straight from the lights.
     pub direct: Stage<DirectIn, DirectOut>,
     /// Diffuse indirect light.
@@ -41,6 +43,7 @@ impl Default for Slots {
             rays: rays::stage(),
             gbuffer: gbuffer::stage(),
             shadows: shadows::stage(),
+            ao: ao::stage(),
             direct: direct::stage(),
             gi: gi::stage(),
             reflections: reflections::stage(),
@@ -59,6 +62,7 @@ impl Slots {
             self.rays.info(),
             self.gbuffer.info(),
             self.shadows.info(),
+            self.ao.info(),
             self.direct.info(),
             self.gi.info(),
             self.reflections.info(),

@@ -98,6 +98,27 @@ pub struct ShadowOut {
     pub groups: [Option<ShadowGroup>; SHADOW_GROUPS],
 }
 
+/// How far away a thing still counts for ambient occlusion where nothing else is said, metres: of the effects and of the reference.
+pub const AO_RANGE: f32 = 1.0;
+
+/// Slot `ao`.
+#[derive(Clone, Copy, Debug)]
+pub struct AoIn {
+    /// What hides.
+    pub scene: SceneHandles,
+    /// What is hidden from.
+    pub gbuffer: GBuffer,
+}
+
+/// What is left of the hemisphere above each pixel, weighed with the cosine; `None` for all of it. For indirect light only.
+#[derive(Clone, Copy, Debug)]
+pub struct AoOut {
+    /// Openness, one channel: 1 where nothing near hides anything, 0 where all is hidden. As large as the G-buffer.
+    pub openness: Option<Handle<Image>>,
+    /// Mean direction of what is not hidden, in the world, octahedral in two channels. `None`: the normal has to do.
+    pub bent_normal: Option<Handle<Image>>,
+}
+
 /// Slot `direct`.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectIn {
@@ -121,6 +142,8 @@ pub struct DirectOut {
 pub struct IndirectIn {
     /// What is lit.
     pub gbuffer: GBuffer,
+    /// What hides indirect light.
+    pub ao: AoOut,
 }
 
 /// Radiance towards the camera from one kind of indirect light; `None` when there is none.

@@ -3,10 +3,11 @@
 #include "lib/bindless.glsl"
 #include "lib/brdf.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/occlusion.glsl"
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
-// Diffuse light of sky and ground, hidden by nothing but the occlusion map.
+// Diffuse light of sky and ground, as much of it as the occlusion map and ambient occlusion leave.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
@@ -16,7 +17,16 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (!s.exists) return vec3(0.0);
     vec3 f0 = specular_f0(s.base_colour, s.metalness);
     vec3 albedo = diffuse_albedo(f0, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
-    return albedo * sky_irradiance(view.at[0].sky, s.normal) * (s.occlusion / PI);
+
+    // The occlusion map shows folds that ambient occlusion often finds again: both together would hide the light twice.
+    vec3 reaches = vec3(s.occlusion);
+    vec3 from = s.normal;
+    if (params.openness != NO_IMAGE) {
+        vec3 diffuse = (1.0 - s.metalness) * s.base_colour;
+        reaches = min(reaches, multi_bounce(load(params.openness, pixel).r, diffuse));
+    }
+    if (params.bent_normal != NO_IMAGE) from = octahedral_decode(load(params.bent_normal, pixel).rg);
+    return albedo * sky_irradiance(view.at[0].sky, from) * (reaches / PI);
 }
 
 void main() {

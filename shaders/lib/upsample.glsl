@@ -9,6 +9,13 @@
 const float PLANE_PIXELS = 2.0;
 const float NORMAL_POWER = 32.0;
 
+// How much a point counts for another `here` whose pixel is `width` metres wide: 1 on the same plane with the same normal.
+float surface_weight(Surface here, Surface there, float width) {
+    float off = abs(dot(here.geometric_normal, there.position - here.position));
+    float alike = pow(max(dot(here.normal, there.normal), 0.0), NORMAL_POWER);
+    return alike * exp(-off / (PLANE_PIXELS * width));
+}
+
 // The full pixel whose value the half pixel holds: its upper left one.
 ivec2 full_pixel(ivec2 coarse) {
     return 2 * coarse;
@@ -42,8 +49,7 @@ vec4 joint_bilateral(
                 nearest = value;
             }
             // All that are left are equally far: a row's or a column's two, or a square's four.
-            float alike = pow(max(dot(here.normal, there.normal), 0.0), NORMAL_POWER);
-            float weight = alike * exp(-off / (PLANE_PIXELS * width));
+            float weight = surface_weight(here, there, width);
             sum += weight * value;
             weights += weight;
         }

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/brdf.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/occlusion.glsl"
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
@@ -26,8 +27,12 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     float horizon = clamp(1.0 + dot(axis, s.geometric_normal), 0.0, 1.0);
 
     vec3 f0 = specular_f0(s.base_colour, s.metalness);
-    vec3 specular = environment_brdf(f0, s.roughness, max(dot(s.normal, s.to_eye), 0.0));
-    return specular * incident * (horizon * horizon * s.occlusion);
+    float n_v = max(dot(s.normal, s.to_eye), 0.0);
+    float reaches = s.occlusion;
+    if (params.openness != NO_IMAGE) {
+        reaches = min(reaches, specular_openness(load(params.openness, pixel).r, n_v, s.roughness));
+    }
+    return environment_brdf(f0, s.roughness, n_v) * incident * (horizon * horizon * reaches);
 }
 
 void main() {

@@ -7,6 +7,7 @@ mod compile;
 mod types;
 
 pub mod acceleration;
+pub mod ao;
 pub mod bench;
 pub mod check;
 pub mod compose;

@@ -2,7 +2,10 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Push constants of both: the sky's diffuse and specular light, unoccluded.
+/// In the place of an image that is not there.
+pub const NO_IMAGE: u32 = 4294967295;
+
+/// Push constants of both: the sky's diffuse and specular light.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SkyLightParams {
@@ -16,6 +19,10 @@ pub struct SkyLightParams {
     pub base_colour: SampledImage,
     /// Metalness in red, roughness in green.
     pub material: SampledImage,
+    /// Openness, 0 to 1; [`NO_IMAGE`] where nothing hides anything.
+    pub openness: u32,
+    /// Octahedral bent normal, the mean direction of what is not hidden; [`NO_IMAGE`] where there is none.
+    pub bent_normal: u32,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
     /// Greatest number that its format holds; infinite for 32-bit floats.

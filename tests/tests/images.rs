@@ -8,6 +8,8 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
 use magpie_tests::made;
 
+#[path = "images/ao.rs"]
+mod ao;
 #[path = "images/metrics.rs"]
 mod metrics;
 #[path = "images/reference.rs"]

@@ -197,6 +197,7 @@ const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
     (Format::Rg8Unorm, ATTACHMENT),
     (Format::D32Float, DEPTH),
     (Format::Rgba32Float, STORAGE),
+    (Format::R16Float, STORAGE),
     (Format::R8Unorm, STORAGE),
     (Format::Rgba8Unorm, STORAGE),
 ];

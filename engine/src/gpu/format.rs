@@ -17,6 +17,7 @@ pub(super) fn vulkan(format: Format) -> vk::Format {
         Format::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
         Format::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
         Format::Rgba16Snorm => vk::Format::R16G16B16A16_SNORM,
+        Format::R16Float => vk::Format::R16_SFLOAT,
         Format::Rg16Float => vk::Format::R16G16_SFLOAT,
         Format::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
         Format::R32Float => vk::Format::R32_SFLOAT,

@@ -17,6 +17,8 @@ pub enum Format {
     Rgba8Srgb,
     /// Four channels, -1 to 1, 16 bits each.
     Rgba16Snorm,
+    /// One half float.
+    R16Float,
     /// Two half floats.
     Rg16Float,
     /// Four half floats.
@@ -40,7 +42,7 @@ impl Format {
     pub fn bytes_per_pixel(self) -> u32 {
         match self {
             Self::R8Unorm => 1,
-            Self::Rg8Unorm => 2,
+            Self::Rg8Unorm | Self::R16Float => 2,
             Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 4,
             Self::Rgba16Snorm | Self::Rgba16Float | Self::Rg32Float | Self::Rg32Uint => 8,
             Self::Rgba32Float => 16,
@@ -50,7 +52,7 @@ impl Format {
     /// Numbers per pixel.
     pub fn channels(self) -> u32 {
         match self {
-            Self::R8Unorm | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
+            Self::R8Unorm | Self::R16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
             Self::Rg8Unorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => 2,
             Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rgba32Float => 4,
         }
@@ -59,7 +61,8 @@ impl Format {
     /// Whether pixels are floating-point numbers, so that they can be NaN or infinite.
     pub fn is_float(self) -> bool {
         match self {
-            Self::Rg16Float
+            Self::R16Float
+            | Self::Rg16Float
             | Self::Rgba16Float
             | Self::R32Float
             | Self::Rg32Float
@@ -84,7 +87,7 @@ impl Format {
     /// number down to, so that a finite one stays finite.
     pub fn greatest(self) -> f32 {
         match self {
-            Self::Rg16Float | Self::Rgba16Float => 65504.0,
+            Self::R16Float | Self::Rg16Float | Self::Rgba16Float => 65504.0,
             _ => f32::INFINITY,
         }
     }

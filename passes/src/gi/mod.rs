@@ -1,4 +1,4 @@
-//! Diffuse indirect light. So far: the irradiance of the whole sky, with nothing in its way.
+//! Diffuse indirect light. So far: the irradiance of the sky, as much of it as ambient occlusion leaves.
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use crate::stages::{IndirectIn, IndirectOut};
@@ -11,9 +11,9 @@ pub fn stage() -> Stage<IndirectIn, IndirectOut> {
         .about("Diffuse indirect light.")
         .with(
             "sky",
-            "Irradiance of the whole sky, dimmed by the material's occlusion map only: no bounces, no occluders.",
+            "Irradiance of the whole sky, dimmed by the slot `ao` and the material's occlusion map: no light of other surfaces.",
             &[precision::setting()],
-            |build, settings| Ok(Box::new(SkyLight::new(build.gpu, "gi.sky", &GI_SKY_COMP, settings)?)),
+            |build, settings| Ok(Box::new(SkyLight::new(build.gpu, "gi.sky", &GI_SKY_COMP, true, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -9,6 +9,7 @@ pub use estimate::{Estimate, SizeMismatch};
 pub use file::EstimateFileError;
 
 use crate::read_back::Copies;
+use crate::stages::AO_RANGE;
 use glam::DVec3;
 pub use lights::Tables;
 use magpie::frame::ViewDesc;
@@ -132,7 +133,7 @@ impl Default for ReferenceOptions {
             depth: 0,
             only: Only::All,
             pixel: PixelSampling::Area,
-            ao_range: 1.0,
+            ao_range: AO_RANGE,
             time: 0.0,
             rays: Rays::Software,
             check: false,

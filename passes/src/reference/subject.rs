@@ -1,5 +1,5 @@
 //! Of what an estimate is one: a line of text that tells two pictures apart, seeds and numbers of samples left out.
-use super::ReferenceOptions;
+use super::{Only, ReferenceOptions};
 use magpie::scene::{Camera, Mesh, Scene};
 use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hasher};
@@ -14,8 +14,9 @@ impl ReferenceOptions {
         let mut fingerprint = Fingerprint::default();
         fingerprint.scene(scene);
         fingerprint.text(camera);
+        let range = if only == Only::AmbientOcclusion { format!(", range {ao_range}") } else { String::new() };
         format!(
-            "{} of {} from {}, {width}x{height}, {pixel:?}, depth {depth}, range {ao_range}, time {time}, model {MODEL}, {:016x}",
+            "{} of {} from {}, {width}x{height}, {pixel:?}, depth {depth}{range}, time {time}, model {MODEL}, {:016x}",
             only.name(),
             scene.name,
             camera.name,
@@ -83,7 +84,12 @@ mod tests {
         let mut lit = scene.clone();
         lit.lights.clear();
         let near = Camera { near: 0.02, ..camera.clone() };
+        let far = ReferenceOptions { ao_range: 2.0, ..options };
+        assert_eq!(base, far.subject(&scene, &camera), "only ambient occlusion has a range");
+        let ao = |options| ReferenceOptions { only: Only::AmbientOcclusion, ..options }.subject(&scene, &camera);
         let subjects = [
+            ao(options),
+            ao(far),
             options.subject(&moved, &camera),
             options.subject(&painted, &camera),
             options.subject(&lit, &camera),

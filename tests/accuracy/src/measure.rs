@@ -3,7 +3,7 @@ use crate::AccuracyError;
 use crate::metrics::{Comparison, Picture};
 use crate::plan::Setup;
 use crate::results::{Cost, Errors, Measurement, Run, StageCost};
-use crate::truth::{Truth, truth_of};
+use crate::truth::{SHARES, Truth, truth_of};
 use magpie::config::Value;
 use magpie::gpu::Gpu;
 use magpie::measure::{FrameSample, PassTime, median};
@@ -137,7 +137,7 @@ fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, A
         let image = match image {
             Some(image) => named(slot, image)?,
             None => {
-                let nothing = if slot == "shadows" { 1.0 } else { 0.0 };
+                let nothing = if SHARES.contains(&slot.as_str()) { 1.0 } else { 0.0 };
                 Picture { pixels: vec![[nothing; 3]; picture.pixels.len()], ..picture }
             }
         };

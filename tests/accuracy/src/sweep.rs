@@ -4,7 +4,7 @@ use crate::measure::{Bench, Images};
 use crate::pictures;
 use crate::plan::{Plan, Setup};
 use crate::results::{DeviceName, Folder, IMAGES, Results, Run, TRUTHS, TRUTHS_FILE, read_json, write_json};
-use crate::truth::{PathTracer, Truth, TruthCache, TruthInfo, TruthSource, truth_of};
+use crate::truth::{PathTracer, SHARES, Truth, TruthCache, TruthInfo, TruthSource, ao_range, truth_of};
 use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
@@ -142,6 +142,7 @@ pub fn sweep(
         width: size[0],
         height: size[1],
         seed: options.seed,
+        ao_range: ao_range(config),
         time,
         rays: options.rays,
         ..ReferenceOptions::default()
@@ -244,7 +245,7 @@ fn find_truths(
         at.done = before + all * SAMPLE_UNITS;
         let images = out.join(IMAGES);
         let exposure = pictures::exposure(&truth.picture);
-        let shown = if *only == Only::Shadows { 1.0 } else { exposure };
+        let shown = if SHARES.contains(&slot.as_str()) { 1.0 } else { exposure };
         pictures::write_shown(&images.join(format!("truth.{}.png", only.name())), &truth.picture, shown)?;
         if *only == Only::All {
             pictures::write_exr(&images.join("truth.all.exr"), &truth.picture)?;
@@ -268,7 +269,7 @@ fn write_images(
     let all = images.slots.iter().map(|(slot, picture)| (slot.as_str(), picture)).chain([("", &images.picture)]);
     for (slot, picture) in all {
         let Some(truth) = truths.get(slot) else { continue };
-        let is_radiance = slot != "shadows";
+        let is_radiance = !SHARES.contains(&slot);
         let exposure = if is_radiance { pictures::exposure(&truth.picture) } else { 1.0 };
         let name = |what: &str| folder.join(image_name(&setup.id, slot, what));
         pictures::write_shown(&name("png"), picture, exposure)?;

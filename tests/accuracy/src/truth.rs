@@ -3,6 +3,7 @@ use crate::AccuracyError;
 use crate::hash::short;
 use crate::metrics::{Comparison, Picture};
 use glam::DVec3;
+use magpie::config::{Config, Value};
 use magpie::gpu::Gpu;
 use magpie::scene::{Camera, Scene};
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
@@ -15,8 +16,25 @@ const SAVE_EVERY: u64 = 64;
 const STEP: u32 = 8;
 
 /// The slots whose own image has a truth.
-pub const TRUTHS: [(&str, Only); 4] =
-    [("shadows", Only::Shadows), ("direct", Only::Direct), ("gi", Only::Gi), ("reflections", Only::Reflections)];
+pub const TRUTHS: [(&str, Only); 5] = [
+    ("shadows", Only::Shadows),
+    ("ao", Only::AmbientOcclusion),
+    ("direct", Only::Direct),
+    ("gi", Only::Gi),
+    ("reflections", Only::Reflections),
+];
+
+/// Slots whose own image is a share of light, 0 to 1, and 1 where a slot gives none; the others give radiance, and none is 0.
+pub const SHARES: [&str; 2] = ["shadows", "ao"];
+
+/// How far away things hide a point, in metres, in the truth of a configuration's `ao`: as far as in the configuration.
+pub fn ao_range(config: &Config) -> f32 {
+    match config.settings.get("ao").and_then(|settings| settings.get("range")) {
+        Some(Value::Float(range)) => *range as f32,
+        Some(Value::Integer(range)) => *range as f32,
+        _ => ReferenceOptions::default().ao_range,
+    }
+}
 
 /// The truth of a slot's own image, where there is one.
 pub fn truth_of(slot: &str) -> Option<Only> {

@@ -49,7 +49,14 @@ fn every_mip_and_layer_of_every_float_format() -> Result<()> {
     let mut bench = Bench::new(&gpu)?;
     let add = bench.kernel("add.comp", ADD)?;
     let full = Extent::new(37, 11);
-    for format in [Format::Rg16Float, Format::Rgba16Float, Format::R32Float, Format::Rg32Float, Format::Rgba32Float] {
+    for format in [
+        Format::R16Float,
+        Format::Rg16Float,
+        Format::Rgba16Float,
+        Format::R32Float,
+        Format::Rg32Float,
+        Format::Rgba32Float,
+    ] {
         for (mip, layer, x, y) in [(0, 0, 36, 10), (1, 2, 17, 4), (2, 1, 0, 0)] {
             bench.trail.clear();
             bench.run(full, &[], |g, _| {

@@ -115,7 +115,7 @@ impl Bad {
             start(&value.to_le_bytes())
         };
         match format {
-            Format::Rg16Float | Format::Rgba16Float => Some(half()),
+            Format::R16Float | Format::Rg16Float | Format::Rgba16Float => Some(half()),
             Format::R32Float | Format::Rg32Float | Format::Rgba32Float | Format::D32Float => Some(self.float()),
             Format::R8Unorm
             | Format::Rg8Unorm

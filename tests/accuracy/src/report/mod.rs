@@ -11,7 +11,7 @@ use crate::front::{LEAST_OF_FRAME, Point, Standing, front, middle, quantile};
 use crate::metrics::Comparison;
 use crate::plan::Variant;
 use crate::results::{Folder, IMAGES, Measurement, Run, StageCost, read_json, write_json, write_text};
-use crate::truth::{TruthInfo, truth_of};
+use crate::truth::{SHARES, TruthInfo, truth_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -256,7 +256,7 @@ fn effect(folder: &Folder, slot: &str) -> Effect {
             rank(&mut rows, image, metric, floor.map_or(0.0, |f| metric.of(f)));
         }
     }
-    let metric = if slot == "shadows" { Metric::Rmse } else { Metric::Relmse };
+    let metric = if SHARES.contains(&slot) { Metric::Rmse } else { Metric::Relmse };
     Effect { slot: slot.to_owned(), judged_by, metric, price, rows }
 }
 

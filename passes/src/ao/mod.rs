@@ -1,0 +1,55 @@
+//! Ambient occlusion: how much of the hemisphere above each pixel nothing near hides. It dims indirect light and no other.
+mod ray_traced;
+mod screen_space;
+mod upsample;
+
+use crate::stages::{AO_RANGE, AoIn, AoOut};
+use magpie::prelude::*;
+use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+
+/// The slot.
+pub fn stage() -> Stage<AoIn, AoOut> {
+    Stage::new("ao")
+        .about("How much of the hemisphere above each pixel nothing near hides. It dims indirect light.")
+        .with("ray-traced", "Rays over the hemisphere.", &ray_traced::settings(), |build, settings| {
+            Ok(if has_range(settings)? {
+                Box::new(ray_traced::RayTraced::new(build, settings)?)
+            } else {
+                Box::new(Off)
+            })
+        })
+        .with(
+            "screen-space",
+            "GTAO: horizons in the depth image, with bent normals.",
+            &screen_space::settings(),
+            |build, settings| {
+                let found = has_range(settings)?;
+                Ok(if found { Box::new(screen_space::ScreenSpace::new(build.gpu, settings)?) } else { Box::new(Off) })
+            },
+        )
+        .with("off", "Nothing hides anything.", &[], |_, _| Ok(Box::new(Off)))
+        .default_to("screen-space")
+}
+
+/// The setting `range`, the same for all.
+fn range() -> SettingSpec {
+    let about = "How far away a thing still hides a point from ambient light. Higher: wider and darker corners; what is in the open \
+                 loses light as well, and rays and steps cost more. 0: nothing is hidden, and there is no pass.";
+    SettingSpec::float("range", "metres", about, AO_RANGE.into(), (0.0, 1000.0))
+}
+
+/// Without a range nothing hides anything.
+fn has_range(settings: &Settings) -> Result<bool, StageError> {
+    Ok(settings.f32("range")? > 0.0)
+}
+
+struct Off;
+
+impl Effect for Off {
+    type In = AoIn;
+    type Out = AoOut;
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, _: AoIn) -> AoOut {
+        AoOut { openness: None, bent_normal: None }
+    }
+}

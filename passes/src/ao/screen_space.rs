@@ -1,0 +1,148 @@
+//! Screen-space ambient occlusion after Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate Indirect
+//! Occlusion" (GTAO): a search for horizons in the depth image, and a filter for its noise.
+use super::upsample::{BENT_NORMAL, OPENNESS, upsample};
+use crate::stages::{AoIn, AoOut};
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie_shaders::ao::{FilterParams, NO_BENT_NORMAL, SearchParams};
+use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP, AO_UPSAMPLE_COMP};
+
+/// Turns of the slices from frame to frame, shares of half a circle, and starts of the steps: those of the paper. Six and four make
+/// twelve frames without a repetition.
+const TURNS: [f32; 6] = [60.0 / 360.0, 300.0 / 360.0, 180.0 / 360.0, 240.0 / 360.0, 120.0 / 360.0, 0.0];
+const STARTS: [f32; 4] = [0.0, 0.5, 0.25, 0.75];
+
+/// Bent normals and openness in one image.
+const FOUND: Format = Format::Rgba16Float;
+
+/// The effect.
+pub struct ScreenSpace {
+    search: Kernel,
+    filter: Kernel,
+    slices: u32,
+    steps: u32,
+    range: f32,
+    decay: f32,
+    moving_noise: bool,
+    /// At half resolution only.
+    upsample: Option<Kernel>,
+}
+
+/// Its settings.
+pub fn settings() -> [SettingSpec; 6] {
+    let slices = "Planes through the line of sight in which horizons are sought. Higher: less noise, at a cost that grows as much.";
+    let steps = "Depths that are looked up on each side of a slice. Higher: thin things are missed less often, at a cost that grows \
+                 as much.";
+    let thickness = "How thick things are taken to be, as nothing of the kind is in the depth image. 1: endless; light never comes \
+                     from behind, and thin things throw wide dark rims. Lower: a horizon falls off towards what is seen behind it, \
+                     until at the end of the range this share of what it hid is left.";
+    let resolution = "`full`: every pixel is searched for. `half`: one of four, brought to full size along surfaces.";
+    let noise = "`still`: the same noise in every frame. `moving`: another one in each, for what gathers frames, as temporal \
+                 anti-aliasing does; without that it flickers.";
+    [
+        SettingSpec::integer("slices", "", slices, 2, (1, 16)).sweep([1, 2, 4]),
+        SettingSpec::integer("steps", "", steps, 8, (1, 64)).sweep([4, 8, 16]),
+        super::range(),
+        SettingSpec::float("thickness", "", thickness, 1.0, (0.0, 1.0)),
+        SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all(),
+        SettingSpec::choice("noise", noise, "still", &["still", "moving"]),
+    ]
+}
+
+impl ScreenSpace {
+    /// Makes its pipelines.
+    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
+        let half = settings.choice("resolution")? == "half";
+        let upsample = half.then(|| gpu.kernel(&AO_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
+        let steps = settings.u32("steps")?;
+        Ok(Self {
+            search: gpu.kernel(&AO_SEARCH_COMP).map_err(StageError::other)?,
+            filter: gpu.kernel(&AO_FILTER_COMP).map_err(StageError::other)?,
+            slices: settings.u32("slices")?,
+            steps,
+            range: settings.f32("range")?,
+            // The same fall over the range, however many steps it has.
+            decay: 1.0 - settings.f32("thickness")?.powf(1.0 / steps as f32),
+            moving_noise: settings.choice("noise")? == "moving",
+            upsample,
+        })
+    }
+
+    /// Size of what is searched, and pixels from one to the next.
+    fn size(&self, i: AoIn, format: Format) -> (ImageDesc, u32) {
+        match self.upsample {
+            Some(_) => (ImageDesc::half(format), 2),
+            None => (ImageDesc::like(format, i.gbuffer.depth), 1),
+        }
+    }
+
+    /// Horizons: noisy bent normals and openness.
+    fn search(&self, g: &mut FrameGraph, view: &View, i: AoIn) -> Handle<Image> {
+        let (kernel, block, (desc, step)) = (self.search, view.block, self.size(i, FOUND));
+        let Self { slices, steps, range, decay, .. } = *self;
+        let frame = if self.moving_noise { view.frame as usize } else { 0 };
+        let noise = [TURNS[(frame + 5) % TURNS.len()], STARTS[frame / TURNS.len() % STARTS.len()]];
+        g.pass("ao.search", Queue::AsyncCompute, |p| {
+            let (block, depth, normal) = (p.read(block), p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let (found, target) = p.create("found", desc);
+            let extent = p.extent_of(desc);
+            (found.read(), move |c: &mut Record<'_>| {
+                let params = SearchParams {
+                    view: c.id(block),
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    found: c.id(target),
+                    step,
+                    slices,
+                    steps,
+                    range,
+                    decay,
+                    noise,
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+
+    /// The noise filtered away. At half resolution what comes out is still to be brought to full, in one image.
+    fn filter(&self, g: &mut FrameGraph, view: &View, i: AoIn, found: Handle<Image>) -> AoOut {
+        let (kernel, block, is_whole) = (self.filter, view.block, self.upsample.is_none());
+        let (desc, step) = self.size(i, if is_whole { OPENNESS } else { FOUND });
+        g.pass("ao.filter", Queue::AsyncCompute, |p| {
+            let (block, found) = (p.read(block), p.sample(found));
+            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let (filtered, target) = p.create(if is_whole { "openness" } else { "filtered" }, desc);
+            let bent = is_whole.then(|| p.create("bent_normal", ImageDesc { format: BENT_NORMAL, ..desc }));
+            let (bent_normal, bent_target) =
+                bent.map_or((None, None), |(image, target)| (Some(image.read()), Some(target)));
+            let extent = p.extent_of(desc);
+            (AoOut { openness: Some(filtered.read()), bent_normal }, move |c: &mut Record<'_>| {
+                let params = FilterParams {
+                    view: c.id(block),
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    found: c.id(found),
+                    filtered: c.id(target),
+                    bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).0),
+                    step,
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+}
+
+impl Effect for ScreenSpace {
+    type In = AoIn;
+    type Out = AoOut;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: AoIn) -> AoOut {
+        let found = self.search(g, view, i);
+        let filtered = self.filter(g, view, i, found);
+        match (self.upsample, filtered.openness) {
+            (Some(kernel), Some(half_size)) => upsample(g, view, kernel, i, half_size, true),
+            _ => filtered,
+        }
+    }
+}

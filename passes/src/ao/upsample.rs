@@ -1,0 +1,43 @@
+//! From half resolution to full, along surfaces.
+use crate::stages::{AoIn, AoOut};
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie_shaders::ao::{NO_BENT_NORMAL, UpsampleParams};
+
+/// Format of openness.
+pub const OPENNESS: Format = Format::R16Float;
+/// Format of bent normals.
+pub const BENT_NORMAL: Format = Format::Rg16Float;
+
+/// Brings `half_size` to full: bent normals and openness, or openness alone.
+pub fn upsample(
+    g: &mut FrameGraph,
+    view: &View,
+    kernel: Kernel,
+    i: AoIn,
+    half_size: Handle<Image>,
+    is_bent: bool,
+) -> AoOut {
+    let block = view.block;
+    g.pass("ao.upsample", Queue::AsyncCompute, |p| {
+        let (block, half_size) = (p.read(block), p.sample(half_size));
+        let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+        let like = |format| ImageDesc::like(format, i.gbuffer.depth);
+        let (openness, target) = p.create("openness", like(OPENNESS));
+        let bent = is_bent.then(|| p.create("bent_normal", like(BENT_NORMAL)));
+        let (bent_normal, bent_target) =
+            bent.map_or((None, None), |(image, target)| (Some(image.read()), Some(target)));
+        let extent = p.extent(i.gbuffer.depth);
+        (AoOut { openness: Some(openness.read()), bent_normal }, move |c: &mut Record<'_>| {
+            let params = UpsampleParams {
+                view: c.id(block),
+                depth: c.id(depth),
+                normal: c.id(normal),
+                half_size: c.id(half_size),
+                openness: c.id(target),
+                bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).0),
+            };
+            c.dispatch(kernel, &params, extent);
+        })
+    })
+}

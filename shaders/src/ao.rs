@@ -1,0 +1,94 @@
+//! Parameters of `shaders/ao`.
+use super::types::{Address, SampledImage, StorageImage};
+use bytemuck::{Pod, Zeroable};
+
+/// In the place of an image that is not there.
+pub const NO_BENT_NORMAL: u32 = 4294967295;
+
+/// Push constants of `trace.ray`: rays over the hemisphere above every pixel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TraceParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Two counters, closest-hit and any-hit rays (`uint`).
+    pub rays: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// Instance + 1 and primitive.
+    pub ids: SampledImage,
+    /// R16F: share of the rays that met nothing.
+    pub openness: StorageImage,
+    /// One pixel of so many in each direction: 1, or 2 for half resolution.
+    pub step: u32,
+    /// Rays per pixel.
+    pub samples: u32,
+    /// How far away things hide a point, metres.
+    pub range: f32,
+}
+
+/// Push constants of `search.comp`: horizons in the depth image.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SearchParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// RGBA16F: unit bent normal in the world, openness in alpha.
+    pub found: StorageImage,
+    /// One pixel of so many in each direction: 1, or 2 for half resolution.
+    pub step: u32,
+    /// Planes through the line of sight.
+    pub slices: u32,
+    /// Depths that are looked up on each side of a slice.
+    pub steps: u32,
+    /// How far away things hide a point, metres.
+    pub range: f32,
+    /// How much a horizon comes down towards a look-up below it, 0 to 1.
+    pub decay: f32,
+    /// The noise of this frame, added to that of the pixel: turn of the slices, and start of the steps, 0 to 1.
+    pub noise: [f32; 2],
+}
+
+/// Push constants of `filter.comp`: the noise of `search.comp` averaged away along surfaces.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FilterParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// Of `search.comp`.
+    pub found: SampledImage,
+    /// At full size R16F, openness; at half size as `found`.
+    pub filtered: StorageImage,
+    /// At full size RG16F, the octahedral bent normal; at half size [`NO_BENT_NORMAL`].
+    pub bent_normal: u32,
+    /// As of `search.comp`.
+    pub step: u32,
+}
+
+/// Push constants of `upsample.comp`: half resolution brought to full.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct UpsampleParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Reversed depth.
+    pub depth: SampledImage,
+    /// Octahedral normals: shading in xy, geometric in zw.
+    pub normal: SampledImage,
+    /// Half as large, of the upper left one of four pixels: RGBA16F, bent normal and openness, or R16F, openness alone.
+    pub half_size: SampledImage,
+    /// R16F, full size.
+    pub openness: StorageImage,
+    /// RG16F, full size, the octahedral bent normal; [`NO_BENT_NORMAL`] where there is none.
+    pub bent_normal: u32,
+}

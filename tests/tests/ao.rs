@@ -1,0 +1,272 @@
+//! Ambient occlusion: rays against the reference and against what is known on paper, horizons in the depth image against the reference,
+//! and what a slot without a range, or that is off, leaves out.
+#![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
+use anyhow::{Context, Result, ensure};
+use glam::{Affine3A, DVec3, Mat4, Quat, Vec3, Vec4};
+use magpie::gpu::Gpu;
+use magpie::scene::{Camera, Scene};
+use magpie_accuracy::metrics::{Picture, RELMSE_EPSILON, relmse, rmse};
+use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::made;
+use std::env;
+use std::f64::consts::PI;
+
+/// Runs frames with every check on and hands each to `look`.
+fn frames(
+    gpu: &Gpu,
+    scene: &Scene,
+    changes: &[&str],
+    size: [u32; 2],
+    count: u32,
+    mut look: impl FnMut(&FrameResult) -> Result<()>,
+) -> Result<()> {
+    let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+    renderer.read_slots(&["ao", "direct"])?;
+    for _ in 0..count {
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
+        let result = renderer.frame(request)?.context("a size of zero")?;
+        ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        look(&result)?;
+    }
+    Ok(())
+}
+
+/// Mean openness of each pixel over some frames.
+fn openness(gpu: &Gpu, scene: &Scene, changes: &[&str], size: [u32; 2], count: u32) -> Result<Vec<f64>> {
+    let mut sum = vec![0.0; (size[0] * size[1]) as usize];
+    frames(gpu, scene, changes, size, count, |frame| {
+        let image = frame.slots[0].1.as_ref().context("no image of openness")?.values();
+        sum.iter_mut().zip(image).for_each(|(s, v)| *s += f64::from(v[0]));
+        Ok(())
+    })?;
+    Ok(sum.into_iter().map(|s| s / f64::from(count)).collect())
+}
+
+fn truth(gpu: &Gpu, scene: &Scene, size: [u32; 2], range: f32, samples: u32) -> Result<Estimate> {
+    let options = ReferenceOptions {
+        width: size[0],
+        height: size[1],
+        only: Only::AmbientOcclusion,
+        pixel: PixelSampling::Centre,
+        ao_range: range,
+        check: true,
+        ..ReferenceOptions::default()
+    };
+    let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
+    reference.add(samples)?;
+    Ok(reference.estimate().clone())
+}
+
+fn picture(size: [u32; 2], values: impl IntoIterator<Item = f64>) -> Picture {
+    let values: Vec<f32> = values.into_iter().map(|v| v as f32).collect();
+    Picture::grey(size[0] as usize, size[1] as usize, &values)
+}
+
+/// The relMSE that the standard error of a truth makes by itself.
+fn noise_floor(estimate: &Estimate) -> f64 {
+    let errors = estimate.standard_error();
+    let share = |(e, m): (&DVec3, &DVec3)| e.x * e.x / (m.x * m.x + RELMSE_EPSILON);
+    errors.iter().zip(&estimate.mean).map(share).sum::<f64>() / errors.len() as f64
+}
+
+#[test]
+fn rays_converge_to_the_reference() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    // Where next to nothing of the hemisphere is open, as between leaves, the noise of the truth is large beside its value: what it adds
+    // is known, and is taken off unless there is time for a truth without it.
+    let full = env::var_os("MAGPIE_FULL").is_some();
+    let (samples, most_noise) = if full { (65536, 5e-5) } else { (8192, 2e-4) };
+    for (name, size) in [("cornell", [24, 24]), ("courtyard", [32, 18])] {
+        let scene = builtin(name)?;
+        let truth = truth(&gpu, &scene, size, 1.0, samples)?;
+        let found = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64"], size, 128)?;
+        let wanted = picture(size, truth.mean.iter().map(|m| m.x));
+        let (error, floor) = (relmse(&picture(size, found.iter().copied()), &wanted)?, noise_floor(&truth));
+        let white = relmse(&picture(size, vec![1.0; found.len()]), &wanted)?;
+        println!(
+            "{name}: relMSE {error:.2e}; noise of the truth alone {floor:.2e}; of white {white:.2e}; mean {:.5} against {:.5}",
+            found.iter().sum::<f64>() / found.len() as f64,
+            wanted.mean_luminance()
+        );
+        let mut off: Vec<(f64, usize)> = found.iter().zip(&truth.mean).map(|(f, m)| (f - m.x).abs()).zip(0..).collect();
+        off.sort_by(|a, b| b.0.total_cmp(&a.0));
+        println!("worst pixels: {:?}", &off[..4]);
+        ensure!(floor < most_noise, "{name}: the truth is too noisy to tell: {floor}");
+        let taken_off = if full { 0.0 } else { floor };
+        ensure!(error - taken_off < 1e-4 && white > 1e-2, "{name}: {error}, of which {floor} is noise of the truth");
+    }
+    Ok(())
+}
+
+/// The mean of one ray per pixel over frames is nearer to the truth than as many independent rays would be.
+#[test]
+fn frames_add_up() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let (scene, size) = (builtin("cornell")?, [32, 32]);
+    let truth = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64"], size, 64)?;
+    for count in [1, 16, 64] {
+        let found = openness(&gpu, &scene, &["stages.ao=ray-traced"], size, count)?;
+        let n = truth.len() as f64;
+        let random = truth.iter().map(|p| p * (1.0 - p) / f64::from(count)).sum::<f64>() / n;
+        let error = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum::<f64>() / n;
+        println!("{count} frames of one ray: variance {error:.2e}, of independent rays {random:.2e}");
+        let most = if count == 1 { 1.1 } else { 0.6 };
+        ensure!(error < most * random, "{count} frames: {error} against {random}");
+    }
+    // The same rays, whether of one frame or of eight.
+    let (one, eight) = ("ao.rays=8", "ao.rays=1");
+    let at_once = openness(&gpu, &scene, &["stages.ao=ray-traced", one], size, 1)?;
+    ensure!(at_once == openness(&gpu, &scene, &["stages.ao=ray-traced", eight], size, 8)?, "rays 0 to 7 differ");
+    Ok(())
+}
+
+/// A point of a plane that a pixel's centre shows.
+fn seen_on(camera: &Camera, size: [u32; 2], pixel: usize, normal: Vec3) -> Option<Vec3> {
+    let clip: Mat4 = camera.clip_from_view(size[0] as f32 / size[1] as f32) * camera.view_from_world(DVec3::ZERO);
+    let (x, y) = (pixel % size[0] as usize, pixel / size[0] as usize);
+    let ndc = |at: usize, n: u32| (at as f32 + 0.5) / n as f32 * 2.0 - 1.0;
+    let near = clip.inverse() * Vec4::new(ndc(x, size[0]), ndc(y, size[1]), 1.0, 1.0);
+    let (eye, near) = (camera.eye().as_vec3(), near.truncate() / near.w);
+    let along = near - eye;
+    let t = -eye.dot(normal) / along.dot(normal);
+    (t > 0.0).then(|| eye + t * along)
+}
+
+/// A floor and, where wanted, a wall at x = 0, much larger than every range. The wall is seen to a height of 1.6 metres.
+fn floor(wall: bool) -> Scene {
+    let mut scene = made::scene("crease", made::camera(Vec3::new(3.0, 3.0, 0.4), Vec3::ZERO));
+    made::add(&mut scene, made::plane(50.0), made::material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
+    if wall {
+        let upright = Affine3A::from_quat(Quat::from_rotation_z(-std::f32::consts::FRAC_PI_2));
+        made::add(&mut scene, made::plane(50.0), made::material([0.5; 3], 0.0, 1.0), upright);
+    }
+    scene
+}
+
+/// Openness at a distance from an endless wall of which only what is nearer than `range` hides. Projected onto the ground, the cosine
+/// is gone (Nusselt 1928): hidden is the part of the unit disc beyond distance / range.
+fn beside_a_wall(distance: f64, range: f64) -> f64 {
+    let c = (distance / range).min(1.0);
+    1.0 - (c.acos() - c * (1.0 - c * c).sqrt()) / PI
+}
+
+#[test]
+fn a_crease_is_as_dark_as_known_on_paper() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    ensure!((beside_a_wall(0.0, 1.0) - 0.5).abs() < 1e-12 && beside_a_wall(2.0, 1.0) == 1.0, "the form itself");
+    let (scene, size) = (floor(true), [64, 36]);
+    let camera = &scene.cameras[0];
+    for range in [0.25, 1.0, 4.0] {
+        let set = format!("ao.range={range:?}");
+        let rays = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64", &set], size, 16)?;
+        let horizons = openness(&gpu, &scene, &["stages.ao=screen-space", &set], size, 1)?;
+        let (mut worst, mut square, mut square_of_horizons, mut darkest) = (0.0_f64, 0.0, 0.0, 1.0_f64);
+        let mut pixels = 0.0;
+        for pixel in 0..rays.len() {
+            let Some(on_floor) = seen_on(camera, size, pixel, Vec3::Y) else { continue };
+            // To the left of the crease the pixel shows the wall.
+            let distance = match seen_on(camera, size, pixel, Vec3::X) {
+                Some(on_wall) if on_floor.x < 0.0 => on_wall.y,
+                _ => on_floor.x,
+            };
+            let wanted = beside_a_wall(distance.into(), range);
+            worst = worst.max((rays[pixel] - wanted).abs());
+            square += (rays[pixel] - wanted).powi(2);
+            square_of_horizons += (horizons[pixel] - wanted).powi(2);
+            darkest = darkest.min(wanted);
+            pixels += 1.0;
+        }
+        let (of_rays, of_horizons) = ((square / pixels).sqrt(), f64::sqrt(square_of_horizons / pixels));
+        println!(
+            "range {range}: rays are off by {of_rays:.5}, at most {worst:.4}; horizons by {of_horizons:.4}; darkest {darkest:.3}"
+        );
+        ensure!(pixels > 2000.0 && darkest < 0.6, "range {range}: the crease is not in the picture");
+        ensure!(of_rays < 2e-3 && worst < 0.02, "range {range}: {of_rays}, at most {worst}");
+        // What lies outside of the picture is not in the depth image.
+        ensure!(range > 1.5 || of_horizons < 0.05, "range {range}: horizons are off by {of_horizons}");
+    }
+    Ok(())
+}
+
+#[test]
+fn nothing_hides_an_open_floor() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = floor(false);
+    for (changes, least) in [
+        (&["stages.ao=ray-traced", "ao.rays=8"][..], 1.0),
+        (&["stages.ao=ray-traced", "ao.rays=8", "ao.resolution=half"], 1.0),
+        (&["stages.ao=screen-space"], 0.999),
+        (&["stages.ao=screen-space", "ao.slices=1", "ao.noise=moving"], 0.999),
+        (&["stages.ao=screen-space", "ao.resolution=half", "ao.thickness=0.0"], 0.999),
+    ] {
+        let found = openness(&gpu, &scene, changes, [65, 35], 2)?;
+        let darkest = found.iter().copied().fold(1.0, f64::min);
+        println!("{changes:?}: {darkest}");
+        ensure!(darkest >= least && found.iter().all(|f| *f <= 1.0005), "{changes:?}: {darkest}");
+    }
+    Ok(())
+}
+
+#[test]
+fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let (scene, size) = (builtin("courtyard")?, [48, 27]);
+    let run = |changes: &[&str]| -> Result<(Vec<String>, Vec<u8>, Vec<u8>, bool)> {
+        let mut told = None;
+        frames(&gpu, &scene, changes, size, 1, |frame| {
+            let d = &frame.declaration;
+            let passes = (0..d.passes.len() as u32).map(|p| d.pass_name(p).to_owned());
+            let passes = passes.filter(|name| name.starts_with("ao.")).collect();
+            let bytes = frame.images.as_ref().context("no image")?.linear.bytes.clone();
+            let direct = frame.slots[1].1.as_ref().context("no direct light")?.bytes.clone();
+            told = Some((passes, bytes, direct, frame.slots[0].1.is_some()));
+            Ok(())
+        })?;
+        told.context("no frame")
+    };
+    let off = run(&["stages.ao=off"])?;
+    ensure!(off.0.is_empty() && !off.3, "off: {:?}", off.0);
+    for (name, passes) in [("ray-traced", &["ao.trace"][..]), ("screen-space", &["ao.search", "ao.filter"])] {
+        let stage = format!("stages.ao={name}");
+        let on = run(&[&stage])?;
+        ensure!(on.0 == passes && on.3, "{name}: {:?}", on.0);
+        ensure!(on.1 != off.1, "{name} changes nothing");
+        ensure!(on.2 == off.2, "{name} changes direct light");
+        let half = run(&[&stage, "ao.resolution=half"])?;
+        ensure!(half.0.len() == passes.len() + 1 && half.0.last().is_some_and(|p| p == "ao.upsample"), "{:?}", half.0);
+        ensure!(run(&[&stage, "ao.range=0.0"])? == off, "{name} with a range of 0 is not as if it were off");
+    }
+    Ok(())
+}
+
+/// What the settings of the screen-space way cost in accuracy. White, and the best picture of one grey, are far beyond every limit.
+#[test]
+fn horizons_are_near_the_reference() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    for (name, size, limit) in [("cornell", [96, 96], 0.55), ("courtyard", [128, 72], 0.65)] {
+        let scene = builtin(name)?;
+        let truth = truth(&gpu, &scene, size, 1.0, 256)?;
+        let wanted = picture(size, truth.mean.iter().map(|m| m.x));
+        let mean = wanted.mean_luminance();
+        let grey = rmse(&picture(size, vec![mean; truth.mean.len()]), &wanted)?;
+        let error = |changes: &[&str]| -> Result<f64> {
+            let all: Vec<&str> = ["stages.ao=screen-space"].iter().chain(changes).copied().collect();
+            let found = picture(size, openness(&gpu, &scene, &all, size, 1)?);
+            let error = rmse(&found, &wanted)?;
+            println!(
+                "{name} {changes:?}: RMSE {error:.4}, relMSE {:.4}, mean {:.3} against {mean:.3}; one grey {grey:.4}",
+                relmse(&found, &wanted)?,
+                found.mean_luminance()
+            );
+            Ok(error)
+        };
+        let default = error(&[])?;
+        ensure!(default < limit * grey, "{name}: {default} against {grey}");
+        ensure!(error(&["ao.resolution=half"])? < (limit + 0.2) * grey, "{name} at half resolution");
+        ensure!(error(&["ao.slices=4", "ao.steps=16"])? < default * 1.1, "{name}: more work is worse");
+    }
+    Ok(())
+}
