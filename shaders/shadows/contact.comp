@@ -26,7 +26,7 @@ bool meets(ViewBuffer view, vec3 from, vec3 direction, float reach, float start)
         float depth = load(params.depth, pixel).r;
         if (depth <= 0.0) continue;
         float behind = clip.w - near / depth;
-        if (behind > TOLERANCE * pixel_spread(view) * clip.w && behind < params.length) return true;
+        if (behind > TOLERANCE * pixel_spread(view) * clip.w && behind < params.reach) return true;
     }
     return false;
 }
@@ -45,7 +45,7 @@ void main() {
     for (uint i = 0u; i < params.light_count; i++) {
         if (visibility[i] <= 0.0) continue;
         LightSample towards = sample_light(lights.at[MapLightBuffer(params.lights).at[i].light], surface.position);
-        float reach = min(params.length, towards.distance);
+        float reach = min(params.reach, towards.distance);
         float start = pixel_turn(pixel) / 6.28318531;
         if (meets(view, from, towards.direction, reach, start)) visibility[i] = 0.0;
     }

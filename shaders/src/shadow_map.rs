@@ -129,7 +129,7 @@ pub struct ContactParams {
     /// One light in each channel, to be darkened.
     pub visibility: StorageImage,
     /// How far to march, metres.
-    pub length: f32,
+    pub reach: f32,
     /// In how many steps.
     pub steps: u32,
 }

@@ -248,7 +248,7 @@ impl MapShadows {
                         depth: c.id(depth),
                         normal: c.id(normal),
                         visibility: c.id(target),
-                        length: chosen.contact,
+                        reach: chosen.contact,
                         steps: chosen.contact_steps,
                     };
                     c.dispatch(kernel, &params, extent);
