@@ -101,9 +101,10 @@ MapPoint project(uint kind, float size, MapLayer layer, float side, vec3 positio
     return p;
 }
 
-// Depth of the surface's plane at a place.
+// The depth that a place is compared with: of the surface's plane where that comes nearer to the light, else of the point itself. On the
+// side where the plane goes away from the light, another surface that meets it is no blocker, though it is above the plane's other half.
 float plane_depth(MapPoint p, vec2 at) {
-    return p.depth + dot(p.slope, at - p.at);
+    return p.depth + max(dot(p.slope, at - p.at), 0.0);
 }
 
 vec2 texel_centre(MapSheet sheet, ivec2 texel) {
@@ -130,15 +131,23 @@ float above_plane_beyond(MapSheet sheet, MapPoint p, ivec2 texel) {
     vec2 at = vec2(dot(ray, there.right), dot(ray, there.down)) / (dot(there.right, there.right) * dot(ray, there.forward));
     ivec2 met = texel_at(sheet, at);
     ray = face_ray(there, texel_centre(sheet, met));
-    float plane = there.depth * dot(p.normal, ray) / p.height;
-    return (stored_depth(sheet, met, other) - plane) / max(dot(ray, here.forward), 1e-3) - p.rounding;
+    // Both as depths of this face.
+    float depth = stored_depth(sheet, met, other) / max(dot(ray, here.forward), 1e-3);
+    float plane = there.depth * dot(p.normal, ray) / (p.height * max(dot(ray, here.forward), 1e-3));
+    return depth - max(plane, p.depth) - p.rounding;
 }
 
 // How much nearer to the light a texel is than the plane; above zero where it hides it.
 float above_plane(MapSheet sheet, MapPoint p, ivec2 texel) {
-    bool outside = any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, ivec2(int(sheet.side))));
-    if (outside && sheet.light.kind == MAP_FACES && sheet.light.layers > 1u) return above_plane_beyond(sheet, p, texel);
-    return stored_depth(sheet, texel, sheet.layer) - plane_depth(p, texel_centre(sheet, texel)) - p.rounding;
+    vec2 centre = texel_centre(sheet, texel);
+    if (sheet.light.kind == MAP_FACES && sheet.light.layers > 1u) {
+        MapLayer here = MapLayerBuffer(sheet.layers).at[sheet.light.first + uint(sheet.layer)];
+        // Nothing behind a lamp that shines to one side hides it.
+        if (dot(face_ray(here, centre), sheet.light.facing) < 0.0) return -1.0;
+        bool outside = any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, ivec2(int(sheet.side))));
+        if (outside) return above_plane_beyond(sheet, p, texel);
+    }
+    return stored_depth(sheet, texel, sheet.layer) - plane_depth(p, centre) - p.rounding;
 }
 
 // Share of a box of `width` texels around the point that is not hidden: every texel by its part of the box, so that it does not jump

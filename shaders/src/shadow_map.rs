@@ -72,6 +72,8 @@ pub struct MapLight {
     pub layers: u32,
     /// The tangent of half the angle of parallel light; of a lamp, the radius of a disc of its area, metres.
     pub size: f32,
+    /// The side that a lamp shines to, unit; zero where it shines all around.
+    pub facing: [f32; 3],
 }
 
 /// Push constants of `map_look.comp`.

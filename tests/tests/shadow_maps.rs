@@ -9,7 +9,7 @@ use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, material, sun};
 use rig::{Rig, at, block, floor, on_floor, passes, shadows, things, truth, values};
 
-const MAPS: &str = "shadows=shadow-map";
+const MAPS: &str = "stages.shadows=shadow-map";
 
 /// Lamps of every kind that shine on the things.
 fn lamps() -> Vec<(&'static str, Light)> {

@@ -55,7 +55,7 @@ pub fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4
 
 /// Hard shadows by rays: the truth of maps.
 pub fn truth(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
-    shadows(gpu, scene, &["shadows=ray-traced", "shadows.edges=hard"])
+    shadows(gpu, scene, &["stages.shadows=ray-traced", "shadows.edges=hard"])
 }
 
 /// A box around the origin.

@@ -105,6 +105,10 @@ impl MapShadows {
                 first: maps.iter().map(|m| m.layers.len() as u32).sum(),
                 layers: layers.len() as u32,
                 size: size(&caster.placed),
+                facing: match caster.placed.kind {
+                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => caster.placed.direction,
+                    _ => [0.0; 3],
+                },
             };
             maps.push(Map { light, image, layers });
         }
