@@ -175,6 +175,14 @@ vec2 disc_sample(uint i, uint count, float turn) {
     return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
+// The same, dense around the centre: as many samples between a hundredth and a tenth of the radius as between a tenth and a half, so that
+// what is near is found however far the search goes.
+vec2 search_sample(uint i, uint count, float turn) {
+    float angle = float(i) * 2.39996323 + turn;
+    float share = (float(i) + 0.5) / float(count);
+    return share * share * vec2(cos(angle), sin(angle));
+}
+
 // An angle for each pixel, as different as possible from those of its neighbours (Jimenez 2014, "Next Generation Post Processing in Call of Duty: Advanced
 // Warfare": interleaved gradient noise).
 float pixel_turn(ivec2 pixel) {

@@ -47,7 +47,7 @@ float soft(MapLight light, MapSheet sheet, MapPoint p, float turn, out bool mixe
     float sum = 0.0;
     uint found = 0u;
     for (uint i = 0u; i < params.taps; i++) {
-        ivec2 texel = texel_at(sheet, p.at + max(radius, slack) * disc_sample(i, params.taps, turn));
+        ivec2 texel = texel_at(sheet, p.at + max(radius, slack) * search_sample(i, params.taps, turn));
         vec2 centre = texel_centre(sheet, texel);
         float above = above_plane(sheet, p, texel);
         float depth = above + p.rounding + plane_depth(p, centre);

@@ -77,7 +77,8 @@ fn a_lit_plane_has_no_acne_down_to_grazing_light() -> Result<()> {
         scene.lights = vec![sun(Vec3::new(0.8 * cosine, sine, 0.6 * cosine))];
         for filter in ["none", "pcf", "pcss"] {
             if let Light::Directional { angular_radius, .. } = &mut scene.lights[0] {
-                *angular_radius = if filter == "pcss" { 0.27_f32.to_radians().min(0.5 * degrees.to_radians()) } else { 0.0 };
+                *angular_radius =
+                    if filter == "pcss" { 0.27_f32.to_radians().min(0.5 * degrees.to_radians()) } else { 0.0 };
             }
             let lit = shadows(&gpu, &scene, &[MAPS, &format!("shadows.filter={filter}")])?;
             let floor = truth(&gpu, &scene)?;
@@ -108,7 +109,9 @@ fn shadows_begin_at_the_foot_of_what_casts_them() -> Result<()> {
         for size in [512, 2048] {
             let got = shadows(&gpu, &scene, &[MAPS, "shadows.filter=none", &format!("shadows.map_size={size}")])?;
             let place = |p: &usize| on_floor(&scene.cameras[0], *p).x;
-            let ground = |p: &usize| (0.0..0.6).contains(&place(p));
+            // Half of the shadow: its far edge is another matter.
+            let half = 0.5 / f64::from(degrees.to_radians().tan());
+            let ground = |p: &usize| (0.0..half.min(0.6)).contains(&place(p));
             let leaks = (0..got.len()).filter(ground).filter(|p| want[*p][0] < 0.5 && got[*p][0] > 0.5);
             let gap = leaks.map(|p| place(&p)).fold(0.0, f64::max);
             ensure!((0..got.len()).filter(ground).any(|p| want[p][0] < 0.5), "no shadow");
@@ -117,6 +120,35 @@ fn shadows_begin_at_the_foot_of_what_casts_them() -> Result<()> {
             println!("{degrees} degrees, {size} texels: lit up to {:.4} m, {:.2} texels", gap, gap / texel);
             ensure!(gap < 2.0 * texel, "{degrees} degrees, {size}: {gap} m are lit, a texel is {texel} m");
         }
+    }
+    Ok(())
+}
+
+/// A slab on a floor: how much of the shadow at its foot is found where it is lower than texels are wide.
+#[test]
+fn what_is_lower_than_a_texel_loses_its_shadow() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    // One map of the whole scene, which is 16 m wide, in cells of a grid of 2 m.
+    let texel = 17.0 / 512.0;
+    for texels in [0.25_f32, 0.5, 1.0, 2.0, 4.0] {
+        let height = texels * texel;
+        let mut scene = floor(8.0, Vec3::new(0.0, 1.0, 1.0), Vec3::ZERO);
+        add(
+            &mut scene,
+            block(Vec3::new(0.3, 0.5 * height, 4.0)),
+            material([0.5; 3], 0.0, 1.0),
+            at(-0.3, 0.5 * height, 0.0),
+        );
+        scene.lights = vec![sun(Vec3::new(-1.0, 0.5, 0.0))];
+        supply_missing(&mut scene);
+        let want = truth(&gpu, &scene)?;
+        let got = shadows(&gpu, &scene, &[MAPS, "shadows.filter=none", "shadows.map_size=512"])?;
+        let ground = |p: &usize| (0.0..2.0 * f64::from(height)).contains(&on_floor(&scene.cameras[0], *p).x);
+        let dark: Vec<usize> = (0..got.len()).filter(ground).filter(|p| want[*p][0] < 0.5).collect();
+        let found = dark.iter().filter(|p| got[**p][0] < 0.5).count();
+        println!("a slab of {texels} texels: {found} of {} dark pixels are found", dark.len());
+        ensure!(dark.len() > 20, "{} dark pixels", dark.len());
+        ensure!(texels < 4.0 || 10 * found > 8 * dark.len(), "{texels} texels: {found} of {}", dark.len());
     }
     Ok(())
 }
@@ -150,10 +182,8 @@ fn the_penumbra_of_pcss_has_about_the_analytic_width() -> Result<()> {
     for edge in [0.4, 0.8, 1.2, 1.6, 2.0] {
         let mut scene = floor(6.0, Vec3::new(0.0, 0.0, 0.0), Vec3::Y);
         // From below the sheet, so that it does not hide the floor.
-        scene.cameras[0] = Camera {
-            near: 1e-3,
-            ..magpie_tests::made::camera(DVec3::new(0.9, 0.38, 1.6), DVec3::new(0.05, 0.0, 0.0))
-        };
+        scene.cameras[0] =
+            Camera { near: 1e-3, ..magpie_tests::made::camera(DVec3::new(0.9, 0.38, 1.6), DVec3::new(0.05, 0.0, 0.0)) };
         let sheet = magpie_tests::made::mesh(
             "sheet",
             [[-6.0, 6.0], [0.0, 6.0], [0.0, -6.0], [-6.0, -6.0]].map(|[x, z]| Vec3::new(x, edge, z)).to_vec(),
@@ -176,16 +206,25 @@ fn the_penumbra_of_pcss_has_about_the_analytic_width() -> Result<()> {
                 *sum = (sum.0 + f64::from(value[0]), sum.1 + 1.0);
             }
         }
-        let means: Vec<(f64, f64)> = sums.iter().zip(-48..).filter(|(s, _)| s.1 > 0.0).map(|(s, i)| (slice * (f64::from(i) + 0.5), s.0 / s.1)).collect();
+        let means: Vec<(f64, f64)> = sums
+            .iter()
+            .zip(-48..)
+            .filter(|(s, _)| s.1 > 0.0)
+            .map(|(s, i)| (slice * (f64::from(i) + 0.5), s.0 / s.1))
+            .collect();
         let crossing = |level: f64| {
             let pair = means.windows(2).find(|w| w[0].1 <= level && w[1].1 > level);
             pair.map(|w| w[0].0 + (level - w[0].1) / (w[1].1 - w[0].1) * (w[1].0 - w[0].0))
         };
         let (from, to) = (crossing(0.1).context("never dark")?, crossing(0.9).context("never lit")?);
-        println!("edge at {edge} m: {:.4} m wide, {want:.4} by the area of the disc, ratio {:.3}", to - from, (to - from) / want);
+        println!(
+            "edge at {edge} m: {:.4} m wide, {want:.4} by the area of the disc, ratio {:.3}",
+            to - from,
+            (to - from) / want
+        );
         told.push((to - from) / want);
     }
-    ensure!(told.iter().all(|r| (0.6..1.5).contains(r)), "{told:?}");
+    ensure!(told.iter().all(|r| (0.9..1.1).contains(r)), "{told:?}");
     Ok(())
 }
 
@@ -200,7 +239,9 @@ fn a_map_is_drawn_anew_only_where_something_moved() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("carousel")?;
     let mut rig = Rig::new(&gpu, &scene, &[MAPS, "shadows.map_size=512", "shadows.lamp_map_size=256"])?;
-    let drawn = |names: &[String]| names.iter().filter(|n| n.starts_with("shadows.map_") && n.ends_with(char::is_numeric)).count();
+    let drawn = |names: &[String]| {
+        names.iter().filter(|n| n.starts_with("shadows.map_") && n.ends_with(char::is_numeric)).count()
+    };
     let mut frame = |time: f64| -> Result<(usize, Vec<[f32; 4]>)> {
         let result = rig.frame(&scene.cameras[0], time)?;
         Ok((drawn(&passes(&result)), values(&result)?))
@@ -238,7 +279,9 @@ fn cascades_are_drawn_anew_only_every_few_steps_of_the_camera() -> Result<()> {
 fn lights_without_shadows_and_marches_without_length_have_no_pass() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = things(&[sun(Vec3::new(0.5, 0.8, 0.4)), lamps().remove(1).1]);
-    let names = |changes: &[&str]| -> Result<Vec<String>> { Ok(passes(&Rig::new(&gpu, &scene, changes)?.frame(&scene.cameras[0], 0.0)?)) };
+    let names = |changes: &[&str]| -> Result<Vec<String>> {
+        Ok(passes(&Rig::new(&gpu, &scene, changes)?.frame(&scene.cameras[0], 0.0)?))
+    };
     let is = |names: &[String], part: &str| names.iter().any(|n| n.starts_with(part));
     let both = names(&[MAPS])?;
     ensure!(is(&both, "shadows.map_0_") && is(&both, "shadows.map_1_") && is(&both, "shadows.map_look"), "{both:?}");

@@ -135,7 +135,12 @@ impl PassBuilder<'_> {
     }
 
     /// Draws into one layer of a depth image, cleared to `clear` first; the other layers keep what they hold.
-    pub fn depth_layer(&mut self, image: WriteHandle<Image>, layer: u32, clear: f32) -> (WriteHandle<Image>, DepthToken) {
+    pub fn depth_layer(
+        &mut self,
+        image: WriteHandle<Image>,
+        layer: u32,
+        clear: f32,
+    ) -> (WriteHandle<Image>, DepthToken) {
         let token = DepthToken { resource: image.at.id, pass: self.pass };
         self.graph.declaration.clears.push((self.graph.declaration.uses.len() as u32, Clear::Depth(clear)));
         let part = Part { mip: 0, mips: 1, ..Part::layer(layer) };

@@ -361,5 +361,8 @@ fn a_layer_to_draw_is_one_of_a_depth_image() {
     with(&mut g, "beyond", |p| p.depth_layer(depth, 3, 0.0));
     with(&mut g, "wrong", |p| p.depth_layer(colour, 0, 0.0));
     let found = errors(g);
-    assert!(matches!(&found[..], [GraphError::Part { mips: 1, layers: 3, .. }, GraphError::Format { .. }]), "{found:?}");
+    assert!(
+        matches!(&found[..], [GraphError::Part { mips: 1, layers: 3, .. }, GraphError::Format { .. }]),
+        "{found:?}"
+    );
 }

@@ -138,14 +138,17 @@ mod tests {
     fn the_view_is_covered_wherever_the_camera_is() {
         for i in 0..50 {
             let t = f64::from(i);
-            let (eye, to) = (DVec3::new(3.0 * t, 2.0 + t.sin(), -2.0 * t), DVec3::new((2.1 * t).cos() * 900.0, 0.0, 300.0));
+            let (eye, to) =
+                (DVec3::new(3.0 * t, 2.0 + t.sin(), -2.0 * t), DVec3::new((2.1 * t).cos() * 900.0, 0.0, 300.0));
             let camera = camera(eye, to);
             let (layers, ends) = (made(eye, to), ends(0.1, 100.0, &DIVISION));
             assert_eq!(layers.len(), 4);
             let tangent = (0.5 * f64::from(camera.vertical_fov)).tan();
             let mut begin = 0.1;
             for (layer, end) in layers.iter().zip(ends) {
-                for (z, x, y) in [(begin, -1.0, -1.0), (begin, 1.0, 1.0), (end, -1.0, 1.0), (end, 1.0, 1.0), (end, 1.0, -1.0)] {
+                for (z, x, y) in
+                    [(begin, -1.0, -1.0), (begin, 1.0, 1.0), (end, -1.0, 1.0), (end, 1.0, 1.0), (end, 1.0, -1.0)]
+                {
                     let local = DVec3::new(x * tangent * z * 16.0 / 9.0, y * tangent * z, -z);
                     let v = camera.world_from_camera.transform_point3(local) - layer.origin;
                     let square = layer.right.length_squared() * (1.0 + 1e-9);

@@ -191,7 +191,8 @@ mod tests {
         assert!(meets(unit(0.0, 0.0, -3.0)) && meets(unit(0.0, 0.0, 0.0)) && meets(unit(3.9, 0.0, -3.0)));
         assert!(!meets(unit(0.0, 0.0, 2.0)) && !meets(unit(4.2, 0.0, -3.0)) && !meets(Bounds::EMPTY));
         let down = DVec3::NEG_Y;
-        let layer = Layer { is_box: true, origin: DVec3::ZERO, right: DVec3::X, down: DVec3::Z, forward: down, depth: 5.0 };
+        let layer =
+            Layer { is_box: true, origin: DVec3::ZERO, right: DVec3::X, down: DVec3::Z, forward: down, depth: 5.0 };
         let meets = |b: Bounds| layer.meets(&b, DVec3::ZERO);
         assert!(meets(unit(1.4, 0.0, 0.0)) && meets(unit(0.0, 5.4, 0.0)) && meets(unit(0.0, 2.0, -1.4)));
         assert!(!meets(unit(1.6, 0.0, 0.0)) && !meets(unit(0.0, 5.6, 0.0)) && !meets(unit(0.0, -0.6, 0.0)));

@@ -18,9 +18,7 @@ use magpie::stage::{Build, Settings, StageError};
 use magpie_shaders::scene::{
     LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT, Light as SharedLight,
 };
-use magpie_shaders::shadow_map::{
-    ContactParams, MAP_CASCADES, MAP_FACES, MAP_LIGHTS, MapLayer, MapLight, MapParams,
-};
+use magpie_shaders::shadow_map::{ContactParams, MAP_CASCADES, MAP_FACES, MAP_LIGHTS, MapLayer, MapLight, MapParams};
 use magpie_shaders::{
     SHADOWS_CONTACT_COMP, SHADOWS_MAP_FRAG, SHADOWS_MAP_LOOK_COMP, SHADOWS_MAP_SPHERE_FRAG, SHADOWS_MAP_SPHERE_VERT,
     SHADOWS_MAP_VERT, SampledImage, StorageImage,
