@@ -5,6 +5,7 @@ mod rig;
 use anyhow::{Context, Result, ensure};
 use glam::{DVec3, Vec3};
 use magpie::scene::{Camera, Light, supply_missing};
+use magpie_shaders::shadow_map::{UNSURE_ANY, UNSURE_CONTACT, UNSURE_OUTSIDE, UNSURE_PENUMBRA, UNSURE_RESOLUTION};
 use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, material, sun};
 use rig::{Rig, at, block, floor, on_floor, passes, shadows, things, truth, values};
@@ -62,6 +63,40 @@ fn four_lights_share_an_image_and_each_has_its_own_map() -> Result<()> {
     for channel in 0..4 {
         let (differ, lit) = apart(&got, &want, channel);
         ensure!(differ < 0.01 && lit > 0.05, "channel {channel}: {differ} differ, {lit} are lit");
+    }
+    Ok(())
+}
+
+#[test]
+fn where_maps_are_wrong_they_are_not_sure() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    for (name, light) in lamps() {
+        let scene = things(&[light]);
+        let want = truth(&gpu, &scene)?;
+        let changes =
+            [MAPS, "shadows.filter=pcf", "shadows.doubts=true", "shadows.map_size=512", "shadows.lamp_map_size=256"];
+        let mut rig = Rig::new(&gpu, &scene, &changes)?;
+        let got = values(&rig.frame(&scene.cameras[0], 0.0)?)?;
+        let unsure = rig.view(&scene.cameras[0], ("shadows.map_look", "unsure"))?;
+        let bits = |p: usize, reason: u32| unsure[p][0] as u32 & reason != 0;
+        let wrong: Vec<usize> = (0..want.len()).filter(|p| (got[*p][0] - want[*p][0]).abs() > 0.25).collect();
+        let known = wrong.iter().filter(|p| bits(**p, UNSURE_ANY)).count();
+        let share = |reason: u32| (0..want.len()).filter(|p| bits(*p, reason)).count() as f64 / want.len() as f64;
+        println!(
+            "{name}: {} pixels are wrong, {known} of them unsure; unsure are {:.1} %: penumbra {:.1}, contact {:.1}, resolution {:.1}, outside {:.1}",
+            wrong.len(),
+            100.0 * share(UNSURE_ANY),
+            100.0 * share(UNSURE_PENUMBRA),
+            100.0 * share(UNSURE_CONTACT),
+            100.0 * share(UNSURE_RESOLUTION),
+            100.0 * share(UNSURE_OUTSIDE)
+        );
+        ensure!(
+            wrong.len() > 10 && 8 * (wrong.len() - known) <= wrong.len(),
+            "{name}: {known} of {} wrong ones",
+            wrong.len()
+        );
+        ensure!((0.005..0.35).contains(&share(UNSURE_ANY)), "{name}: {} of the pixels are unsure", share(UNSURE_ANY));
     }
     Ok(())
 }

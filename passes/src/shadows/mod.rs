@@ -68,8 +68,7 @@ impl Shadows {
             return visibility;
         }
         let content = Content::Channels(lights.len() as u32);
-        let noisy =
-            DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
+        let noisy = DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
         self.denoiser.add(g, view, noisy, name)
     }
 }

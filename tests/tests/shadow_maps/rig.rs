@@ -29,6 +29,13 @@ impl Rig {
         Ok(Self { renderer })
     }
 
+    /// An output of a pass.
+    pub fn view(&mut self, camera: &Camera, view: (&str, &str)) -> Result<Vec<[f32; 4]>> {
+        let request = FrameRequest { camera, time: 0.0, view: Some(view), read_back: true };
+        let result = self.renderer.frame(request)?.context("a size of zero")?;
+        Ok(result.images.context("no image was read back")?.linear.values())
+    }
+
     pub fn frame(&mut self, camera: &Camera, time: f64) -> Result<FrameResult> {
         let request = FrameRequest { camera, time, view: None, read_back: true };
         let result = self.renderer.frame(request)?.context("a size of zero")?;

@@ -50,6 +50,7 @@ pub struct MapOut {
     /// The share of a light in each channel that is seen.
     pub visibility: Handle<Image>,
     /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; where they were asked for.
+    #[allow(dead_code, reason = "for techniques that ask rays where maps are not sure")]
     pub unsure: Option<Handle<Image>>,
 }
 
@@ -208,7 +209,8 @@ impl MapShadows {
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
             let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
-            let unsure = classify.then(|| p.create("unsure", ImageDesc::like(Format::R32Uint, i.gbuffer.depth)));
+            let unsure = (classify || chosen.doubts)
+                .then(|| p.create("unsure", ImageDesc::like(Format::R32Uint, i.gbuffer.depth)));
             let (unsure, mask) = unsure.map_or((None, None), |(image, token)| (Some(image.read()), Some(token)));
             let extent = p.extent(i.gbuffer.depth);
             ((visibility, unsure), move |c: &mut Record<'_>| {

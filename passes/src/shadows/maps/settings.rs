@@ -26,6 +26,8 @@ pub struct Chosen {
     pub contact: f32,
     /// Steps of its march.
     pub contact_steps: u32,
+    /// Say where maps are not to be trusted, whoever asks.
+    pub doubts: bool,
     /// Pixels that a texel may be wide before an edge near it is unsure.
     pub coarse: f32,
 }
@@ -116,6 +118,11 @@ pub fn settings() -> Vec<SettingSpec> {
             16,
             (4, 64),
         ),
+        SettingSpec::switch(
+            "doubts",
+            "Maps also say where they are not to be trusted, for `--view shadows.map_look:unsure`; `hybrid` always asks.",
+            false,
+        ),
         SettingSpec::float(
             "coarse",
             "pixels",
@@ -150,6 +157,7 @@ impl Chosen {
             blend: settings.f32("blend")?,
             contact: settings.f32("contact")?,
             contact_steps: settings.u32("contact_steps")?,
+            doubts: settings.switch("doubts")?,
             coarse: settings.f32("coarse")?,
         })
     }
