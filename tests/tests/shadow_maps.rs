@@ -92,7 +92,7 @@ fn where_maps_are_wrong_they_are_not_sure() -> Result<()> {
             100.0 * share(UNSURE_OUTSIDE)
         );
         ensure!(
-            wrong.len() > 10 && 8 * (wrong.len() - known) <= wrong.len(),
+            wrong.len() > 10 && 20 * (wrong.len() - known) <= wrong.len(),
             "{name}: {known} of {} wrong ones",
             wrong.len()
         );

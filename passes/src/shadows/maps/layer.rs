@@ -101,9 +101,19 @@ impl Layer {
 pub fn faces(position: DVec3, facing: Option<DVec3>, near: f64) -> Vec<Layer> {
     let forward = facing.unwrap_or(DVec3::Z);
     let (right, down) = across(forward);
-    let around = [forward, right, -right, down, -down, -forward];
+    // Each with an axis of the cube for its right, so that the edges meet.
+    let around =
+        [(forward, right), (right, down), (-right, down), (down, forward), (-down, forward), (-forward, right)];
     let count = if facing.is_some() { 5 } else { 6 };
-    around[..count].iter().map(|forward| face(position, *forward, 1.0, near)).collect()
+    let one = |(forward, right): &(DVec3, DVec3)| Layer {
+        is_box: false,
+        origin: position,
+        right: *right,
+        down: forward.cross(*right),
+        forward: *forward,
+        depth: near,
+    };
+    around[..count].iter().map(one).collect()
 }
 
 /// A pyramid whose sides lean by an angle of this tangent.
