@@ -43,7 +43,7 @@ fn maps_agree_with_hard_rays_for_every_kind_of_light() -> Result<()> {
     for (name, light) in lamps() {
         let scene = things(&[light]);
         let want = truth(&gpu, &scene)?;
-        for (filter, limit) in [("none", 0.01), ("pcf", 0.01)] {
+        for (filter, limit) in [("none", 0.002), ("pcf", 0.002)] {
             let got = shadows(&gpu, &scene, &[MAPS, &format!("shadows.filter={filter}")])?;
             let (differ, lit) = apart(&got, &want, 0);
             println!("{name}, {filter}: {:.3} % of the pixels differ, {:.1} % are lit", 100.0 * differ, 100.0 * lit);
@@ -62,7 +62,7 @@ fn four_lights_share_an_image_and_each_has_its_own_map() -> Result<()> {
     let (want, got) = (truth(&gpu, &scene)?, shadows(&gpu, &scene, &[MAPS, "shadows.filter=pcf"])?);
     for channel in 0..4 {
         let (differ, lit) = apart(&got, &want, channel);
-        ensure!(differ < 0.01 && lit > 0.05, "channel {channel}: {differ} differ, {lit} are lit");
+        ensure!(differ < 0.002 && lit > 0.05, "channel {channel}: {differ} differ, {lit} are lit");
     }
     Ok(())
 }
