@@ -183,8 +183,8 @@ vec2 search_sample(uint i, uint count, float turn) {
     return share * share * vec2(cos(angle), sin(angle));
 }
 
-// An angle for each pixel, as different as possible from those of its neighbours (Jimenez 2014, "Next Generation Post Processing in Call of Duty: Advanced
-// Warfare": interleaved gradient noise).
+// An angle for each pixel, as different as possible from those of its neighbours (Jimenez 2014, "Next Generation Post
+// Processing in Call of Duty: Advanced Warfare": interleaved gradient noise).
 float pixel_turn(ivec2 pixel) {
     return 6.28318531 * fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
 }
