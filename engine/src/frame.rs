@@ -2,7 +2,7 @@
 use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
-use crate::scene::{Camera, Caster, ResidentScene};
+use crate::scene::{Camera, Caster, Placed, ResidentScene};
 use glam::{DVec3, Mat4};
 use magpie_shaders::SampledImage;
 use magpie_shaders::scene::NO_TEXTURE;
@@ -20,6 +20,14 @@ pub struct View {
     pub draws: Arc<[Draw]>,
     /// The lights that can cast shadows, the one that matters most first.
     pub casters: Arc<[Caster]>,
+    /// Where the instances of the scene are.
+    pub placed: Arc<[Placed]>,
+    /// The scene's own number.
+    pub scene: u64,
+    /// From where the frame is seen.
+    pub camera: Camera,
+    /// The world point from which the frame's coordinates are counted, metres.
+    pub origin: DVec3,
     /// The scene has a sky.
     pub has_sky: bool,
 }
@@ -90,6 +98,10 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws().clone(),
             casters: casters.into(),
+            placed: scene.placed().clone(),
+            scene: scene.number(),
+            camera: camera.clone(),
+            origin,
             has_sky: scene.sky().is_some(),
         })
     }

@@ -19,6 +19,7 @@ pub mod post;
 pub mod rays;
 pub mod reference;
 pub mod scene;
+pub mod shadow_map;
 pub mod shadows;
 pub mod sky;
 pub mod sky_light;

@@ -107,6 +107,8 @@ impl ImageBarrier {
 /// A target of a draw list.
 pub(crate) struct Attachment<'a> {
     pub image: &'a Image,
+    /// One mip of one layer of it, prepared unless it is the first of both.
+    pub part: Part,
     /// Cleared to this value; `None` keeps what is there. Depth reads the first number.
     pub clear: Option<[f32; 4]>,
     /// Somebody reads the result.
@@ -250,7 +252,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    /// Begins drawing into these targets, over all of `extent`, which is the size of each.
+    /// Begins drawing into these targets, over all of `extent`, which is the size of each part.
     pub fn begin_rendering(&mut self, extent: Extent, colours: &[Attachment<'_>], depth: Option<&Attachment<'_>>) {
         let info = |a: &Attachment<'_>, layout| {
             let is_depth = a.image.format().is_depth();
@@ -263,7 +265,7 @@ impl CommandEncoder {
                 vk::ClearValue { color: vk::ClearColorValue { float32: clear } }
             };
             vk::RenderingAttachmentInfo::default()
-                .image_view(a.image.target)
+                .image_view(a.image.target_part(a.part))
                 .image_layout(layout)
                 .load_op(if a.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
                 .store_op(if a.store { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
@@ -444,6 +446,14 @@ impl CommandEncoder {
             } else {
                 device.cmd_clear_color_image(self.buffer, image.raw, layout, &vk::ClearColorValue::default(), &range);
             }
+        }
+    }
+
+    /// Fills some bytes of a buffer, at most 65536; offset and count are multiples of four.
+    pub fn fill_buffer(&mut self, to: &Buffer, offset: u64, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            // SAFETY: the command buffer is recording, outside of rendering; the caller keeps the range inside of the buffer.
+            unsafe { self.gpu.raw().cmd_update_buffer(self.buffer, to.raw, offset, bytes) };
         }
     }
 

@@ -38,7 +38,9 @@ pub struct Image {
     pub(super) raw: vk::Image,
     view: vk::ImageView,
     /// Mip 0 of layer 0, to draw to.
-    pub(super) target: vk::ImageView,
+    target: vk::ImageView,
+    /// Other parts to draw to.
+    targets: RwLock<Vec<(Part, vk::ImageView)>>,
     sampled: Option<u32>,
     storage: Option<u32>,
     /// Places of parts of it.
@@ -49,6 +51,9 @@ pub struct Image {
     info: ImageInfo,
     bytes: u64,
 }
+
+/// Mip 0 of layer 0.
+const FIRST: Part = Part { mip: 0, mips: 1, layer: 0, layers: 1 };
 
 /// Where a part of an image is in the bindless set.
 #[derive(Clone, Copy)]
@@ -130,6 +135,7 @@ impl Image {
             raw,
             view: vk::ImageView::null(),
             target: vk::ImageView::null(),
+            targets: RwLock::default(),
             sampled: None,
             storage: None,
             parts: RwLock::default(),
@@ -142,8 +148,7 @@ impl Image {
         bound.map_err(GpuError::call("vkBindImageMemory"))?;
         let whole = Part::ALL.of(info.mips, info.layers);
         made.view = made.make_view(whole)?;
-        let first = Part { mip: 0, mips: 1, layer: 0, layers: 1 };
-        made.target = if whole == first || !info.usage.attachment { made.view } else { made.make_view(first)? };
+        made.target = if whole == FIRST || !info.usage.attachment { made.view } else { made.make_view(FIRST)? };
         let ImageUse { sampled, storage, attachment } = info.usage;
         if sampled {
             made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !storage && !attachment)?);
@@ -193,6 +198,26 @@ impl Image {
         let place = PartPlace { part, storage, index };
         self.parts.write().unwrap_or_else(std::sync::PoisonError::into_inner).push(place);
         Ok(())
+    }
+
+    /// Makes a part, one mip of one layer, ready to be drawn to.
+    pub(crate) fn prepare_target(&self, part: Part) -> Result<(), GpuError> {
+        if part == FIRST || self.other_target(part).is_some() {
+            return Ok(());
+        }
+        let view = self.make_view(part)?;
+        self.targets.write().unwrap_or_else(std::sync::PoisonError::into_inner).push((part, view));
+        Ok(())
+    }
+
+    fn other_target(&self, part: Part) -> Option<vk::ImageView> {
+        let targets = self.targets.read().unwrap_or_else(std::sync::PoisonError::into_inner);
+        targets.iter().find(|(known, _)| *known == part).map(|(_, view)| *view)
+    }
+
+    /// What to draw to for a part that is prepared; mip 0 of layer 0 always is.
+    pub(super) fn target_part(&self, part: Part) -> vk::ImageView {
+        self.other_target(part).unwrap_or(self.target)
     }
 
     fn is_whole(&self, part: Part, storage: bool) -> bool {

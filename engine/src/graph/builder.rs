@@ -60,6 +60,15 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
+    /// Makes a buffer that the pass fills from the host, or with copies.
+    pub fn fill_buffer(&mut self, name: &str, desc: BufferDesc) -> (WriteHandle<Buffer>, CopyTarget) {
+        let shape = self.graph.buffer_shape(name, desc);
+        let handle = self.make(name, shape, Access::CopyWrite, Part::ALL, None);
+        self.graph.note_content(handle.at.id, desc);
+        let token = CopyTarget { resource: handle.at.id, pass: self.pass };
+        (handle, token)
+    }
+
     /// Makes an acceleration structure of `bytes` bytes by a build.
     pub fn build<K: Accel>(&mut self, name: &str, bytes: u64) -> (WriteHandle<K>, BuildToken) {
         let handle = self.make_accel(name, bytes, Access::Build);
@@ -123,6 +132,19 @@ impl PassBuilder<'_> {
     pub fn depth_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, DepthToken) {
         let token = DepthToken { resource: image.at.id, pass: self.pass };
         (self.change(image, Access::DepthLoad, Part::ALL), token)
+    }
+
+    /// Draws into one layer of a depth image, cleared to `clear` first; the other layers keep what they hold.
+    pub fn depth_layer(
+        &mut self,
+        image: WriteHandle<Image>,
+        layer: u32,
+        clear: f32,
+    ) -> (WriteHandle<Image>, DepthToken) {
+        let token = DepthToken { resource: image.at.id, pass: self.pass };
+        self.graph.declaration.clears.push((self.graph.declaration.uses.len() as u32, Clear::Depth(clear)));
+        let part = Part { mip: 0, mips: 1, ..Part::layer(layer) };
+        (self.change(image, Access::Depth, part), token)
     }
 
     /// Reads and writes a storage image. One that was imported without contents must be written everywhere.
@@ -264,7 +286,7 @@ impl PassBuilder<'_> {
         self.graph.assert_own(handle.at);
         self.check_format(resource, access);
         let part = self.resolve(resource, part);
-        if access.is_attachment() {
+        if access.is_attachment() && access.reads() {
             // A storage write or a copy may replace everything; an attachment that is not cleared shows what was there.
             self.check_contents(resource, version, access);
         }

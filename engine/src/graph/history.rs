@@ -1,5 +1,5 @@
-//! What outlives a frame: histories, which hand images or buffers from each frame to the next, and buffers that keep what they
-//! hold.
+//! What outlives a frame: histories, which hand images or buffers from each frame to the next, and buffers and layered images that
+//! keep what they hold.
 //!
 //! A history is a pair. Each frame reads one half and writes the other, and they change places when the frame has run. What
 //! it reads is valid when the frame before wrote it, in the same size, for the same instance of the effect, and no camera cut
@@ -15,8 +15,12 @@ use std::{
 };
 
 use super::{
-    declaration::Shape,
+    access::{Access, Domain},
+    declaration::{ImportKey, Shape},
+    desc::ImageDesc,
+    error::GraphError,
     handle::{Buffer, Handle, Image, WriteHandle},
+    pass::{FrameGraph, in_any_pass},
 };
 
 /// The owner of histories: one instance of an effect has one, so that another implementation in its slot starts anew.
@@ -64,6 +68,15 @@ pub struct KeptBuffer {
     pub valid_bytes: u64,
 }
 
+/// A layered image that keeps what it holds, for what is made once and looked at for many frames.
+#[derive(Debug)]
+pub struct KeptLayers {
+    /// The image.
+    pub image: WriteHandle<Image>,
+    /// The layers that do not hold what the frame wants, in ascending order: it writes all of them, if it reads any.
+    pub stale: Vec<u32>,
+}
+
 /// How something outlives a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keeping {
@@ -71,6 +84,8 @@ pub(super) enum Keeping {
     Pair,
     /// One buffer.
     Single,
+    /// One image, which knows of each layer what it was made from.
+    Layers,
 }
 
 /// What is known of one history or kept buffer.
@@ -89,6 +104,10 @@ pub(super) struct Entry {
     fresh: bool,
     /// Bytes of a kept buffer that hold something.
     pub valid_bytes: u64,
+    /// What each layer of a kept image was made from; none where it was not made.
+    held: Vec<Option<u64>>,
+    /// What this frame wants of each layer.
+    wanted: Vec<u64>,
     /// This frame declared it.
     pub declared: bool,
 }
@@ -161,6 +180,22 @@ impl Pages {
         Some((entry.slot, grown, entry.valid_bytes))
     }
 
+    /// Declares a kept image, whose layers are to be made from what these keys stand for; gives its slot and the layers that are not.
+    pub fn declare_layers(
+        &mut self,
+        scope: &HistoryScope,
+        name: Cow<'static, str>,
+        shape: Shape,
+        keys: &[u64],
+    ) -> Option<(u32, Vec<u32>)> {
+        let entry = self.declare(scope, name, Keeping::Layers, shape)?;
+        (entry.shape, entry.wanted) = (shape, keys.to_vec());
+        let there = entry.left == Some(shape);
+        let holds = |layer: usize| there && entry.held.get(layer).copied().flatten() == Some(keys[layer]);
+        let stale = (0..keys.len()).filter(|layer| !holds(*layer)).map(|layer| layer as u32).collect();
+        Some((entry.slot, stale))
+    }
+
     fn declare(
         &mut self,
         scope: &HistoryScope,
@@ -171,7 +206,9 @@ impl Pages {
         let Self { entries, free, next_slot, births } = self;
         let mut new = |slot: u32| {
             *births += 1;
-            Entry { slot, birth: *births, keeping, shape, left: None, fresh: false, valid_bytes: 0, declared: false }
+            let (held, wanted) = (Vec::new(), Vec::new());
+            let (left, fresh, valid_bytes, declared) = (None, false, 0, false);
+            Entry { slot, birth: *births, keeping, shape, left, fresh, valid_bytes, held, wanted, declared }
         };
         let entry = entries.entry((scope.0, name)).or_insert_with(|| {
             let slot = free.pop().unwrap_or_else(|| {
@@ -204,6 +241,10 @@ impl Pages {
                 return false;
             }
             let written = written(entry.slot);
+            if entry.keeping == Keeping::Layers && (written || entry.left != Some(entry.shape)) {
+                // A frame that wrote any layer wrote all that were stale.
+                entry.held = entry.wanted.iter().map(|key| written.then_some(*key)).collect();
+            }
             (entry.left, entry.fresh) = (Some(entry.shape), written);
             if written {
                 entry.valid_bytes = entry.shape.bytes();
@@ -211,6 +252,33 @@ impl Pages {
             true
         });
         free.sort_unstable_by(|a, b| b.cmp(a));
+    }
+}
+
+impl FrameGraph {
+    /// A layered image that keeps what it holds from frame to frame, camera cuts or not. `keys`, one for each layer, stand for
+    /// everything that the layers are made from; a layer is stale where the newest frame that wrote the image had another key for
+    /// it, and in another size or format. A frame that reads the image writes every stale layer first, and where there is none it
+    /// needs no pass to do so. What was never written is zero. It lasts as long as each frame declares it.
+    pub fn kept_layers(
+        &mut self,
+        scope: &HistoryScope,
+        name: impl Into<Cow<'static, str>>,
+        desc: ImageDesc,
+        keys: &[u64],
+    ) -> KeptLayers {
+        let name = name.into();
+        let desc = ImageDesc { layers: keys.len() as u32, ..desc };
+        let shape = self.image_shape(&name, desc);
+        let declared = self.book.open().declare_layers(scope, name.clone(), shape, keys);
+        let (slot, stale) = declared.unwrap_or_else(|| {
+            self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
+            (u32::MAX, Vec::new())
+        });
+        let last = in_any_pass(Access::Sample);
+        let image: Handle<Image> = self.import(&name, shape, last, Access::Sample.layout(), ImportKey::Kept(slot));
+        self.leave(image, Access::Sample, Domain::Compute);
+        KeptLayers { image: WriteHandle::new(image), stale }
     }
 }
 
@@ -318,6 +386,29 @@ mod tests {
         assert!(other.0 != first.0 && !other.2);
         let again = frame(&one, true);
         assert!(again.0 == first.0 && again.1 != as_kept.1 && !again.2, "it was forgotten meanwhile: {again:?}");
+    }
+
+    #[test]
+    fn layers_are_stale_until_a_frame_with_their_key_wrote_them() {
+        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let mut frame = |side: u32, keys: [u64; 3], written: bool, cut: bool| {
+            pages.begin();
+            if cut {
+                pages.cut();
+            }
+            let (_, stale) = pages.declare_layers(&scope, "map".into(), image(side), &keys).unwrap();
+            pages.end(|_| written);
+            stale
+        };
+        assert_eq!(frame(8, [1, 2, 3], false, false), [0, 1, 2]);
+        assert_eq!(frame(8, [1, 2, 3], true, false), [0, 1, 2], "nobody wrote them");
+        assert_eq!(frame(8, [1, 2, 3], false, true), [0; 0], "a cut of the camera changes nothing");
+        assert_eq!(frame(8, [1, 5, 3], false, false), [1]);
+        assert_eq!(frame(8, [1, 2, 3], false, false), [0; 0], "what was wanted and not written never came");
+        assert_eq!(frame(8, [4, 2, 6], true, false), [0, 2]);
+        assert_eq!(frame(8, [4, 2, 6], false, false), [0; 0]);
+        assert_eq!(frame(16, [4, 2, 6], false, false), [0, 1, 2], "another size");
+        assert_eq!(frame(8, [4, 2, 6], false, false), [0, 1, 2], "its memory is gone");
     }
 
     #[test]

@@ -67,7 +67,7 @@ pub use declaration::{
 pub use desc::{BufferDesc, Content, Extent, Format, ImageDesc, Part, Size};
 pub use error::{GraphError, GraphErrors};
 pub use handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
-pub use history::{BufferHistory, History, HistoryScope, KeptBuffer};
+pub use history::{BufferHistory, History, HistoryScope, KeptBuffer, KeptLayers};
 pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn, SlotObserver};
 pub use plan::{Plan, plan};
 pub use record::{Draw, MipCopy, Record, Token};

@@ -279,7 +279,14 @@ impl FrameGraph {
         WriteHandle::new(self.import(name, shape, in_any_pass(last), Layout::Undefined, key))
     }
 
-    fn import<K: Kind>(&mut self, name: &str, shape: Shape, last: Uses, layout: Layout, key: ImportKey) -> Handle<K> {
+    pub(super) fn import<K: Kind>(
+        &mut self,
+        name: &str,
+        shape: Shape,
+        last: Uses,
+        layout: Layout,
+        key: ImportKey,
+    ) -> Handle<K> {
         let origin = Origin::Imported { key, last, layout, leave: None };
         let name = self.declaration.add_name(name);
         Handle::new(self.add_resource(name, shape, origin, None), 0, self.number)
@@ -562,7 +569,7 @@ impl FrameGraph {
 }
 
 /// A use before the frame, in a pass of unknown domain.
-fn in_any_pass(access: Access) -> Uses {
+pub(super) fn in_any_pass(access: Access) -> Uses {
     [Domain::Raster, Domain::Compute].into_iter().map(|domain| access.at(domain)).collect()
 }
 

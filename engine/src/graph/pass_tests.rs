@@ -351,3 +351,18 @@ fn all_mistakes_are_reported_together() {
          two passes are called `p`"
     );
 }
+
+#[test]
+fn a_layer_to_draw_is_one_of_a_depth_image() {
+    let mut g = graph();
+    let scope = HistoryScope::new();
+    let depth = g.kept_layers(&scope, "map", ImageDesc::full(Format::D32Float), &[0; 3]).image;
+    let colour = g.kept_layers(&scope, "colours", ImageDesc::full(COLOUR), &[0; 3]).image;
+    with(&mut g, "beyond", |p| p.depth_layer(depth, 3, 0.0));
+    with(&mut g, "wrong", |p| p.depth_layer(colour, 0, 0.0));
+    let found = errors(g);
+    assert!(
+        matches!(&found[..], [GraphError::Part { mips: 1, layers: 3, .. }, GraphError::Format { .. }]),
+        "{found:?}"
+    );
+}

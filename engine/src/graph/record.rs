@@ -336,6 +336,21 @@ impl Record<'_> {
         self.recorded.draws += count;
     }
 
+    /// Fills a buffer from `offset` bytes on with `contents`, which travel with the commands: for tables of at most 64 KiB.
+    ///
+    /// # Panics
+    /// Past the end of the buffer, with more than 65536 bytes or a count of bytes that is no multiple of four, or when the token
+    /// belongs to another pass.
+    pub fn fill_buffer<T: Pod>(&mut self, to: CopyTarget, offset: u64, contents: &[T]) {
+        let bytes: &[u8] = bytemuck::cast_slice(contents);
+        let physical = self.physical;
+        let target = self.buffer_in(physical, to.resource, to.pass);
+        self.inside(target, offset, bytes.len() as u64);
+        let fits = bytes.len() <= 65536 && bytes.len().is_multiple_of(4);
+        assert!(fits, "{}: {} bytes travel with the commands, at most 65536 in words do", self.name, bytes.len());
+        self.encoder.fill_buffer(&target.buffer, target.offset + offset, bytes);
+    }
+
     /// Copies `bytes` bytes from one buffer to another.
     ///
     /// # Panics

@@ -32,7 +32,7 @@ pub use import::load;
 pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use resident::{
-    Caster, Culling, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene,
+    Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene,
 };
 pub use supply::supply_missing;
 pub use texture::{ColourSpace, Texture, mip_chain};

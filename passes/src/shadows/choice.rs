@@ -13,10 +13,13 @@ pub enum Technique {
     None,
     /// By rays.
     Rays,
+    /// By shadow maps.
+    Map,
 }
 
 /// Their names in the configuration.
-const TECHNIQUES: [(&str, Technique); 2] = [("none", Technique::None), ("rays", Technique::Rays)];
+const TECHNIQUES: [(&str, Technique); 3] =
+    [("none", Technique::None), ("rays", Technique::Rays), ("map", Technique::Map)];
 
 /// Names of the kinds of lights in the configuration.
 const KINDS: [(&str, u32); 6] = [
@@ -87,7 +90,7 @@ pub fn settings() -> [SettingSpec; 2] {
             "per_light",
             "How the shadows of single lights are found where it is not as the implementation's name says: rules such as \
              `sun=rays spot=none 3=none`, the later ones count. Left: sun, point, spot, rectangle, disc, sphere, or a light's number in \
-             the scene. Right: rays, none.",
+             the scene. Right: rays, map, none.",
             "",
         ),
     ]

@@ -1,40 +1,75 @@
 //! Shadows of the lights that matter most, each found as the configuration says.
 mod choice;
+mod maps;
 mod ray_traced;
 
 use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Technique};
 use magpie::prelude::*;
-use magpie::stage::{Build, Settings, Stage, StageError};
+use magpie::scene::Caster;
+use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use maps::MapShadows;
 use ray_traced::{RayTraced, Traced};
 
 /// The slot.
 pub fn stage() -> Stage<ShadowIn, ShadowOut> {
-    // Rays and the denoiser first: the report crosses what comes first.
-    let mut settings = vec![ray_traced::rays()];
-    settings.extend(denoising());
-    settings.extend(ray_traced::settings());
-    settings.extend(choice::settings());
     Stage::new("shadows")
         .about("How much of each light is seen.")
-        .with("ray-traced", "Rays from the surface to the lights.", &settings, |build, settings| {
+        .with("ray-traced", "Rays from the surface to the lights.", &settings(Technique::Rays), |build, settings| {
             Ok(Box::new(Shadows::new(build, settings, Technique::Rays)?))
         })
+        .with(
+            "shadow-map",
+            "What each light sees, as maps of depth; drawn anew only where something moved.",
+            &settings(Technique::Map),
+            |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Map)?)),
+        )
         .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
+}
+
+/// Single lights may go another way than the implementation's name says, so all have all settings; measured are their own.
+fn settings(measured: Technique) -> Vec<SettingSpec> {
+    let of = |technique: Technique, mut spec: SettingSpec| {
+        if technique != measured {
+            spec.sweep.clear();
+        }
+        spec
+    };
+    // What trades accuracy for time most comes first: the report crosses that.
+    let rays = std::iter::once(ray_traced::rays()).chain(denoising()).chain(ray_traced::settings());
+    let rays = rays.map(|s| of(Technique::Rays, s));
+    let maps = maps::settings().into_iter().map(|s| of(Technique::Map, s));
+    rays.chain(maps).chain(choice::settings()).collect()
 }
 
 /// Lights in groups of up to four, each group by one technique.
 struct Shadows {
     choice: Choice,
     rays: RayTraced,
+    maps: MapShadows,
     denoiser: Denoiser,
 }
 
 impl Shadows {
     fn new(build: &Build<'_>, settings: &Settings, technique: Technique) -> Result<Self, StageError> {
-        let denoiser = Denoiser::new(build.gpu, "shadows", settings)?;
-        Ok(Self { choice: Choice::new(settings, technique)?, rays: RayTraced::new(build, settings)?, denoiser })
+        Ok(Self {
+            choice: Choice::new(settings, technique)?,
+            rays: RayTraced::new(build, settings)?,
+            maps: MapShadows::new(build, settings)?,
+            denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
+        })
+    }
+
+    /// By rays, without their noise.
+    fn rays(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Handle<Image> {
+        let Traced { visibility, change } = self.rays.add(g, view, i, lights, name);
+        if !self.rays.is_noisy(lights) {
+            return visibility;
+        }
+        let content = Content::Channels(lights.len() as u32);
+        let noisy = DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
+        self.denoiser.add(g, view, noisy, name)
     }
 }
 
@@ -47,13 +82,10 @@ impl Effect for Shadows {
         for (at, group) in self.choice.groups(&view.casters).iter().enumerate() {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
-            let Traced { mut visibility, change } = self.rays.add(g, view, i, &group.lights, &name);
-            if self.rays.is_noisy(&group.lights) {
-                let content = Content::Channels(group.lights.len() as u32);
-                let noisy =
-                    DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
-                visibility = self.denoiser.add(g, view, noisy, &name);
-            }
+            let visibility = match group.technique {
+                Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
+                Technique::Rays | Technique::None => self.rays(g, view, i, &group.lights, &name),
+            };
             let lights = ray_traced::indices(&group.lights);
             out.groups[at] = Some(ShadowGroup { visibility, lights, coloured: false });
         }

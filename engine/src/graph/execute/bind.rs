@@ -68,8 +68,8 @@ pub(super) struct Bound {
     generation: u64,
     pub physical: Vec<Physical>,
     imports: Vec<(u32, ImportKey)>,
-    /// Parts that are bound on their own: resource, part, for storage.
-    parts: Vec<(u32, Part, bool)>,
+    /// Parts that are bound on their own: resource, part, what for.
+    parts: Vec<(u32, Part, Binding)>,
     /// Where pooled images are, so that they are known to be in use.
     places: Vec<Place>,
     pub barriers: Compiled,
@@ -87,6 +87,14 @@ impl Bound {
     pub fn is_of(&self, pool: &Pool) -> bool {
         self.generation == pool.generation
     }
+}
+
+/// How a part of an image is bound.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Binding {
+    Sampled,
+    Storage,
+    Attachment,
 }
 
 /// The barriers of a plan in the device's words.
@@ -210,10 +218,15 @@ impl Pool {
             };
             bound.physical[resource as usize] = object.unwrap_or(Physical::Unused);
         }
-        for &(resource, part, storage) in &bound.parts {
+        for &(resource, part, binding) in &bound.parts {
             if let Physical::Image(image) = &bound.physical[resource as usize] {
                 let failed = |source| ExecuteError::Pass { pass: entry.declaration.resource_name(resource), source };
-                image.prepare(part, storage).map_err(failed)?;
+                let prepared = match binding {
+                    Binding::Sampled => image.prepare(part, false),
+                    Binding::Storage => image.prepare(part, true),
+                    Binding::Attachment => image.prepare_target(Part { mips: 1, layers: 1, ..part }),
+                };
+                prepared.map_err(failed)?;
             }
         }
         let Bound { physical, barriers, .. } = bound;
@@ -316,13 +329,18 @@ impl Pool {
 }
 
 /// Parts of images that kept passes bind on their own.
-fn parts(declaration: &Declaration, plan: &Plan) -> Vec<(u32, Part, bool)> {
+fn parts(declaration: &Declaration, plan: &Plan) -> Vec<(u32, Part, Binding)> {
     let mut parts = Vec::new();
     for u in plan.order.iter().flat_map(|&pass| declaration.uses_of(pass)) {
         let (mips, layers) = declaration.resources[u.resource as usize].shape.parts();
-        let (sampled, stored) = (u.access == Access::Sample, is_storage(u.access));
-        let one = (u.resource, u.part, stored);
-        if (sampled || stored) && u.part != Part::ALL.of(mips, layers) && !parts.contains(&one) {
+        let binding = match u.access {
+            Access::Sample => Binding::Sampled,
+            access if is_storage(access) => Binding::Storage,
+            access if access.is_attachment() => Binding::Attachment,
+            _ => continue,
+        };
+        let one = (u.resource, u.part, binding);
+        if u.part != Part::ALL.of(mips, layers) && !parts.contains(&one) {
             parts.push(one);
         }
     }

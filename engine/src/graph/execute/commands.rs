@@ -11,6 +11,7 @@ use super::{
     super::{
         access::{Access, Domain, Queue},
         declaration::{Clear, Declaration},
+        desc::Part,
         pass::RecordFn,
         plan::{Batch, Plan},
         record::{Physical, Record, Recorded},
@@ -357,13 +358,15 @@ fn begin_rendering(encoder: &mut CommandEncoder, frame: Frame<'_>, pass: u32) {
         if !u.access.is_attachment() {
             continue;
         }
-        extent = image.extent();
+        // An attachment of all parts is drawn to in the first: mip 0 of layer 0.
+        let part = Part { mips: 1, layers: 1, ..u.part };
+        extent = image.extent().mip(part.mip.into());
         let clear = declaration.clear_of(index as u32).map(|c| match c {
             Clear::Color(colour) => colour,
             Clear::Depth(depth) => [depth, 0.0, 0.0, 0.0],
         });
         let store = frame.plan.unstored.binary_search(&(index as u32)).is_err();
-        let attachment = Attachment { image, clear, store };
+        let attachment = Attachment { image, part, clear, store };
         if u.access.is_depth() {
             depth = Some(attachment);
         } else {

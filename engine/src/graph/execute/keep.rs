@@ -142,7 +142,7 @@ impl Slot {
         };
         let halves = match entry.keeping {
             Keeping::Pair => vec![make("a")?, make("b")?],
-            Keeping::Single => vec![make("")?],
+            Keeping::Single | Keeping::Layers => vec![make("")?],
         };
         Ok(Self { birth: entry.birth, shape: entry.shape, halves, previous: 0 })
     }

@@ -262,3 +262,41 @@ fn attachments_that_nobody_reads_are_not_stored() {
     let frame = g.finish().unwrap();
     assert_eq!(plan_with(&frame.declaration, "").unstored, [1]);
 }
+
+/// A kept image of two layers, of which the second is to be drawn; `looked` says whether anybody looks at them.
+fn kept_layers(looked: bool) -> FrameGraph {
+    let mut g = FrameGraph::new(Extent::new(8, 8));
+    let desc = ImageDesc::fixed(Format::D32Float, Extent::new(4, 4));
+    let kept = g.kept_layers(&HistoryScope::new(), "map", desc, &[1, 2]);
+    assert_eq!(kept.stale, [0, 1]);
+    let map = g.pass("draw", Queue::Graphics, |p| (p.depth_layer(kept.image, 1, 0.0).0, |_: &mut Record| {}));
+    let seen = g.pass("look", Queue::Graphics, |p| {
+        p.sample(map.read());
+        (p.create("seen", ImageDesc::full(Format::R32Float)).0, |_: &mut Record| {})
+    });
+    let other = g.pass("other", Queue::Graphics, |p| {
+        (p.create("other", ImageDesc::full(Format::R32Float)).0, |_: &mut Record| {})
+    });
+    g.output(if looked { seen.read() } else { other.read() });
+    g
+}
+
+#[test]
+fn one_layer_is_drawn_and_the_others_keep_what_they_hold() {
+    let frame = kept_layers(true).finish().unwrap();
+    let plan = plan_with(&frame.declaration, "");
+    let of_map: Vec<&Barrier> = plan.barriers.iter().filter(|b| b.resource == 0).collect();
+    let layer = Part { mip: 0, mips: 1, layer: 1, layers: 1 };
+    assert!(of_map.iter().all(|b| b.part == layer), "the first layer stays as it is: {of_map:?}");
+    let ways: Vec<_> = of_map.iter().map(|b| (b.layout_from, b.layout_to)).collect();
+    assert_eq!(ways.last(), Some(&(Layout::DepthAttachment, Layout::ShaderRead)), "{ways:?}");
+    assert_eq!(ways.len(), 2, "{ways:?}");
+    assert!(!of_map[1].discard);
+}
+
+#[test]
+fn layers_that_nobody_looks_at_are_not_drawn() {
+    let frame = kept_layers(false).finish().unwrap();
+    let plan = plan_with(&frame.declaration, "");
+    assert_eq!(plan.order, [2]);
+}

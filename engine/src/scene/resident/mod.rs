@@ -38,6 +38,7 @@ use state::State;
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A light that can cast shadows.
 #[derive(Clone, Copy, Debug)]
@@ -119,9 +120,22 @@ pub struct ResidentScene {
     policy: Policy,
     frames: u64,
     cut: bool,
+    number: u64,
+    placed: Arc<[Placed]>,
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
     sky: Option<Sky>,
+}
+
+static SCENES: AtomicU64 = AtomicU64::new(0);
+
+/// An instance of a scene in the moment that was gone to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// A box around it in the world, counted from the scene's origin, metres.
+    pub bounds: Bounds,
+    /// The same number for as long as it neither moves nor changes its shape; the scene's origin may shift meanwhile.
+    pub changed: u64,
 }
 
 /// The acceleration structures, for one way to trace.
@@ -321,6 +335,8 @@ impl ResidentScene {
             policy: Policy::default(),
             frames: 0,
             cut: false,
+            number: SCENES.fetch_add(1, Ordering::Relaxed),
+            placed: Arc::default(),
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
             sky,
@@ -328,6 +344,7 @@ impl ResidentScene {
             vertices,
             indices,
         };
+        made.place();
         // A frame of its own, so that those to come have nothing to bring up to date where nothing moves.
         let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
         made.declare(&mut g, &mut imports, None, &Policy::default())?;
@@ -341,8 +358,21 @@ impl ResidentScene {
 
     /// Goes to a moment: the next frame that is declared shows it.
     pub fn go(&mut self, moment: &Moment) {
+        let shifted = self.state.origin != moment.origin;
         self.changed |= self.state.go(moment);
         self.cut = moment.cut;
+        if shifted || self.state.is_animated() {
+            self.place();
+        }
+    }
+
+    /// Says anew where every instance is.
+    fn place(&mut self) {
+        let one = |i: usize| {
+            let bounds = self.state.pose.bounds[i].map_or(self.shown[i].1, |[min, max]| Bounds { min, max });
+            Placed { bounds: bounds.transformed(&self.state.placed(i)), changed: self.state.changed[i] }
+        };
+        self.placed = (0..self.shown.len()).map(one).collect();
     }
 
     /// The frame that was declared did not run: the next one brings everything up to date.
@@ -447,6 +477,16 @@ impl ResidentScene {
     /// One draw per instance: opaque triangles first, then alpha-tested ones, then spheres; in each by what culls them.
     pub fn draws(&self) -> &Arc<[Draw]> {
         &self.draws
+    }
+
+    /// Where every instance is in the moment that was gone to, and since when.
+    pub fn placed(&self) -> &Arc<[Placed]> {
+        &self.placed
+    }
+
+    /// A number that no other scene of this run has.
+    pub fn number(&self) -> u64 {
+        self.number
     }
 
     /// The lights that can cast shadows, at most [`MOST_CASTERS`](magpie_shaders::view::MOST_CASTERS), as they are in the moment that

@@ -28,6 +28,9 @@ pub(super) struct State {
     animator: Animator,
     pub pose: Pose,
     previous: Vec<DAffine3>,
+    /// Of each instance, the count of moments at which it moved or changed its shape last.
+    pub changed: Vec<u64>,
+    moments: u64,
     pub origin: DVec3,
     /// What the device has is not what the frame needs.
     stale: bool,
@@ -64,6 +67,8 @@ impl State {
         Ok(Self {
             animator,
             previous: pose.instances.clone(),
+            changed: vec![0; pose.instances.len()],
+            moments: 0,
             pose,
             origin: DVec3::ZERO,
             stale: true,
@@ -98,7 +103,16 @@ impl State {
         // What moves is written anew even where it pauses: then nothing is in motion.
         self.stale = true;
         let pose = self.animator.pose(moment.time);
-        let before = std::mem::replace(&mut self.pose, pose).instances;
+        let before = std::mem::replace(&mut self.pose, pose);
+        self.moments += 1;
+        let now = &self.pose;
+        for (i, changed) in self.changed.iter_mut().enumerate() {
+            let stays = before.instances[i] == now.instances[i];
+            if !(stays && before.joints[i] == now.joints[i] && before.weights[i] == now.weights[i]) {
+                *changed = self.moments;
+            }
+        }
+        let before = before.instances;
         let changed = before != self.pose.instances;
         self.previous = if moment.cut { self.pose.instances.clone() } else { before };
         shifted || changed

@@ -1,0 +1,295 @@
+//! Shadow maps: cascades for the sun, a pyramid for a spot, faces of a cube around other lamps. A map is drawn anew only where
+//! something in it has changed.
+mod cascades;
+mod layer;
+mod settings;
+
+pub use settings::settings;
+
+use crate::shadows::ray_traced::format;
+use crate::stages::ShadowIn;
+use glam::{DVec3, Vec3};
+use layer::Layer;
+use magpie::gpu::{Cull, Kernel, RasterDesc, RasterKernel};
+use magpie::graph::{Draw, HistoryScope};
+use magpie::prelude::*;
+use magpie::scene::Caster;
+use magpie::stage::{Build, Settings, StageError};
+use magpie_shaders::scene::{
+    LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT, Light as SharedLight,
+};
+use magpie_shaders::shadow_map::{ContactParams, MAP_CASCADES, MAP_FACES, MAP_LIGHTS, MapLayer, MapLight, MapParams};
+use magpie_shaders::{
+    SHADOWS_CONTACT_COMP, SHADOWS_MAP_FRAG, SHADOWS_MAP_LOOK_COMP, SHADOWS_MAP_SPHERE_FRAG, SHADOWS_MAP_SPHERE_VERT,
+    SHADOWS_MAP_VERT, SampledImage, StorageImage,
+};
+use settings::Chosen;
+use std::f32::consts::PI;
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// Nothing nearer to a lamp than this is in its map, metres: what touches it does not hide it.
+const NEAR: f64 = 1e-3;
+
+/// A spot wider than this, the tangent of half its angle, has the faces of a cube.
+const WIDEST: f32 = 4.0;
+
+/// Shadow maps of any lights, and looks at them.
+pub struct MapShadows {
+    chosen: Chosen,
+    opaque: RasterKernel,
+    alpha_tested: RasterKernel,
+    spheres: RasterKernel,
+    look: Kernel,
+    contact: Option<Kernel>,
+    scope: HistoryScope,
+}
+
+/// What maps say of up to four lights.
+#[derive(Clone, Copy, Debug)]
+pub struct MapOut {
+    /// The share of a light in each channel that is seen.
+    pub visibility: Handle<Image>,
+    /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; where they were asked for.
+    #[allow(dead_code, reason = "for techniques that ask rays where maps are not sure")]
+    pub unsure: Option<Handle<Image>>,
+}
+
+/// The map of a light as the graph knows it.
+struct Map {
+    light: MapLight,
+    image: Handle<Image>,
+    layers: Vec<Layer>,
+}
+
+impl MapShadows {
+    /// Makes its pipelines.
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+        let chosen = Chosen::new(settings)?;
+        let raster = |name, vertex, fragment, constants: &[u32]| {
+            let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], depth: Some(Format::D32Float) };
+            build.gpu.raster_kernel(&desc).map_err(StageError::other)
+        };
+        let triangles =
+            |name, alpha_test: bool| raster(name, &SHADOWS_MAP_VERT, &SHADOWS_MAP_FRAG, &[alpha_test.into()]);
+        let kernel = |shader| build.gpu.kernel(shader).map_err(StageError::other);
+        Ok(Self {
+            chosen,
+            opaque: triangles("shadows.map_opaque", false)?,
+            alpha_tested: triangles("shadows.map_alpha_tested", true)?,
+            spheres: raster("shadows.map_spheres", &SHADOWS_MAP_SPHERE_VERT, &SHADOWS_MAP_SPHERE_FRAG, &[])?,
+            look: kernel(&SHADOWS_MAP_LOOK_COMP)?,
+            contact: (chosen.contact > 0.0).then(|| kernel(&SHADOWS_CONTACT_COMP)).transpose()?,
+            scope: HistoryScope::new(),
+        })
+    }
+
+    /// Visibility of up to four lights, one in each channel; with `classify` where the maps are not to be trusted too. `name` is added to
+    /// those of the passes, so that several groups of lights do not share one.
+    pub fn add(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: ShadowIn,
+        (casters, classify): (&[Caster], bool),
+        name: &str,
+    ) -> MapOut {
+        let mut maps: Vec<Map> = Vec::with_capacity(MAP_LIGHTS as usize);
+        for caster in casters.iter().take(MAP_LIGHTS as usize) {
+            let layers = self.layers(g, view, &caster.placed);
+            let side = if layers.iter().any(|l| l.is_box) { self.chosen.sun_side } else { self.chosen.lamp_side };
+            let image = self.map(g, view, i, (caster.light, side), &layers);
+            let light = MapLight {
+                light: caster.light,
+                kind: if caster.placed.kind == LIGHT_DIRECTIONAL { MAP_CASCADES } else { MAP_FACES },
+                first: maps.iter().map(|m| m.layers.len() as u32).sum(),
+                layers: layers.len() as u32,
+                size: size(&caster.placed),
+                facing: match caster.placed.kind {
+                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => caster.placed.direction,
+                    _ => [0.0; 3],
+                },
+            };
+            maps.push(Map { light, image, layers });
+        }
+        self.look(g, view, i, (&maps, classify), name)
+    }
+
+    /// Where the maps of a light lie. One that lights nothing has a map of one empty layer.
+    fn layers(&self, g: &FrameGraph, view: &View, light: &SharedLight) -> Vec<Layer> {
+        let position = Vec3::from(light.position).as_dvec3() + view.origin;
+        let forward = Vec3::from(light.direction).as_dvec3().try_normalize().unwrap_or(DVec3::NEG_Y);
+        match light.kind {
+            LIGHT_DIRECTIONAL => {
+                let aspect = f64::from(g.full().width) / f64::from(g.full().height);
+                let scene = layer::coarse_box(view.placed.iter().map(|p| &p.bounds), view.origin);
+                let scene = scene.unwrap_or([view.camera.eye(); 2]);
+                cascades::cascades(&view.camera, aspect, scene, forward, &self.chosen.division)
+            }
+            LIGHT_SPOT => {
+                // -cos(outer) * cone_scale, folded as KHR_lights_punctual does.
+                let cosine = -light.cone_offset / light.cone_scale;
+                let tangent = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine;
+                if cosine > 0.0 && tangent < WIDEST {
+                    // Texels hang over its edge, so that the filter finds what is there.
+                    let side = f64::from(self.chosen.lamp_side);
+                    let margin = 1.0 + 2.0 * f64::from(self.chosen.kernel + 2.0) / side;
+                    vec![layer::face(position, forward, f64::from(tangent.max(1e-3)) * margin, NEAR)]
+                } else {
+                    layer::faces(position, Some(forward), NEAR)
+                }
+            }
+            LIGHT_RECTANGLE | LIGHT_DISC => layer::faces(position, Some(forward), NEAR),
+            // Inside of a lamp there is nothing.
+            LIGHT_SPHERE => layer::faces(position, None, f64::from(light.radius).max(NEAR)),
+            _ => layer::faces(position, None, NEAR),
+        }
+    }
+
+    /// The map of a light, with a pass for each layer that is not as it should be.
+    fn map(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: ShadowIn,
+        (light, side): (u32, u32),
+        layers: &[Layer],
+    ) -> Handle<Image> {
+        let drawn: Vec<Vec<Draw>> = layers.iter().map(|layer| draws(view, layer)).collect();
+        let keys: Vec<u64> = layers.iter().zip(&drawn).map(|(layer, draws)| key(view, layer, draws)).collect();
+        let desc = ImageDesc::fixed(Format::D32Float, Extent::new(side, side));
+        let kept = g.kept_layers(&self.scope, format!("map_{light}"), desc, &keys);
+        let mut image = kept.image;
+        let (opaque, alpha_tested, spheres, block) = (self.opaque, self.alpha_tested, self.spheres, view.block);
+        for at in kept.stale {
+            let (layer, draws) = (layers[at as usize], drawn[at as usize].clone());
+            let params = layer.draw_params(view.origin, side);
+            image = g.pass(&format!("shadows.map_{light}_{at}"), Queue::Graphics, |p| {
+                let (block, indices) = (p.read(block), p.index(i.scene.indices));
+                i.scene.read(p);
+                let (image, _) = p.depth_layer(image, at, 0.0);
+                (image, move |c: &mut Record<'_>| {
+                    let params = magpie_shaders::shadow_map::MapDrawParams { view: c.id(block), ..params };
+                    let (triangles, round) = draws.split_at(draws.partition_point(|d| !d.spheres));
+                    let (solid, tested) = triangles.split_at(triangles.partition_point(|d| !d.alpha_test));
+                    c.draw(opaque, &params, indices, solid);
+                    c.draw(alpha_tested, &params, indices, tested);
+                    c.draw(spheres, &params, indices, round);
+                })
+            });
+        }
+        image.read()
+    }
+
+    /// A look at the maps from every pixel.
+    fn look(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: ShadowIn,
+        (maps, classify): (&[Map], bool),
+        name: &str,
+    ) -> MapOut {
+        // The tables.
+        let lights: Vec<MapLight> = maps.iter().map(|m| m.light).collect();
+        let layers: Vec<MapLayer> = maps.iter().flat_map(|m| &m.layers).map(|l| l.shared(view.origin)).collect();
+        let first = size_of_val(&*lights) as u64;
+        let bytes = first + size_of_val(&*layers) as u64;
+        let tables = g.pass(&format!("shadows.map_tables{name}"), Queue::Graphics, |p| {
+            let (tables, to) = p.fill_buffer("tables", BufferDesc::new(bytes));
+            (tables.read(), move |c: &mut Record<'_>| {
+                c.fill_buffer(to, 0, &lights);
+                c.fill_buffer(to, first, &layers);
+            })
+        });
+
+        let (kernel, block, chosen, count) = (self.look, view.block, self.chosen, maps.len());
+        let out = g.pass(&format!("shadows.map_look{name}"), Queue::AsyncCompute, |p| {
+            let (block, tables) = (p.read(block), p.read(tables));
+            i.scene.read(p);
+            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
+            let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
+            let unsure = (classify || chosen.doubts)
+                .then(|| p.create("unsure", ImageDesc::like(Format::R32Uint, i.gbuffer.depth)));
+            let (unsure, mask) = unsure.map_or((None, None), |(image, token)| (Some(image.read()), Some(token)));
+            let extent = p.extent(i.gbuffer.depth);
+            ((visibility, unsure), move |c: &mut Record<'_>| {
+                let tables = c.id(tables);
+                let params = MapParams {
+                    view: c.id(block),
+                    lights: tables,
+                    layers: tables.offset(first),
+                    maps: std::array::from_fn(|k| images.get(k).map_or(SampledImage::default(), |m| c.id(*m))),
+                    light_count: count as u32,
+                    depth: c.id(depth),
+                    normal: c.id(normal),
+                    visibility: c.id(target),
+                    unsure: mask.map_or(StorageImage::default(), |m| c.id(m)),
+                    classify: mask.is_some().into(),
+                    filter_kind: chosen.filter,
+                    kernel: chosen.kernel,
+                    taps: chosen.taps,
+                    rotate: chosen.rotate.into(),
+                    blend: chosen.blend,
+                    coarse: chosen.coarse,
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        });
+        let (mut visibility, unsure) = out;
+        if let Some(kernel) = self.contact {
+            visibility = g.pass(&format!("shadows.contact{name}"), Queue::AsyncCompute, |p| {
+                let (block, tables) = (p.read(block), p.read(tables));
+                i.scene.read(p);
+                let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+                let (visibility, target) = p.write(visibility);
+                let extent = p.extent(i.gbuffer.depth);
+                (visibility, move |c: &mut Record<'_>| {
+                    let params = ContactParams {
+                        view: c.id(block),
+                        lights: c.id(tables),
+                        light_count: count as u32,
+                        depth: c.id(depth),
+                        normal: c.id(normal),
+                        visibility: c.id(target),
+                        reach: chosen.contact,
+                        steps: chosen.contact_steps,
+                    };
+                    c.dispatch(kernel, &params, extent);
+                })
+            });
+        }
+        MapOut { visibility: visibility.read(), unsure }
+    }
+}
+
+/// What is drawn into a layer. Both sides of every triangle cast a shadow, as they do for rays.
+fn draws(view: &View, layer: &Layer) -> Vec<Draw> {
+    let there = |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
+    let both = |d: &Draw| if d.spheres { *d } else { Draw { cull: Cull::None, ..*d } };
+    view.draws.iter().filter(there).map(both).collect()
+}
+
+/// Everything that a layer's picture depends on.
+fn key(view: &View, layer: &Layer, draws: &[Draw]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    view.scene.hash(&mut hasher);
+    layer.hash(&mut hasher);
+    for draw in draws {
+        (draw.instance, view.placed.get(draw.instance as usize).map(|p| p.changed)).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+/// As the maps know it: the tangent of half the angle of the sun, the radius of a disc of the area of a lamp, metres.
+fn size(light: &SharedLight) -> f32 {
+    match light.kind {
+        LIGHT_DIRECTIONAL => light.radius.tan(),
+        LIGHT_DISC | LIGHT_SPHERE => light.radius,
+        LIGHT_RECTANGLE => {
+            let area = 4.0 * Vec3::from(light.half_u).cross(light.half_v.into()).length();
+            (area / PI).sqrt()
+        }
+        _ => 0.0,
+    }
+}

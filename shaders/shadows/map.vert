@@ -1,0 +1,23 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/vector.glsl"
+#include "shared/scene.glsl"
+#include "shared/shadow_map.glsl"
+#include "shared/view.glsl"
+// Places the vertices of one instance in a layer of a shadow map.
+layout(push_constant, scalar) uniform Push { MapDrawParams params; };
+
+layout(location = 0) out vec3 position;  // world, metres
+layout(location = 1) flat out uint instance_index;
+
+void main() {
+    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    instance_index = uint(gl_InstanceIndex);
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
+    vec3 vertex = PositionBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[gl_VertexIndex];
+    precise vec3 world = transform_point(instance.world_from_object, vertex);
+    precise vec4 clip = params.clip_from_world * vec4(world, 1.0);
+    gl_Position = clip;
+    position = world;
+}

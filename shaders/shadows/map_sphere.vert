@@ -1,0 +1,29 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/vector.glsl"
+#include "shared/scene.glsl"
+#include "shared/shadow_map.glsl"
+#include "shared/view.glsl"
+// A box around each sphere of one instance in a layer of a shadow map: eight corners for a sphere, in the order of gl_VertexIndex, of
+// which the faces behind the sphere are drawn.
+layout(push_constant, scalar) uniform Push { MapDrawParams params; };
+
+layout(location = 0) out vec3 position;  // world, metres
+layout(location = 1) flat out uint instance_index;
+layout(location = 2) flat out uint sphere_index;
+
+// The box is a little wider than the sphere: its own corners are snapped to a part of a texel.
+const float MARGIN = 1.0 / 256.0;
+
+void main() {
+    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    instance_index = uint(gl_InstanceIndex);
+    sphere_index = uint(gl_VertexIndex) / 8u;
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
+    vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[sphere_index];
+    uvec3 far_sides = (uvec3(gl_VertexIndex) >> uvec3(0u, 1u, 2u)) & 1u;
+    vec3 corner = sphere.xyz + (2.0 * vec3(far_sides) - 1.0) * (sphere.w * (1.0 + MARGIN));
+    position = transform_point(instance.world_from_object, corner);
+    gl_Position = params.clip_from_world * vec4(position, 1.0);
+}

@@ -1,0 +1,117 @@
+//! Scenes of few shapes, and what the slot `shadows` says of them.
+use anyhow::{Context, Result, ensure};
+use glam::{Affine3A, DVec3, Vec3};
+use magpie::config::Config;
+use magpie::gpu::Gpu;
+use magpie::graph::Extent;
+use magpie::scene::{Camera, Light, Mesh, Scene, Sphere, supply_missing};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::harness::config;
+use magpie_tests::made::{add, camera, material, mesh, plane, scene};
+use magpie_tests::oracle::gbuffer::Eye;
+
+pub const SIZE: [u32; 2] = [160, 90];
+
+/// A renderer that is asked for the shadows.
+pub struct Rig {
+    renderer: Renderer,
+}
+
+impl Rig {
+    pub fn new(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Self> {
+        Self::with(gpu, scene, &config(changes)?)
+    }
+
+    pub fn with(gpu: &Gpu, scene: &Scene, config: &Config) -> Result<Self> {
+        let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
+        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, options)?;
+        renderer.read_slots(&["shadows"])?;
+        Ok(Self { renderer })
+    }
+
+    /// An output of a pass.
+    pub fn view(&mut self, camera: &Camera, view: (&str, &str)) -> Result<Vec<[f32; 4]>> {
+        let request = FrameRequest { camera, time: 0.0, view: Some(view), read_back: true };
+        let result = self.renderer.frame(request)?.context("a size of zero")?;
+        Ok(result.images.context("no image was read back")?.linear.values())
+    }
+
+    pub fn frame(&mut self, camera: &Camera, time: f64) -> Result<FrameResult> {
+        let request = FrameRequest { camera, time, view: None, read_back: true };
+        let result = self.renderer.frame(request)?.context("a size of zero")?;
+        ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        Ok(result)
+    }
+}
+
+/// Visibility of the first four lights.
+pub fn values(result: &FrameResult) -> Result<Vec<[f32; 4]>> {
+    let (_, pixels) = result.slots.first().context("no slot was read")?;
+    Ok(pixels.as_ref().context("no light has a shadow")?.values())
+}
+
+/// Names of the passes that ran.
+pub fn passes(result: &FrameResult) -> Vec<String> {
+    result.plan.order.iter().map(|pass| result.declaration.pass_name(*pass).to_owned()).collect()
+}
+
+/// What the shadows of a scene are with this configuration, in its first frame.
+pub fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4]>> {
+    values(&Rig::new(gpu, scene, changes)?.frame(&scene.cameras[0], 0.0)?)
+}
+
+/// Hard shadows by rays: the truth of maps.
+pub fn truth(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
+    shadows(gpu, scene, &["stages.shadows=ray-traced", "shadows.edges=hard"])
+}
+
+/// A box around the origin.
+pub fn block(half: Vec3) -> Mesh {
+    let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let (mut n, mut u) = (Vec3::ZERO, Vec3::ZERO);
+            (n[axis], u[(axis + 1) % 3]) = (side, 1.0);
+            let v = n.cross(u);
+            let first = positions.len() as u32;
+            positions
+                .extend([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]| (n + u * s + v * t) * half));
+            normals.extend([n; 4]);
+            indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
+        }
+    }
+    mesh("block", positions, normals, indices)
+}
+
+pub fn at(x: f32, y: f32, z: f32) -> Affine3A {
+    Affine3A::from_translation(Vec3::new(x, y, z))
+}
+
+/// A floor of this half side, seen by a camera.
+pub fn floor(half: f32, eye: Vec3, target: Vec3) -> Scene {
+    let mut made = scene("shadows", camera(eye.as_dvec3(), target.as_dvec3()));
+    add(&mut made, plane(half), material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
+    made
+}
+
+/// A floor with a block, a slanted block, a ball of triangles and a procedural one.
+pub fn things(lights: &[Light]) -> Scene {
+    let mut made = floor(8.0, Vec3::new(0.5, 4.0, 7.0), Vec3::new(0.0, 0.3, 0.0));
+    let grey = || material([0.5; 3], 0.0, 1.0);
+    add(&mut made, block(Vec3::new(0.5, 1.0, 0.5)), grey(), at(-1.2, 1.0, 0.0));
+    let slanted = at(1.5, 0.8, -1.0) * Affine3A::from_rotation_z(0.6) * Affine3A::from_rotation_x(0.4);
+    add(&mut made, block(Vec3::new(0.7, 0.2, 0.5)), grey(), slanted);
+    add(&mut made, magpie_tests::made::sphere(16), grey(), at(0.3, 0.5, 1.2) * Affine3A::from_scale(Vec3::splat(0.5)));
+    let spheres = vec![Sphere { centre: Vec3::ZERO, radius: 0.4 }];
+    add(&mut made, Mesh { name: "ball".to_owned(), spheres, ..Mesh::default() }, grey(), at(2.2, 0.4, 1.0));
+    made.lights = lights.to_vec();
+    supply_missing(&mut made);
+    made
+}
+
+/// Where a pixel's ray meets the floor.
+pub fn on_floor(camera: &Camera, pixel: usize) -> DVec3 {
+    let eye = Eye::new(camera, Extent::new(SIZE[0], SIZE[1]));
+    let ray = eye.pixel_ray(pixel);
+    eye.position - ray * (eye.position.y / ray.y)
+}
