@@ -51,7 +51,7 @@ pub fn frame(
     let reprojected = stages.reprojection.add(g, view, gbuffer); // for denoisers, and culled when there are none
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer, reprojected });
     g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
-    let ao = stages.ao.add(g, view, AoIn { scene, gbuffer });
+    let ao = stages.ao.add(g, view, AoIn { scene, gbuffer, reprojected });
     g.slot_image("ao", ao.openness);
     let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
     g.slot_image("direct", Some(direct.radiance.read()));

@@ -108,6 +108,8 @@ pub struct AoIn {
     pub scene: SceneHandles,
     /// What is hidden from.
     pub gbuffer: GBuffer,
+    /// Where it was one frame ago.
+    pub reprojected: Reprojected,
 }
 
 /// What is left of the hemisphere above each pixel, weighed with the cosine; `None` for all of it. For indirect light only.

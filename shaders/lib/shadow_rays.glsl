@@ -15,6 +15,7 @@ struct ShadowRays {
     uvec4 lights;
     uint count;
     uint samples;  // 0 for one ray to the centre
+    uint wanted;   // a bit for each light that rays go to; the others are given as 0
 };
 
 // 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray.
@@ -34,6 +35,7 @@ vec4 visibilities(ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, Shad
     RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     vec4 seen = vec4(0.0);
     for (uint k = 0u; k < rays.count; k++) {
+        if ((rays.wanted & (1u << k)) == 0u) continue;
         Light light = LightBuffer(scene.at[0].lights).at[rays.lights[k]];
         LightSample centre = sample_light(light, start.position);
         // Outside of its cone, its range or its front.

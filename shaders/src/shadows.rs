@@ -2,6 +2,9 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
+/// [`TraceParams::map_visibility`] without maps.
+pub const NO_MAP: u32 = 4294967295;
+
 /// Push constants of `trace.ray`: shadow rays towards up to four lights.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -18,6 +21,10 @@ pub struct TraceParams {
     pub ids: SampledImage,
     /// A light in each channel: 1 where all of it is visible, 0 where it is hidden.
     pub visibility: StorageImage,
+    /// What maps say of the same lights, or [`NO_MAP`].
+    pub map_visibility: u32,
+    /// Where they are not sure: `UNSURE_*` bits of [`super::shadow_map`]. Rays go from there alone.
+    pub unsure: u32,
     /// Every so many pixels in each direction have rays: 1, or 2 for half resolution.
     pub step: u32,
     /// Rays of a pixel to each light; 0 for one to its centre.

@@ -1,6 +1,7 @@
 //! Ray-traced ambient occlusion: rays over the cosine-weighted hemisphere, as the reference has them. What comes out is noisy: 1 ray per
-//! pixel says no more than open or hidden.
+//! pixel says no more than open or hidden, and a denoiser follows.
 use super::upsample::{OPENNESS, upsample};
+use crate::denoise::{self, Content, DenoiseIn, Denoiser};
 use crate::stages::{AoIn, AoOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -15,18 +16,20 @@ pub struct RayTraced {
     range: f32,
     /// At half resolution only.
     upsample: Option<Kernel>,
+    denoiser: Denoiser,
 }
 
 /// Its settings.
-pub fn settings() -> [SettingSpec; 3] {
+pub fn settings() -> Vec<SettingSpec> {
     let rays = "Rays per pixel and frame. Higher: less noise, at a cost that grows as much.";
     let resolution = "`full`: rays from every pixel. `half`: from one of four pixels, brought to full size along surfaces; a quarter \
                       of the rays, small folds suffer.";
-    [
-        SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8]),
-        super::range(),
-        SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all(),
-    ]
+    let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8])];
+    // What hides a surface from ambient light goes with it, mostly: nobody looks for changes.
+    settings.extend(denoise::settings().into_iter().filter(|s| s.key != "adaptive"));
+    settings.push(super::range());
+    settings.push(SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all());
+    settings
 }
 
 impl RayTraced {
@@ -35,7 +38,8 @@ impl RayTraced {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.gpu.kernel(&AO_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
         let (samples, range) = (settings.u32("rays")?, settings.f32("range")?);
-        Ok(Self { trace: build.ray_kernel(&AO_TRACE_RAY)?, samples, range, upsample })
+        let denoiser = Denoiser::new(build.gpu, "ao", settings)?;
+        Ok(Self { trace: build.ray_kernel(&AO_TRACE_RAY)?, samples, range, upsample, denoiser })
     }
 }
 
@@ -69,10 +73,12 @@ impl Effect for RayTraced {
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        // A denoiser goes here: `traced` is what it takes.
-        match self.upsample {
-            Some(kernel) => upsample(g, view, kernel, i, traced, false),
-            None => AoOut { openness: Some(traced), bent_normal: None },
-        }
+        let noisy = match self.upsample {
+            Some(kernel) => upsample(g, view, kernel, i, traced, false).openness.unwrap_or(traced),
+            None => traced,
+        };
+        let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
+        let i = DenoiseIn { noisy, content: Content::Channels(1), gbuffer, reprojected, change: None };
+        AoOut { openness: Some(self.denoiser.add(g, view, i, "")), bent_normal: None }
     }
 }

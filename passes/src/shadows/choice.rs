@@ -15,11 +15,13 @@ pub enum Technique {
     Rays,
     /// By shadow maps.
     Map,
+    /// By maps, and by rays where these are not sure.
+    Hybrid,
 }
 
 /// Their names in the configuration.
-const TECHNIQUES: [(&str, Technique); 3] =
-    [("none", Technique::None), ("rays", Technique::Rays), ("map", Technique::Map)];
+const TECHNIQUES: [(&str, Technique); 4] =
+    [("none", Technique::None), ("rays", Technique::Rays), ("map", Technique::Map), ("hybrid", Technique::Hybrid)];
 
 /// Names of the kinds of lights in the configuration.
 const KINDS: [(&str, u32); 6] = [
@@ -90,7 +92,7 @@ pub fn settings() -> [SettingSpec; 2] {
             "per_light",
             "How the shadows of single lights are found where it is not as the implementation's name says: rules such as \
              `sun=rays spot=none 3=none`, the later ones count. Left: sun, point, spot, rectangle, disc, sphere, or a light's number in \
-             the scene. Right: rays, map, none.",
+             the scene. Right: rays, map, hybrid, none.",
             "",
         ),
     ]

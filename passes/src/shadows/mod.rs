@@ -9,7 +9,7 @@ use choice::{Choice, Technique};
 use magpie::prelude::*;
 use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
-use maps::MapShadows;
+use maps::{MapOut, MapShadows};
 use ray_traced::{RayTraced, Traced};
 
 /// The slot.
@@ -25,13 +25,21 @@ pub fn stage() -> Stage<ShadowIn, ShadowOut> {
             &settings(Technique::Map),
             |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Map)?)),
         )
+        .with(
+            "hybrid",
+            "Maps, and rays where these are not sure: penumbrae, contacts, edges that texels are too coarse for.",
+            &settings(Technique::Hybrid),
+            |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Hybrid)?)),
+        )
         .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
 }
 
 /// Single lights may go another way than the implementation's name says, so all have all settings; measured are their own.
 fn settings(measured: Technique) -> Vec<SettingSpec> {
     let of = |technique: Technique, mut spec: SettingSpec| {
-        if technique != measured {
+        // A hybrid takes most from its rays; how good its maps are is measured without them.
+        let is_measured = technique == measured || (measured == Technique::Hybrid && spec.key == "denoiser");
+        if !is_measured {
             spec.sweep.clear();
         }
         spec
@@ -61,9 +69,16 @@ impl Shadows {
         })
     }
 
-    /// By rays, without their noise.
-    fn rays(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Handle<Image> {
-        let Traced { visibility, change } = self.rays.add(g, view, i, lights, name);
+    /// By rays, without their noise; only where maps are not sure, if there are any.
+    fn rays(
+        &mut self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: ShadowIn,
+        (lights, maps): (&[Caster], Option<MapOut>),
+        name: &str,
+    ) -> Handle<Image> {
+        let Traced { visibility, change } = self.rays.add(g, view, i, (lights, maps), name);
         if !self.rays.is_noisy(lights) {
             return visibility;
         }
@@ -84,7 +99,11 @@ impl Effect for Shadows {
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
             let visibility = match group.technique {
                 Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
-                Technique::Rays | Technique::None => self.rays(g, view, i, &group.lights, &name),
+                Technique::Hybrid => {
+                    let maps = self.maps.add(g, view, i, (&group.lights, true), &name);
+                    self.rays(g, view, i, (&group.lights, Some(maps)), &name)
+                }
+                Technique::Rays | Technique::None => self.rays(g, view, i, (&group.lights, None), &name),
             };
             let lights = ray_traced::indices(&group.lights);
             out.groups[at] = Some(ShadowGroup { visibility, lights, coloured: false });

@@ -1,4 +1,5 @@
 //! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
+use super::maps::MapOut;
 use crate::denoise::is_adaptive;
 use crate::stages::ShadowIn;
 use magpie::gpu::Kernel;
@@ -8,7 +9,7 @@ use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
-use magpie_shaders::shadows::{GradientParams, TraceParams, UpsampleParams};
+use magpie_shaders::shadows::{GradientParams, NO_MAP, TraceParams, UpsampleParams};
 use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{SHADOWS_GRADIENT_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
 
@@ -108,9 +109,18 @@ impl RayTraced {
         self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
     }
 
-    /// Visibility of up to four lights, one in each channel.
-    pub fn add(&self, g: &mut FrameGraph, view: &View, i: ShadowIn, lights: &[Caster], name: &str) -> Traced {
-        let history = self.gradient.filter(|_| self.is_noisy(lights)).map(|kernel| {
+    /// Visibility of up to four lights, one in each channel: of maps where there are some and they are sure, else of rays.
+    pub fn add(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: ShadowIn,
+        (lights, maps): (&[Caster], Option<MapOut>),
+        name: &str,
+    ) -> Traced {
+        // What maps say is no ray's answer to compare with.
+        let wanted = self.is_noisy(lights) && maps.is_none();
+        let history = self.gradient.filter(|_| wanted).map(|kernel| {
             let desc = ImageDesc::like(format(lights.len()), i.gbuffer.depth);
             (kernel, g.history(&self.scope, format!("visibility{name}"), desc))
         });
@@ -119,13 +129,16 @@ impl RayTraced {
             None => (None, None),
         };
         let change = gradient.map(|(kernel, previous)| self.changes(g, view, kernel, i, previous, lights, name));
-        let (kernel, samples, block, step) =
-            (self.trace, self.samples, view.block, if self.upsample.is_some() { 2 } else { 1 });
+        // A map has looked at every pixel already.
+        let upsample_kernel = self.upsample.filter(|_| maps.is_none());
+        let (kernel, samples, block) = (self.trace, self.samples, view.block);
+        let step = if upsample_kernel.is_some() { 2 } else { 1 };
         let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
         let traced = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let ids = p.sample(i.gbuffer.ids);
+            let maps = maps.and_then(|m| Some((p.sample(m.visibility), p.sample(m.unsure?))));
             let desc = if step == 1 { ImageDesc::like(format, i.gbuffer.depth) } else { ImageDesc::half(format) };
             let (visibility, target) = match next {
                 Some(next) => p.write(next),
@@ -140,6 +153,8 @@ impl RayTraced {
                     normal: c.id(normal),
                     ids: c.id(ids),
                     visibility: c.id(target),
+                    map_visibility: maps.map_or(NO_MAP, |(seen, _)| c.id(seen).0),
+                    unsure: maps.map_or(NO_MAP, |(_, unsure)| c.id(unsure).0),
                     step,
                     samples,
                     count,
@@ -148,7 +163,7 @@ impl RayTraced {
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        let visibility = match self.upsample {
+        let visibility = match upsample_kernel {
             Some(kernel) => upsample(g, view, kernel, i, traced, name),
             None => traced,
         };

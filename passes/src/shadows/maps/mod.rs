@@ -50,7 +50,6 @@ pub struct MapOut {
     /// The share of a light in each channel that is seen.
     pub visibility: Handle<Image>,
     /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; where they were asked for.
-    #[allow(dead_code, reason = "for techniques that ask rays where maps are not sure")]
     pub unsure: Option<Handle<Image>>,
 }
 
