@@ -24,10 +24,14 @@ layout(location = 6) in vec3 clip_now;
 layout(location = 7) in vec3 clip_before;
 layout(location = 8) flat in uint instance_index;
 
-vec4 read(TextureSlot slot, vec4 otherwise) {
+vec4 read(ViewBuffer view, TextureSlot slot, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
     vec3 uv = vec3(slot.uv_set == 0u ? uv0 : uv1, 1.0);
-    return sample_implicit(slot.image, slot.sampler_id, vec2(dot(slot.row_u, uv), dot(slot.row_v, uv)));
+    vec2 at = vec2(dot(slot.row_u, uv), dot(slot.row_v, uv));
+    // As sample_lod, with the mip level from the screen.
+    return texture(
+        sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), at, view.at[0].mip_bias
+    );
 }
 
 // World-space normal of the triangle by its winding (counter-clockwise from the front), not normalised; zero if degenerate.
@@ -74,13 +78,13 @@ void main() {
     float side = front ? 1.0 : -1.0;
 
     // Textures, all before the alpha test: their mip levels need the neighbouring fragments.
-    vec4 base = material.base_colour * colour * read(material.base_colour_texture, vec4(1.0));
-    vec4 metal_rough = read(material.metallic_roughness_texture, vec4(1.0));
-    float occlusion = 1.0 + material.occlusion_strength * (read(material.occlusion_texture, vec4(1.0)).r - 1.0);
-    vec3 emission = material.emission * read(material.emission_texture, vec4(1.0)).rgb;
+    vec4 base = material.base_colour * colour * read(view, material.base_colour_texture, vec4(1.0));
+    vec4 metal_rough = read(view, material.metallic_roughness_texture, vec4(1.0));
+    float occlusion = 1.0 + material.occlusion_strength * (read(view, material.occlusion_texture, vec4(1.0)).r - 1.0);
+    vec3 emission = material.emission * read(view, material.emission_texture, vec4(1.0)).rgb;
     vec3 shading = vertex_normal;
     if (material.normal_texture.image != NO_TEXTURE) {
-        vec3 texel = read(material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
+        vec3 texel = read(view, material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
         shading = apply_normal_map(normal, tangent, texel, material.normal_scale);
     }
     if (ALPHA_TEST && !is_there(view, scene, instance, mesh)) discard;
