@@ -13,16 +13,18 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { TaaParams params; };
 
-// Most samples in a mean: of what stands still, and of what moves by STILL_PIXELS a frame or more.
+// Most samples in a mean: of what stands still, and of what moves.
 const float MOST_STILL = 128.0;
 const float MOST_MOVING = 8.0;
-const float STILL_PIXELS = 0.1;
+// Motion below the first, pixels a frame, is none: so exact are motion vectors. From the second on it is motion.
+const vec2 STILL_PIXELS = vec2(0.001, 0.1);
 // Half the box of colours that a moving history is clipped to, in standard deviations.
 const float CLIP_DEVIATIONS = 1.0;
-// A sample may be so far from the mean before it says that something has changed, and the mean of the newest samples so far: in
-// standard deviations over time, and beside these, luma from 0 to 1.
+// So far from the mean a sample, the mean of the samples around it, and the mean of the newest samples may be before they say that
+// something has changed: in standard deviations over time, and beside these, luma from 0 to 1. A sample alone can be a rare one.
 const vec2 STEP = vec2(3.5, 0.02);
-const vec2 DRIFT = vec2(1.0, 0.01);
+const vec2 STEP_AROUND = vec2(2.0, 0.02);
+const vec2 DRIFT = vec2(1.25, 0.01);
 // Share of a new sample in the mean of the newest.
 const float FAST = 0.125;
 // Samples that are left in a mean after a change.
@@ -152,7 +154,7 @@ void main() {
     float closest_depth = load(params.depth, around.closest).r;
     vec2 motion = motion_of(view, around.closest, closest_depth, load(params.motion, around.closest).xy);
     vec2 before = (vec2(pixel) + 0.5) / size - motion;
-    float still = clamp(1.0 - length(motion * size) / STILL_PIXELS, 0.0, 1.0);
+    float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);
 
     // What is known of it. Where nothing has moved, nothing can have come into sight: what is thinner than a pixel and seen in some
     // frames only keeps its history.
@@ -174,10 +176,14 @@ void main() {
     if (samples > 0.0) {
         float deviation = sqrt(moments.y);
         float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST * weight) - moments.x);
-        bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
+        float step_around = abs(around.mean.x - moments.x);
+        bool stepped = step_off > STEP.x * deviation + STEP.y && step_around > STEP_AROUND.x * deviation + STEP_AROUND.y;
+        bool steady = !stepped && drift <= DRIFT.x * deviation + DRIFT.y;
         float kept = steady ? calm : 0.0;
-        if (kept < 1.0) history = mix(clip_to(around, history), history, kept);
-        if (calm > 0.0 && !steady) samples = min(samples, LEFT_AFTER_CHANGE);
+        vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
+        // A rare sample says nothing while the mean goes with what is around it.
+        if (calm > 0.0 && !steady && clipped != history) samples = min(samples, LEFT_AFTER_CHANGE);
+        history = mix(clipped, history, kept);
         samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
     }
 

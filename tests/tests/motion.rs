@@ -37,10 +37,10 @@ impl Step<'_> {
         ViewDesc { frame: 1, jitter: self.jitters[0], previous: Some(previous), ..ViewDesc::new(self.now, self.extent) }
     }
 
-    /// Through where a pixel is sampled.
-    fn ray(&self, eye: &Eye, pixel: usize) -> DVec3 {
+    /// Through where a pixel is sampled, or so many pixels beside it.
+    fn ray(&self, eye: &Eye, pixel: usize, beside: [f64; 2]) -> DVec3 {
         let width = self.extent.width as usize;
-        let [x, y] = self.jitters[0].map(f64::from);
+        let [x, y] = [0, 1].map(|i| f64::from(self.jitters[0][i]) + beside[i]);
         eye.ray((pixel % width) as f64 + 0.5 + x, (pixel / width) as f64 + 0.5 + y)
     }
 }
@@ -53,7 +53,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64
         .gbuffer
         .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
     let desc = step.view();
-    let wanted = ["gbuffer.draw:motion", "gbuffer.draw:depth"];
+    let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids"];
     let ran = bench.run(step.extent, &wanted, |g, imports| {
         let mut block = magpie::gpu::Staging::new(&gpu, "view");
         let view = desc.declare(&mut block, &resident.borrow(), g, &mut imports.borrow_mut())?;
@@ -63,29 +63,47 @@ fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64
         Ok(())
     })?;
     let ran = ran.clean()?;
-    let (motion, depth) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
-    Ok(compare(&motion, &depth, step))
+    let (motion, ids) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
+    Ok(compare(scene, &motion, &ids, step))
 }
 
 /// Largest error of the motion, pixels, and how many pixels moved by more than one.
-fn compare(motion: &[[f32; 4]], depth: &[[f32; 4]], step: &Step<'_>) -> (f64, usize) {
+fn compare(scene: &Scene, motion: &[[f32; 4]], ids: &[[f32; 4]], step: &Step<'_>) -> (f64, usize) {
     let size = [f64::from(step.extent.width), f64::from(step.extent.height)];
     let (eye_now, eye_before) = (Eye::new(step.now, step.extent), Eye::new(step.before, step.extent));
+    let moments = Moments::new(scene, [0.0; 2]);
     let (mut worst, mut moved) = (0.0_f64, 0);
-    for (pixel, (motion, depth)) in motion.iter().zip(depth).enumerate() {
-        if depth[0] == 0.0 {
+    for (pixel, (motion, ids)) in motion.iter().zip(ids).enumerate() {
+        let Some(instance) = (ids[0] as usize).checked_sub(1) else {
             assert_eq!(motion[..2], [0.0, 0.0], "background does not move");
             continue;
-        }
-        let world = eye_now.position + step.ray(&eye_now, pixel) * eye_now.view_depth(depth[0]);
-        let (Some(here), Some(there)) = (eye_now.project(world), eye_before.project(world)) else { continue };
-        let expected = [0, 1].map(|i| (here[i] - there[i]) * size[i]);
-        let got = [0, 1].map(|i| f64::from(motion[i]) * size[i]);
-        let error = (0..2).map(|i| (got[i] - expected[i]).abs()).fold(0.0, f64::max);
+        };
+        // The motion of what lies beside the pixel by so much.
+        let expected = |[x, y]: [f64; 2]| {
+            let ray = step.ray(&eye_now, pixel, [x, y]);
+            let world = moments.follow(&eye_now, ray, instance, ids[1] as usize)[1];
+            let (here, there) = (eye_now.project(world)?, eye_before.project(world)?);
+            Some([0, 1].map(|i| (here[i] - there[i]) * size[i]))
+        };
+        let Some(wanted) = expected([0.0; 2]) else { continue };
+        let error = excess([0, 1].map(|i| f64::from(motion[i]) * size[i]), wanted, expected);
         worst = worst.max(error);
-        moved += usize::from(expected[0].hypot(expected[1]) > 1.0);
+        moved += usize::from(wanted[0].hypot(wanted[1]) > 1.0);
     }
     (worst, moved)
+}
+
+/// How far a motion is off, pixels. On a surface that is seen edge on a pixel's width is a long way: what is right a thousandth of a pixel
+/// beside counts as right.
+fn excess(got: [f64; 2], wanted: [f64; 2], expected: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> f64 {
+    let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+    let error = off(got, wanted);
+    if error <= LIMIT {
+        return error;
+    }
+    let beside = [[LIMIT, 0.0], [-LIMIT, 0.0], [0.0, LIMIT], [0.0, -LIMIT]];
+    let play = beside.into_iter().filter_map(expected).map(|other| off(other, wanted)).fold(0.0, f64::max);
+    error - play
 }
 
 fn moved(camera: &Camera, step: Vec3, turn: f32) -> Camera {
@@ -149,9 +167,9 @@ fn motion_stays_right_where_the_origin_steps() -> Result<()> {
         }
         Ok(last.context("no image")?.linear.values())
     };
-    let (motion, depth) = (see("motion")?, see("depth")?);
+    let (motion, ids) = (see("motion")?, see("ids")?);
     let step = Step { before: &cameras[1], now: &cameras[2], extent: EXTENT, jitters: [[0.0; 2]; 2] };
-    let (worst, moved) = compare(&motion, &depth, &step);
+    let (worst, moved) = compare(&scene, &motion, &ids, &step);
     println!("where the origin steps: worst error {worst:.6} pixels, {moved} pixels moved");
     assert!(worst < LIMIT && moved > 10_000, "worst error {worst} pixels, {moved} moved");
     Ok(())
@@ -233,9 +251,7 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids", "gbuffer.draw:depth"];
     let mut followed = Followed::new();
-    for (times, extent) in
-        [([0.0, 0.05], EXTENT), ([0.7, 0.75], EXTENT), ([1.9, 1.95], WIDE), ([3.28, 3.3], EXTENT)]
-    {
+    for (times, extent) in [([0.0, 0.05], EXTENT), ([0.7, 0.75], EXTENT), ([1.9, 1.95], WIDE), ([3.28, 3.3], EXTENT)] {
         let step = Step { before: camera, now: camera, extent, jitters: JITTERS };
         let (size, eye) = ([f64::from(extent.width), f64::from(extent.height)], Eye::new(camera, extent));
         let moments = Moments::new(&scene, times);
@@ -257,19 +273,21 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
         let (motion, ids) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
         for (pixel, (motion, id)) in motion.iter().zip(&ids).enumerate() {
             let Some(instance) = (id[0] as usize).checked_sub(1) else { continue };
-            let [before, now] = moments.follow(&eye, step.ray(&eye, pixel), instance, id[1] as usize);
-            let (Some(here), Some(there)) = (eye.project(now), eye.project(before)) else { continue };
-            let expected = [0, 1].map(|i| (here[i] - there[i]) * size[i]);
-            let error = |i: usize| (f64::from(motion[i]) * size[i] - expected[i]).abs();
+            let expected = |beside: [f64; 2]| {
+                let ray = step.ray(&eye, pixel, beside);
+                let [before, now] = moments.follow(&eye, ray, instance, id[1] as usize);
+                let (here, there) = (eye.project(now)?, eye.project(before)?);
+                Some([0, 1].map(|i| (here[i] - there[i]) * size[i]))
+            };
+            let Some(wanted) = expected([0.0; 2]) else { continue };
+            let got = [0, 1].map(|i| f64::from(motion[i]) * size[i]);
+            let error = excess(got, wanted, expected);
             let moving = moments.poses[0].instances[instance] != moments.poses[1].instances[instance];
             let count = followed.entry(kind(&scene, instance, moving)).or_default();
             count.0 += 1;
-            count.1 += usize::from(expected[0].hypot(expected[1]) > 0.5);
-            count.2 = count.2.max(error(0)).max(error(1));
-            ensure!(
-                error(0).is_finite() && error(1).is_finite(),
-                "pixel {pixel}: motion {motion:?}, expected {expected:?}"
-            );
+            count.1 += usize::from(wanted[0].hypot(wanted[1]) > 0.5);
+            count.2 = count.2.max(error);
+            ensure!(error.is_finite(), "pixel {pixel}: motion {motion:?}, wanted {wanted:?}");
         }
     }
     for (kind, (pixels, moved, worst)) in &followed {

@@ -8,6 +8,8 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
 
 const SIZE: [u32; 2] = [240, 135];
+/// No shadows: what is measured is edges.
+const HARD: &str = "stages.shadows=off";
 const TAA: &str = "post.anti_aliasing=taa";
 
 /// What one frame gave.
@@ -122,9 +124,12 @@ fn the_mean_is_that_over_the_area_of_the_pixels() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
     let (small, large) = ([96, 96], [768, 768]);
-    let reference = shrunk(&Run::new(&gpu, &scene, large, &[])?.still(1, 0.0)?[0].picture, 8);
+    let reference = shrunk(&Run::new(&gpu, &scene, large, &[HARD])?.still(1, 0.0)?[0].picture, 8);
     let psnr_of = |changes: &[&str], frames: usize| -> Result<f64> {
-        let seen = Run::new(&gpu, &scene, small, changes)?.still(frames, 0.0)?;
+        let seen = Run::new(&gpu, &scene, small, &[changes, &[HARD]].concat())?.still(frames, 0.0)?;
+        if changes == [TAA] {
+            println!("mean of inputs {}", shown_psnr(&mean(seen.iter().map(|f| &f.input)), &reference)?);
+        }
         shown_psnr(&seen[frames - 1].picture, &reference)
     };
     let none = psnr_of(&[], 1)?;
@@ -187,7 +192,10 @@ fn a_moving_picture_is_better_than_its_samples_and_stays_sharp() -> Result<()> {
         still.renderer.cut();
         let samples: Vec<Seen> = (0..32).map(|_| still.see(&camera(frame), 0.0)).collect::<Result<_>>()?;
         let reference = mean(samples.iter().map(|f| &f.input));
-        let (raw, taa) = (mse(&seen[frame].input.encoded(), &reference.encoded())?, mse(&seen[frame].picture.encoded(), &reference.encoded())?);
+        let (raw, taa) = (
+            mse(&seen[frame].input.encoded(), &reference.encoded())?,
+            mse(&seen[frame].picture.encoded(), &reference.encoded())?,
+        );
         println!("frame {frame} of a turn: error of the input {raw:.6}, of the picture {taa:.6}");
         ensure!(taa < 0.6 * raw, "frame {frame}: {taa} against {raw}");
     }
@@ -227,16 +235,29 @@ fn what_comes_into_sight_has_no_ghost() -> Result<()> {
     for changes in [vec![TAA], vec![TAA, "post.resolution_scale=0.67"]] {
         let mut run = Run::new(&gpu, &scene, SIZE, &changes)?;
         let seen: Vec<Seen> = (0..=last).map(|frame| run.see(&camera, time(frame))).collect::<Result<_>>()?;
-        let mut frozen = Run::new(&gpu, &scene, SIZE, &[TAA])?;
-        let still = |run: &mut Run<'_>, time: f64| -> Result<Picture> {
-            run.renderer.restart();
-            Ok(mean(run.still(32, time)?.iter().map(|f| &f.input)))
+        let still = |time: f64| -> Result<Picture> {
+            Ok(mean(Run::new(&gpu, &scene, SIZE, &[TAA])?.still(32, time)?.iter().map(|f| &f.input)))
         };
-        let (old, truth) = (still(&mut frozen, time(last - 1))?, still(&mut frozen, time(last))?);
+        let (old, truth) = (still(time(last - 1))?, still(time(last))?);
         let picture = &seen[last].picture;
         let ghost = left_over(picture, &old, &truth, &new);
+        for (n, p) in [
+            ("old", &old),
+            ("truth", &truth),
+            ("raw", &seen[last].input),
+            ("raw1", &seen[last - 1].input),
+            ("pic", picture),
+        ] {
+            image::RgbImage::from_raw(p.width as u32, p.height as u32, p.to_srgb8())
+                .context("x")?
+                .save(format!("/work/scratch/taa/d_{n}.png"))?;
+        }
+        println!("raw ghost {}", left_over(&seen[last].input, &old, &truth, &new));
         let errors = disocclusion(&picture.encoded(), &truth.encoded(), &new)?;
-        println!("{changes:?}: {ghost:.4} of what was there is left in {} pixels of {width} a row; {errors:?}", errors.pixels_new);
+        println!(
+            "{changes:?}: {ghost:.4} of what was there is left in {} pixels of {width} a row; {errors:?}",
+            errors.pixels_new
+        );
         ensure!(errors.pixels_new > 200, "only {} pixels came into sight", errors.pixels_new);
         ensure!(ghost.abs() < 0.05, "{ghost} of what was there before is left");
         if changes.len() == 1 {
@@ -293,7 +314,9 @@ fn what_is_off_is_not_there() -> Result<()> {
 fn sharpening_steepens_and_never_overshoots() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("courtyard")?;
-    let picture = |changes: &[&str]| -> Result<Picture> { Ok(Run::new(&gpu, &scene, SIZE, changes)?.still(1, 0.0)?.remove(0).picture) };
+    let picture = |changes: &[&str]| -> Result<Picture> {
+        Ok(Run::new(&gpu, &scene, SIZE, changes)?.still(1, 0.0)?.remove(0).picture)
+    };
     let (plain, half, full) = (picture(&[])?, picture(&["post.sharpening=0.5"])?, picture(&["post.sharpening=1.0"])?);
     let width = plain.width;
     let gradient = |p: &Picture| -> f64 {
