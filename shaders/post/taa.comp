@@ -20,11 +20,13 @@ const float MOST_MOVING = 8.0;
 const vec2 STILL_PIXELS = vec2(0.001, 0.1);
 // Half the box of colours that a moving history is clipped to, in standard deviations.
 const float CLIP_DEVIATIONS = 1.0;
-// So far from the mean a sample, the mean of the samples around it, and the mean of the newest samples may be before they say that
-// something has changed: in standard deviations over time, and beside these, luma from 0 to 1. A sample alone can be a rare one.
+// The luma of the 3x3 changes from frame to frame with the jitter, far less than that of single samples. It, and the mean of its newest
+// values, may be so far from its mean over time before they say that something has changed: in standard deviations over time, and
+// beside these, from 0 to 1.
 const vec2 STEP = vec2(3.5, 0.02);
-const vec2 STEP_AROUND = vec2(2.0, 0.02);
 const vec2 DRIFT = vec2(1.25, 0.01);
+// Its variance over time as long as nothing is known of that, over its variance in space.
+const float PRIOR = 0.25;
 // Share of a new sample in the mean of the newest.
 const float FAST = 0.125;
 // Samples that are left in a mean after a change.
@@ -145,7 +147,6 @@ void main() {
     Around around = look_around(view, at);
     float weight = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
     vec3 now = load(params.colour, around.centre).rgb;
-    float luma = tone_compress(ycocg_of(now), params.exposure).x;
     if (weight < 1.0) {
         now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, weight);
     }
@@ -172,17 +173,16 @@ void main() {
         }
     }
 
-    float samples = moments.w;
+    float samples = moments.w, luma = around.mean.x;
+    bool changed = false;
     if (samples > 0.0) {
         float deviation = sqrt(moments.y);
-        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST * weight) - moments.x);
-        float step_around = abs(around.mean.x - moments.x);
-        bool stepped = step_off > STEP.x * deviation + STEP.y && step_around > STEP_AROUND.x * deviation + STEP_AROUND.y;
-        bool steady = !stepped && drift <= DRIFT.x * deviation + DRIFT.y;
+        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
+        bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
         float kept = steady ? calm : 0.0;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
-        // A rare sample says nothing while the mean goes with what is around it.
-        if (calm > 0.0 && !steady && clipped != history) samples = min(samples, LEFT_AFTER_CHANGE);
+        changed = calm > 0.0 && !steady;
+        if (changed) samples = min(samples, LEFT_AFTER_CHANGE);
         history = mix(clipped, history, kept);
         samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
     }
@@ -191,12 +191,12 @@ void main() {
     float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
     float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
     vec3 picture = (own_share * now + old_share * history) / (own_share + old_share);
-    float share = weight / (weight + samples), off = luma - moments.x;
+    float share = 1.0 / (1.0 + samples), off = luma - moments.x;
     vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off * off), 0.0, samples + weight);
-    next.z = mix(moments.z, luma, max(share, FAST * weight));
-    // What moves, or has just come into sight, is expected to be as what is around it.
-    vec4 fresh = vec4(around.mean.x, around.deviation.x * around.deviation.x, around.mean.x, samples + weight);
-    next = mix(fresh, next, samples > 0.0 ? still : 0.0);
+    next.z = mix(moments.z, luma, max(share, FAST));
+    // Of what moves, has changed, or has just come into sight, nothing is known yet.
+    vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
+    next = mix(fresh, next, samples > 0.0 && !changed ? still : 0.0);
 
     store(params.next_picture, pixel, vec4(picture, 1.0));
     store(params.next_moments, pixel, next);

@@ -41,7 +41,8 @@ pub struct TaaParams {
     pub ids: SampledImage,
     /// The picture one frame ago, linear radiance.
     pub picture: SampledImage,
-    /// Its moments: slow mean, variance and fast mean of the tone-weighted luma, and the weight of the samples in it.
+    /// Its moments: slow mean, variance and fast mean over time of the tone-weighted luma of the 3x3, and the weight of the
+    /// samples in the picture.
     pub moments: SampledImage,
     /// Its surfaces: least and greatest depth and the instances around each pixel, and how still it was.
     pub surfaces: SampledImage,
