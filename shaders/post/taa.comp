@@ -23,14 +23,15 @@ const float CLIP_DEVIATIONS = 1.0;
 // The luma of the 3x3 changes from frame to frame with the jitter, far less than that of single samples. It, and the mean of its newest
 // values, may be so far from its mean over time before they say that something has changed: in standard deviations over time, and
 // beside these, from 0 to 1.
-const vec2 STEP = vec2(3.5, 0.02);
+const vec2 STEP = vec2(7.0, 0.02);
 const vec2 DRIFT = vec2(1.25, 0.01);
-// Its variance over time as long as nothing is known of that, over its variance in space.
-const float PRIOR = 0.25;
+// Its variance over time, over that in space: as long as nothing is known of it, and at least, for edges that few samples meet.
+const float PRIOR = 0.06;
+const float LEAST_VARIANCE = 0.01;
 // Share of a new sample in the mean of the newest.
 const float FAST = 0.125;
-// Samples that are left in a mean after a change.
-const float LEFT_AFTER_CHANGE = 2.0;
+// Samples that a mean still weighs after a change.
+const float LEFT_AFTER_CHANGE = 1.0;
 // Weight of a sample that lies far outside of its pixel. Not 0, so that pixels without samples of their own show something.
 const float LEAST_WEIGHT = 0.03;
 // Depth is kept as its logarithm, in steps of 0.07 %; a history may be so many steps off.
@@ -176,7 +177,7 @@ void main() {
     float samples = moments.w, luma = around.mean.x;
     bool changed = false;
     if (samples > 0.0) {
-        float deviation = sqrt(moments.y);
+        float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
         float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
         bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
         float kept = steady ? calm : 0.0;
