@@ -49,18 +49,6 @@ vec3 position_before(Instance instance, vec3 position) {
     return transform_point(instance.previous_world_from_object, object);
 }
 
-// The same of a unit normal; the rotation and stretch of the instance are followed.
-vec3 normal_before(Instance instance, vec3 normal) {
-    // Normals go by the inverse transpose: to the object by the rows of world_from_object, then out by the cofactors of the frame before.
-    vec3 object = transform_normal(instance.world_from_object, normal);
-    vec3 x = instance.previous_world_from_object[0].xyz;
-    vec3 y = instance.previous_world_from_object[1].xyz;
-    vec3 z = instance.previous_world_from_object[2].xyz;
-    float side = handedness(instance.previous_world_from_object);
-    vec3 before = side * vec3(dot(cross(y, z), object), dot(cross(z, x), object), dot(cross(x, y), object));
-    return safe_normalize(before, normal);
-}
-
 // Reversed depth that a point had one frame ago; 0 for what was behind the camera.
 float depth_before(ViewBuffer view, vec3 position_before) {
     vec4 clip = view.at[0].previous_clip_from_world * vec4(position_before, 1.0);
@@ -72,32 +60,6 @@ float depth_before(ViewBuffer view, vec3 position_before) {
 bool on_plane(ViewBuffer view, vec3 point, vec3 normal, vec3 seen, float pixels) {
     float width = pixel_spread(view) * distance(seen, view.at[0].previous_eye);
     return abs(dot(normal, seen - point)) <= pixels * width;
-}
-
-// A surface as one frame hands it to the next, and as the next expects it.
-struct SeenBefore {
-    vec3 position;   // world, metres
-    vec3 normal;     // of the triangle, unit
-    uint instance;   // instance + 1
-};
-
-// How far off its plane, in pixels' widths, and how far apart in angle (cosine) a surface may be to be taken for the same.
-const float SAME_PLANE_PIXELS = 2.0;
-const float SAME_NORMAL_COSINE = 0.9;
-
-// Where the surface of a pixel was one frame ago.
-SeenBefore expected_before(SceneBuffer scene, Surface surface, uint instance_plus_one) {
-    Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_plus_one - 1u];
-    vec3 normal = normal_before(instance, surface.geometric_normal);
-    return SeenBefore(position_before(instance, surface.position), normal, instance_plus_one);
-}
-
-// Whether what the frame before saw is the surface that is expected: the same instance, on its plane, facing alike (Schied et al. 2017,
-// "Spatiotemporal Variance-Guided Filtering", section 4.1). Normals face the viewer, so the sign counts.
-bool same_surface(ViewBuffer view, SeenBefore expected, SeenBefore seen) {
-    return seen.instance == expected.instance
-        && dot(seen.normal, expected.normal) >= SAME_NORMAL_COSINE
-        && on_plane(view, expected.position, expected.normal, seen.position, SAME_PLANE_PIXELS);
 }
 
 #endif
