@@ -10,6 +10,8 @@ use magpie_tests::harness::{builtin, config, gpu};
 const SIZE: [u32; 2] = [240, 135];
 /// No shadows: what is measured is edges.
 const HARD: &str = "stages.shadows=off";
+/// Shadows without noise and without histories of their own: what is measured is this effect alone.
+const SHARP: &str = "shadows.edges=hard";
 const TAA: &str = "post.anti_aliasing=taa";
 
 /// What one frame gave.
@@ -33,7 +35,8 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(gpu: &Gpu, scene: &'a Scene, size: [u32; 2], changes: &[&str]) -> Result<Self> {
         let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
-        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+        let mut renderer =
+            Renderer::new(gpu, scene, &Slots::default(), &config(&[changes, &[SHARP]].concat())?, options)?;
         renderer.read_slots(&["sky"])?;
         Ok(Self { renderer, scene, size })
     }
