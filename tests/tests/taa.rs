@@ -285,12 +285,13 @@ fn a_cut_begins_anew() -> Result<()> {
 fn what_is_off_is_not_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    let run = |changes: &[&str]| -> Result<(Vec<String>, usize, [u32; 2])> {
+    let run = |changes: &[&str]| -> Result<(Vec<String>, usize, [u32; 2], Vec<String>)> {
         let seen = Run::new(&gpu, &scene, [80, 60], changes)?.still(2, 0.0)?;
         let declaration = &seen[1].result.declaration;
         let names = (0..declaration.passes.len() as u32).map(|i| declaration.pass_name(i).to_owned());
         let full = [declaration.full.width, declaration.full.height];
-        Ok((names.filter(|n| n.starts_with("post.")).collect(), declaration.histories.len(), full))
+        let resources = (0..declaration.resources.len() as u32).map(|i| declaration.resource_name(i)).collect();
+        Ok((names.filter(|n| n.starts_with("post.")).collect(), declaration.histories.len(), full, resources))
     };
     let cases: [(&[&str], &[&str], usize, [u32; 2]); 5] = [
         (&[], &["post.tone_map"], 0, [80, 60]),
@@ -299,9 +300,12 @@ fn what_is_off_is_not_there() -> Result<()> {
         (&[TAA, "post.resolution_scale=0.5"], &["post.taa", "post.tone_map"], 3, [40, 30]),
         (&["post.sharpening=0.5"], &["post.sharpen", "post.tone_map"], 0, [80, 60]),
     ];
+    let others = run(&[])?.1;
     for (changes, passes, histories, full) in cases {
         let got = run(changes)?;
-        ensure!(got.0 == passes && got.1 == histories && got.2 == full, "{changes:?}: {got:?}");
+        ensure!(got.0 == passes && got.1 == others + histories && got.2 == full, "{changes:?}: {got:?}, {others}");
+        let named = |n: &str| got.3.iter().any(|name| name.starts_with(n));
+        ensure!(named("moments") == (histories > 0), "{changes:?}: {:?}", got.3);
     }
     Ok(())
 }
