@@ -57,7 +57,7 @@ impl Effect for Vignette {
     type Out = PostOut;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, input: PostIn) -> PostOut {
-        let bright = self.standard.add(g, view, input).display;
+        let PostOut { radiance, display: bright } = self.standard.add(g, view, input);
         let (darken, strength) = (self.darken, self.strength);
         let display = g.pass("post.vignette", Queue::Graphics, |p| {
             let source = p.sample(bright);
@@ -69,7 +69,7 @@ impl Effect for Vignette {
                 c.dispatch(darken, &params, extent);
             })
         });
-        PostOut { display }
+        PostOut { radiance, display }
     }
 }
 

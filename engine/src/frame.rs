@@ -3,7 +3,7 @@ use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
 use crate::scene::{Camera, Caster, Placed, ResidentScene};
-use glam::{DVec3, Mat4};
+use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
 use magpie_shaders::scene::NO_TEXTURE;
 use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
@@ -18,6 +18,8 @@ pub struct View {
     pub frame: u32,
     /// What the raster passes draw.
     pub draws: Arc<[Draw]>,
+    /// Size of the picture that is made in the end, pixels. The frame itself may be smaller.
+    pub output: Extent,
     /// The lights that can cast shadows, the one that matters most first.
     pub casters: Arc<[Caster]>,
     /// Where the instances of the scene are.
@@ -37,25 +39,82 @@ pub struct View {
 pub struct ViewDesc<'a> {
     /// The camera.
     pub camera: &'a Camera,
-    /// Pixels.
+    /// Pixels that are rendered.
     pub extent: Extent,
+    /// Pixels of the picture that is made in the end. Its shape is what the camera's is taken from.
+    pub output: Extent,
+    /// Where the rendered pixels are sampled: pixels from their centres, right and down, each -0.5 to 0.5.
+    pub jitter: [f32; 2],
     /// Frame number, from 0.
     pub frame: u32,
     /// Seed of everything random.
     pub seed: u32,
-    /// Camera and size of the frame before; `None` for the first, in which nothing moves.
-    pub previous: Option<(&'a Camera, Extent)>,
+    /// The frame before; `None` for the first, in which nothing moves.
+    pub previous: Option<PreviousView<'a>>,
+}
+
+/// From where the frame before was seen.
+#[derive(Clone, Copy, Debug)]
+pub struct PreviousView<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Pixels that were rendered.
+    pub extent: Extent,
+    /// Pixels of the picture.
+    pub output: Extent,
+    /// Where its pixels were sampled, as [`ViewDesc::jitter`].
+    pub jitter: [f32; 2],
+}
+
+impl<'a> ViewDesc<'a> {
+    /// The first frame with seed 0, as large as the picture and sampled at the centres of pixels.
+    #[must_use]
+    pub fn new(camera: &'a Camera, extent: Extent) -> Self {
+        Self { camera, extent, output: extent, jitter: [0.0; 2], frame: 0, seed: 0, previous: None }
+    }
+}
+
+impl<'a> PreviousView<'a> {
+    /// A frame as large as its picture, sampled at the centres of pixels.
+    #[must_use]
+    pub fn new(camera: &'a Camera, extent: Extent) -> Self {
+        Self { camera, extent, output: extent, jitter: [0.0; 2] }
+    }
 }
 
 const BLOCK_BYTES: u64 = size_of::<shared::View>() as u64;
 
-fn clip_from_view(camera: &Camera, extent: Extent) -> Mat4 {
-    camera.clip_from_view(extent.width as f32 / extent.height as f32)
+/// A camera as the matrices of one frame have it; the world is counted from an origin.
+struct Matrices {
+    /// Clip from world without jitter: reversed infinite depth, y down.
+    steady: Mat4,
+    /// The same with jitter.
+    jittered: Mat4,
+    /// The inverse of that.
+    inverse: Mat4,
+    eye: Vec3A,
 }
 
-/// Clip space from the world, which is counted from `origin`: reversed infinite depth, y down.
-fn clip_from_world(camera: &Camera, extent: Extent, origin: DVec3) -> Mat4 {
-    clip_from_view(camera, extent) * camera.view_from_world(origin)
+impl Matrices {
+    fn new(view: &PreviousView<'_>, origin: DVec3) -> Self {
+        let PreviousView { camera, extent, output, jitter } = *view;
+        let (placed, view_from_world) = (camera.placed(origin), camera.view_from_world(origin));
+        let steady = camera.clip_from_view(output.width as f32 / output.height as f32);
+        // Where a pixel is sampled right of its centre, everything is drawn as far left. The inverse of both is taken apart by hand,
+        // so that it is exactly that of the camera where there is no jitter.
+        let shift = [2.0 * jitter[0] / extent.width as f32, 2.0 * jitter[1] / extent.height as f32];
+        let (mut jittered, mut view_from_clip) = (steady, steady.inverse());
+        jittered.z_axis.x += shift[0];
+        jittered.z_axis.y += shift[1];
+        view_from_clip.w_axis += view_from_clip.x_axis * shift[0] + view_from_clip.y_axis * shift[1];
+        Self {
+            steady: steady * view_from_world,
+            jittered: jittered * view_from_world,
+            // The product of the two inverses: the inverse of the product loses digits far from the origin.
+            inverse: Mat4::from(placed) * view_from_clip,
+            eye: placed.translation,
+        }
+    }
 }
 
 impl ViewDesc<'_> {
@@ -71,20 +130,23 @@ impl ViewDesc<'_> {
         g: &mut FrameGraph,
         imports: &mut Imports,
     ) -> Result<View, GpuError> {
-        let (camera, extent, origin) = (self.camera, self.extent, scene.origin());
-        let now = clip_from_world(camera, extent, origin);
-        let before = self.previous.map_or(now, |(camera, extent)| clip_from_world(camera, extent, origin));
-        let placed = camera.placed(origin);
-        let casters = scene.casters();
-        // The product of the two inverses: the inverse of the product loses digits far from the origin.
-        let world_from_clip = Mat4::from(placed) * clip_from_view(camera, extent).inverse();
+        let (origin, casters) = (scene.origin(), scene.casters());
+        let Self { camera, extent, output, jitter, .. } = *self;
+        let this = PreviousView { camera, extent, output, jitter };
+        let (now, before) = (Matrices::new(&this, origin), Matrices::new(&self.previous.unwrap_or(this), origin));
         let contents = shared::View {
-            clip_from_world: now.to_cols_array_2d(),
-            world_from_clip: world_from_clip.to_cols_array_2d(),
-            previous_clip_from_world: before.to_cols_array_2d(),
-            eye: placed.translation.to_array(),
+            clip_from_world: now.jittered.to_cols_array_2d(),
+            world_from_clip: now.inverse.to_cols_array_2d(),
+            steady_clip_from_world: now.steady.to_cols_array_2d(),
+            previous_clip_from_world: before.steady.to_cols_array_2d(),
+            previous_world_from_clip: before.inverse.to_cols_array_2d(),
+            eye: now.eye.to_array(),
+            previous_eye: before.eye.to_array(),
+            jitter,
+            output_size: [output.width, output.height],
+            mip_bias: (extent.height as f32 / output.height as f32).log2().min(0.0),
             frame: self.frame,
-            size: [self.extent.width, self.extent.height],
+            size: [extent.width, extent.height],
             seed: self.seed,
             caster_count: casters.len() as u32,
             casters: std::array::from_fn(|k| casters.get(k).map_or(NO_LIGHT, |c| c.light)),
@@ -97,6 +159,7 @@ impl ViewDesc<'_> {
             block: g.import_buffer("view", BufferDesc::new(BLOCK_BYTES), Access::BufferRead, key).read(),
             frame: self.frame,
             draws: scene.draws().clone(),
+            output,
             casters: casters.into(),
             placed: scene.placed().clone(),
             scene: scene.number(),

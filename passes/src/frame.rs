@@ -3,7 +3,7 @@ use crate::denoise::Reprojection;
 use crate::slots::Slots;
 use crate::stages::{
     AccelerationIn, AoIn, AoOut, ComposeIn, DirectIn, DirectOut, GBuffer, GBufferIn, IndirectIn, IndirectOut, PostIn,
-    PostOut, RaysIn, RaysOut, SceneHandles, ShadowIn, ShadowOut, SkyIn,
+    PostOut, RaysIn, RaysOut, SceneHandles, Seen, ShadowIn, ShadowOut, SkyIn,
 };
 use magpie::config::Config;
 use magpie::prelude::*;
@@ -63,9 +63,9 @@ pub fn frame(
     g.slot_image("compose", Some(lit.read()));
     let radiance = stages.sky.add(g, view, SkyIn { depth: gbuffer.depth, lit });
     g.slot_image("sky", Some(radiance));
-    let post = stages.post.add(g, view, PostIn { colour: radiance });
+    let post = stages.post.add(g, view, PostIn { colour: radiance, seen: Some(Seen { scene, gbuffer }) });
     g.slot_image("post", Some(post.display));
-    Ok(FrameOut { radiance, display: post.display })
+    Ok(FrameOut { radiance: post.radiance, display: post.display })
 }
 
 impl Stages {

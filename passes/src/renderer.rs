@@ -1,11 +1,12 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::acceleration::resident_options;
 use crate::frame::{Stages, frame};
+use crate::post::Sampling;
 use crate::read_back::Copies;
 use crate::slots::Slots;
 use crate::stages::AccelerationIn;
 use magpie::config::{Config, ConfigError, Suggestion};
-use magpie::frame::ViewDesc;
+use magpie::frame::{PreviousView, ViewDesc};
 use magpie::gpu::{Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
@@ -23,7 +24,7 @@ use std::time::Instant;
 /// How to render.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderOptions {
-    /// Pixels from left to right, or 0: minimised.
+    /// Pixels of the picture from left to right, or 0: minimised.
     pub width: u32,
     /// Pixels from top to bottom, or 0: minimised.
     pub height: u32,
@@ -111,8 +112,24 @@ pub struct Renderer {
     read_slots: Vec<String>,
     options: RenderOptions,
     frame: u32,
-    previous: Option<(Camera, Extent)>,
+    sampling: Sampling,
+    previous: Option<Previous>,
     origin: FloatingOrigin,
+}
+
+/// From where the frame before was seen.
+struct Previous {
+    camera: Camera,
+    extent: Extent,
+    output: Extent,
+    jitter: [f32; 2],
+}
+
+impl Previous {
+    fn view(&self) -> PreviousView<'_> {
+        let Self { ref camera, extent, output, jitter } = *self;
+        PreviousView { camera, extent, output, jitter }
+    }
 }
 
 impl Renderer {
@@ -142,6 +159,7 @@ impl Renderer {
             read_slots: Vec::new(),
             options,
             frame: 0,
+            sampling: Sampling::wanted(&slots.post, config)?,
             previous: None,
             origin: FloatingOrigin::default(),
         })
@@ -207,8 +225,9 @@ impl Renderer {
 
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
         let build = Build { gpu: &self.gpu, rays: self.options.rays };
+        let sampling = Sampling::wanted(&self.slots.post, &config)?;
         self.stages.configure(&build, &self.slots, &config)?;
-        self.config = config;
+        (self.config, self.sampling) = (config, sampling);
         Ok(())
     }
 
@@ -261,15 +280,18 @@ impl Renderer {
             return Ok(None);
         }
         let start = Instant::now();
-        let extent = Extent::new(self.options.width, self.options.height);
+        let output = Extent::new(self.options.width, self.options.height);
+        let (extent, jitter) = (self.sampling.extent(output), self.sampling.jitter(self.frame));
         let mut g = self.executor.begin(extent);
         let imports = Rc::<RefCell<Imports>>::default();
         let desc = ViewDesc {
             camera: request.camera,
             extent,
+            output,
+            jitter,
             frame: self.frame,
             seed: self.options.seed,
-            previous: self.previous.as_ref().map(|(camera, extent)| (camera, *extent)),
+            previous: self.previous.as_ref().map(Previous::view),
         };
         let (cut, origin) = (self.previous.is_none(), self.origin.follow(request.camera));
         self.scene.borrow_mut().go(&Moment { time: request.time, origin, cut });
@@ -350,7 +372,7 @@ impl Renderer {
             findings = scanned.findings();
             self.trail.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
         }
-        self.previous = Some((request.camera.clone(), extent));
+        self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });
         self.frame += 1;
         let slots = match slot_copies {
             None => Vec::new(),

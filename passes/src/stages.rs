@@ -180,11 +180,24 @@ pub struct SkyIn {
 pub struct PostIn {
     /// Linear radiance.
     pub colour: Handle<Image>,
+    /// What the picture shows; `None` where it was not drawn in this frame, so that it has nothing to do with others.
+    pub seen: Option<Seen>,
 }
 
-/// What a display shows.
+/// What a picture shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// What moves.
+    pub scene: SceneHandles,
+    /// What every pixel sees first.
+    pub gbuffer: GBuffer,
+}
+
+/// The picture, in the size of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct PostOut {
+    /// Linear radiance of which the display's image is made, RGBA32F.
+    pub radiance: Handle<Image>,
     /// RGBA8, sRGB-encoded.
     pub display: Handle<Image>,
 }

@@ -20,14 +20,16 @@ layout(location = 2) in vec4 tangent;
 layout(location = 3) in vec2 uv0;
 layout(location = 4) in vec2 uv1;
 layout(location = 5) in vec4 colour;
-layout(location = 6) in vec3 clip_now;
-layout(location = 7) in vec3 clip_before;
-layout(location = 8) flat in uint instance_index;
+layout(location = 6) flat in uint instance_index;
 
-vec4 read(TextureSlot slot, vec4 otherwise) {
+vec4 read(ViewBuffer view, TextureSlot slot, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
     vec3 uv = vec3(slot.uv_set == 0u ? uv0 : uv1, 1.0);
-    return sample_implicit(slot.image, slot.sampler_id, vec2(dot(slot.row_u, uv), dot(slot.row_v, uv)));
+    vec2 at = vec2(dot(slot.row_u, uv), dot(slot.row_v, uv));
+    // As sample_lod, with the mip level from the screen.
+    return texture(
+        sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), at, view.at[0].mip_bias
+    );
 }
 
 // World-space normal of the triangle by its winding (counter-clockwise from the front), not normalised; zero if degenerate.
@@ -41,17 +43,37 @@ vec3 triangle_normal(Instance instance, Mesh mesh, out vec3 corner) {
     return transform_normal(instance.object_from_world, cross(e1, e2));
 }
 
-// The alpha test, as a ray through the pixel's centre makes it: at the same point of the triangle, with the same cone.
-bool is_there(ViewBuffer view, SceneBuffer scene, Instance instance, Mesh mesh) {
-    vec3 ray = pixel_ray(view, ivec2(gl_FragCoord.xy));
+// Where the ray through the pixel meets the triangle's plane. Interpolated values are those of corners moved to a part of a pixel, which is
+// too coarse where the triangle is seen edge on.
+SurfaceHit meet(ViewBuffer view, Instance instance, Mesh mesh, uvec3 corners, vec3 ray) {
     vec3 origin = transform_point(instance.object_from_world, view.at[0].eye);
     TriangleRay object_ray = triangle_ray(origin, transform_vector(instance.object_from_world, ray));
-    uvec3 corners = TriangleBuffer(mesh.indices).at[gl_PrimitiveID];
     PositionBuffer at = PositionBuffer(mesh.positions);
     SurfaceHit hit;
     // Whether it hits does not matter: fragments at the edges may lie just outside.
     hit_triangle(object_ray, at.at[corners.x], at.at[corners.y], at.at[corners.z], 0.0, 0.0, hit);
-    return alpha_passes(scene, instance_index, corners, hit.barycentric, ray, pixel_spread(view) * hit.t);
+    return hit;
+}
+
+// A point of the triangle by the weights of its second and third corner.
+vec3 point_of(PositionBuffer positions, uvec3 corners, vec2 weights) {
+    vec3 first = positions.at[corners.x];
+    precise vec3 second = weights.x * (positions.at[corners.y] - first);
+    precise vec3 third = weights.y * (positions.at[corners.z] - first);
+    precise vec3 point = first + second + third;
+    return point;
+}
+
+// How the point goes that the ray meets. Both frames by the same steps, so that what stands still has no motion at all.
+vec2 motion_at(ViewBuffer view, Instance instance, Mesh mesh, uvec3 corners, vec2 weights) {
+    // No such point on a triangle without area, or seen edge on.
+    if (!all(lessThan(abs(weights), vec2(4.0)))) weights = vec2(1.0 / 3.0);
+    precise vec3 now = transform_point(instance.world_from_object, point_of(PositionBuffer(mesh.positions), corners, weights));
+    precise vec3 before =
+        transform_point(instance.previous_world_from_object, point_of(PositionBuffer(mesh.previous_positions), corners, weights));
+    precise vec4 clip_now = view.at[0].steady_clip_from_world * vec4(now, 1.0);
+    precise vec4 clip_before = view.at[0].previous_clip_from_world * vec4(before, 1.0);
+    return motion_between(clip_now.xyw, clip_before.xyw);
 }
 
 void main() {
@@ -74,16 +96,21 @@ void main() {
     float side = front ? 1.0 : -1.0;
 
     // Textures, all before the alpha test: their mip levels need the neighbouring fragments.
-    vec4 base = material.base_colour * colour * read(material.base_colour_texture, vec4(1.0));
-    vec4 metal_rough = read(material.metallic_roughness_texture, vec4(1.0));
-    float occlusion = 1.0 + material.occlusion_strength * (read(material.occlusion_texture, vec4(1.0)).r - 1.0);
-    vec3 emission = material.emission * read(material.emission_texture, vec4(1.0)).rgb;
+    vec4 base = material.base_colour * colour * read(view, material.base_colour_texture, vec4(1.0));
+    vec4 metal_rough = read(view, material.metallic_roughness_texture, vec4(1.0));
+    float occlusion = 1.0 + material.occlusion_strength * (read(view, material.occlusion_texture, vec4(1.0)).r - 1.0);
+    vec3 emission = material.emission * read(view, material.emission_texture, vec4(1.0)).rgb;
     vec3 shading = vertex_normal;
     if (material.normal_texture.image != NO_TEXTURE) {
-        vec3 texel = read(material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
+        vec3 texel = read(view, material.normal_texture, vec4(0.5, 0.5, 1.0, 1.0)).xyz;
         shading = apply_normal_map(normal, tangent, texel, material.normal_scale);
     }
-    if (ALPHA_TEST && !is_there(view, scene, instance, mesh)) discard;
+    uvec3 corners = TriangleBuffer(mesh.indices).at[gl_PrimitiveID];
+    vec3 ray = pixel_ray(view, ivec2(gl_FragCoord.xy));
+    SurfaceHit hit = meet(view, instance, mesh, corners, ray);
+    // The alpha test, as a ray through the pixel makes it: at the same point of the triangle, with the same cone.
+    float cone = pixel_spread(view) * hit.t;
+    if (ALPHA_TEST && !alpha_passes(scene, instance_index, corners, hit.barycentric, ray, cone)) discard;
 
     Fragment fragment;
     fragment.to_eye = to_eye;
@@ -93,7 +120,7 @@ void main() {
     fragment.occlusion = occlusion;
     fragment.metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
     fragment.emission = emission;
-    fragment.motion = motion_between(clip_now, clip_before);
+    fragment.motion = motion_at(view, instance, mesh, corners, hit.barycentric);
     fragment.ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));
     write_gbuffer(fragment, material.flags);
 }

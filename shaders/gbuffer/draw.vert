@@ -15,9 +15,7 @@ layout(location = 2) out vec4 tangent;      // world, unit; w is the sign of the
 layout(location = 3) out vec2 uv0;
 layout(location = 4) out vec2 uv1;
 layout(location = 5) out vec4 colour;       // linear
-layout(location = 6) out vec3 clip_now;     // clip x, y, w
-layout(location = 7) out vec3 clip_before;  // the same one frame ago
-layout(location = 8) flat out uint instance_index;
+layout(location = 6) flat out uint instance_index;
 
 invariant gl_Position;
 
@@ -34,10 +32,6 @@ void main() {
     precise vec4 clip = view.at[0].clip_from_world * vec4(world, 1.0);
     gl_Position = clip;
     from_eye = world - view.at[0].eye;
-    clip_now = clip.xyw;
-    vec3 position_before = PositionBuffer(mesh.at[instance.mesh].previous_positions).at[gl_VertexIndex];
-    vec3 world_before = transform_point(instance.previous_world_from_object, position_before);
-    clip_before = (view.at[0].previous_clip_from_world * vec4(world_before, 1.0)).xyw;
 
     vec3 world_normal = transform_normal(instance.object_from_world, attributes.normal);
     normal = safe_normalize(world_normal, vec3(0.0, 1.0, 0.0));

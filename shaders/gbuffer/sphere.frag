@@ -39,7 +39,7 @@ void main() {
 
     // The point goes with its instance.
     vec3 point = sphere.xyz + sphere.w * outwards;
-    vec4 now = view.at[0].clip_from_world * vec4(transform_point(instance.world_from_object, point), 1.0);
+    vec4 now = view.at[0].steady_clip_from_world * vec4(transform_point(instance.world_from_object, point), 1.0);
     vec3 world_before = transform_point(instance.previous_world_from_object, point);
     vec4 before = view.at[0].previous_clip_from_world * vec4(world_before, 1.0);
 

@@ -49,11 +49,6 @@ vec4 sample_lod(uint image, uint sampler_id, vec2 uv, float lod) {
     return textureLod(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, lod);
 }
 
-// Filtered, with the mip level from the screen-space derivatives of `uv`; mip 0 outside fragment shaders.
-vec4 sample_implicit(uint image, uint sampler_id, vec2 uv) {
-    return texture(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv);
-}
-
 // Writes pixel `p`. `image` must be the same for the whole draw or dispatch.
 void store(uint image, ivec2 p, vec4 value) {
     imageStore(storage_images[image], p, value);

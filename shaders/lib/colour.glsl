@@ -73,4 +73,31 @@ vec3 aces(vec3 c) {
     return clamp(display, 0.0, 1.0);
 }
 
+// Linear Rec.709 to luma and two differences, and back, exactly invertible but for rounding (Malvar and Sullivan 2003, "YCoCg-R: A Color
+// Space with RGB Reversibility and Low Dynamic Range").
+vec3 ycocg_of(vec3 c) {
+    return vec3(dot(c, vec3(0.25, 0.5, 0.25)), 0.5 * (c.r - c.b), dot(c, vec3(-0.25, 0.5, -0.25)));
+}
+
+vec3 rgb_of_ycocg(vec3 c) {
+    float around = c.x - c.z;
+    return vec3(around + c.y, c.x + c.z, around - c.y);
+}
+
+// Weight of a colour (YCoCg) among others so that a few bright ones do not drown the rest: Karis 2013, "Tone Mapping" (Graphic Rants).
+float tone_weight(vec3 ycocg, float exposure) {
+    return 1.0 / (1.0 + exposure * ycocg.x);
+}
+
+// A colour (YCoCg) times exposure and its weight: luma goes from 0 to below 1.
+vec3 tone_compress(vec3 ycocg, float exposure) {
+    return ycocg * (exposure * tone_weight(ycocg, exposure));
+}
+
+// The inverse. Luma of 1 and more has none; it is taken as the greatest that has one in 32 bits.
+vec3 tone_expand(vec3 compressed, float exposure) {
+    float rest = 1.0 - compressed.x;
+    return compressed / (exposure * (rest < 1e-7 ? 1e-7 : rest));
+}
+
 #endif

@@ -12,14 +12,26 @@ pub const MOST_CASTERS: u32 = 8;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct View {
-    /// Clip from world.
+    /// Clip from world, with this frame's [`View::jitter`].
     pub clip_from_world: [[f32; 4]; 4],
-    /// World from clip.
+    /// World from clip, the inverse of that.
     pub world_from_clip: [[f32; 4]; 4],
-    /// Clip from world one frame ago.
+    /// Clip from world without jitter.
+    pub steady_clip_from_world: [[f32; 4]; 4],
+    /// Clip from world one frame ago, without jitter.
     pub previous_clip_from_world: [[f32; 4]; 4],
+    /// World from clip one frame ago, with that frame's jitter: where that frame's pixels lay.
+    pub previous_world_from_clip: [[f32; 4]; 4],
     /// Eye in the world, metres.
     pub eye: [f32; 3],
+    /// Eye one frame ago.
+    pub previous_eye: [f32; 3],
+    /// Where pixels are sampled: pixels from their centres, right and down.
+    pub jitter: [f32; 2],
+    /// Width and height of the picture that is made in the end, pixels; [`View::size`] where that is not scaled.
+    pub output_size: [u32; 2],
+    /// Mip levels that textures are read finer by than the pixels of [`View::size`] ask for: log2 of those over the output's, 0 or less.
+    pub mip_bias: f32,
     /// Frame number, from 0.
     pub frame: u32,
     /// Width and height, pixels.

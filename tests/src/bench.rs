@@ -193,7 +193,7 @@ impl Shot<'_> {
     /// Brings the camera into a frame.
     pub fn view(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<View> {
         let Self { scene, camera, extent } = *self;
-        let desc = ViewDesc { camera, extent, frame: 0, seed: 0, previous: None };
+        let desc = ViewDesc::new(camera, extent);
         Ok(desc.declare(&mut Staging::new(gpu, "view"), &scene.borrow(), g, &mut imports.borrow_mut())?)
     }
 

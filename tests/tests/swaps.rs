@@ -56,7 +56,7 @@ impl Effect for Trail {
     type Out = PostOut;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, input: PostIn) -> PostOut {
-        let now = self.standard.add(g, view, input).display;
+        let PostOut { radiance, display: now } = self.standard.add(g, view, input);
         let history = g.history(&self.scope, "trail", g.desc(now));
         self.told.lock().unwrap_or_else(PoisonError::into_inner).push(history.valid);
         let (blend, share) = (self.blend, if history.valid { self.share } else { 0.0 });
@@ -70,7 +70,7 @@ impl Effect for Trail {
                 c.dispatch(blend, &params, extent);
             })
         });
-        PostOut { display }
+        PostOut { radiance, display }
     }
 }
 

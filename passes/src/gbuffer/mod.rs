@@ -6,13 +6,13 @@ use magpie::stage::{SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::gbuffer::DrawParams;
 use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
-/// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids: 38 bytes a pixel with depth.
+/// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids: 42 bytes a pixel with depth.
 const COMPACT: [(&str, Format); 6] = [
     ("base_colour", Format::Rgba8Srgb),
     ("normal", Format::Rgba16Snorm),
     ("material", Format::Rg8Unorm),
     ("emission", Format::Rgba16Float),
-    ("motion", Format::Rg16Float),
+    ("motion", Format::Rg32Float),
     ("ids", Format::Rg32Uint),
 ];
 

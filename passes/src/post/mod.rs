@@ -1,10 +1,17 @@
-//! From linear radiance to a display: exposure, tone curve, sRGB.
+//! From linear radiance to a display: anti-aliasing and upsampling, sharpening, exposure, tone curve, sRGB.
+mod filters;
+mod sampling;
+mod taa;
+
 use crate::stages::{PostIn, PostOut};
+use filters::{Sharpen, Upscale};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::stage::{SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::POST_TONE_MAP_COMP;
 use magpie_shaders::post::{CURVE_ACES, CURVE_AGX, CURVE_NONE, ToneMapParams};
+pub use sampling::Sampling;
+use taa::Taa;
 
 /// The slot.
 pub fn stage() -> Stage<PostIn, PostOut> {
@@ -16,16 +23,42 @@ pub fn stage() -> Stage<PostIn, PostOut> {
             &["agx", "aces", "none"],
         ),
         SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-24.0, 24.0)),
+        SettingSpec::choice(
+            "anti_aliasing",
+            "`taa` looks at another point of each pixel in every frame and makes one picture of them: smooth edges, from the second \
+             frame on. `none` looks at the centres: edges are steps.",
+            "none",
+            &["none", "taa"],
+        ),
+        SettingSpec::float(
+            "resolution_scale",
+            "",
+            "Rendered pixels over those of the picture, each way. Lower: the whole frame is cheaper by the square of it, and fine things \
+             blur; with `taa` they return where the picture stands still, without it they do not.",
+            1.0,
+            (0.5, 1.0),
+        ),
+        SettingSpec::float(
+            "sharpening",
+            "",
+            "How much edges are steepened, as a part of what is possible without overshoot. Higher: crisper, and coarser. At 0 the pass \
+             does not exist.",
+            0.0,
+            (0.0, 1.0),
+        ),
     ];
     Stage::new("post").about("From linear radiance to a display.").with(
         "standard",
-        "Exposure, tone curve, sRGB.",
+        "Anti-aliasing, sharpening, exposure, tone curve, sRGB.",
         &settings,
         |build, settings| Ok(Box::new(Standard::new(build.gpu, settings)?)),
     )
 }
 
 struct Standard {
+    taa: Option<Taa>,
+    upscale: Upscale,
+    sharpen: Option<Sharpen>,
     tone_map: Kernel,
     curve: u32,
     exposure: f32,
@@ -38,21 +71,25 @@ impl Standard {
             "none" => CURVE_NONE,
             _ => CURVE_AGX,
         };
-        let tone_map = gpu.kernel(&POST_TONE_MAP_COMP).map_err(StageError::other)?;
-        Ok(Self { tone_map, curve, exposure: settings.f32("exposure")?.exp2() })
+        let exposure = settings.f32("exposure")?.exp2();
+        let taa = settings.choice("anti_aliasing")? == "taa";
+        let sharpening = settings.f32("sharpening")?;
+        Ok(Self {
+            taa: taa.then(|| Taa::new(gpu, exposure)).transpose()?,
+            upscale: Upscale::new(gpu)?,
+            sharpen: (sharpening > 0.0).then(|| Sharpen::new(gpu, sharpening, exposure)).transpose()?,
+            tone_map: gpu.kernel(&POST_TONE_MAP_COMP).map_err(StageError::other)?,
+            curve,
+            exposure,
+        })
     }
-}
 
-impl Effect for Standard {
-    type In = PostIn;
-    type Out = PostOut;
-
-    fn add(&mut self, g: &mut FrameGraph, _: &View, i: PostIn) -> PostOut {
+    fn tone_map(&self, g: &mut FrameGraph, radiance: Handle<Image>) -> Handle<Image> {
         let (kernel, curve, exposure) = (self.tone_map, self.curve, self.exposure);
-        let display = g.pass("post.tone_map", Queue::Graphics, |p| {
-            let colour = p.sample(i.colour);
-            let (display, target) = p.create("display", ImageDesc::like(Format::Rgba8Unorm, i.colour));
-            let extent = p.extent(i.colour);
+        g.pass("post.tone_map", Queue::Graphics, |p| {
+            let colour = p.sample(radiance);
+            let (display, target) = p.create("display", ImageDesc::like(Format::Rgba8Unorm, radiance));
+            let extent = p.extent(radiance);
             (display.read(), move |c: &mut Record<'_>| {
                 let params = ToneMapParams {
                     colour: c.id(colour),
@@ -63,7 +100,23 @@ impl Effect for Standard {
                 };
                 c.dispatch(kernel, &params, extent);
             })
-        });
-        PostOut { display }
+        })
+    }
+}
+
+impl Effect for Standard {
+    type In = PostIn;
+    type Out = PostOut;
+
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: PostIn) -> PostOut {
+        let mut radiance = match (&self.taa, i.seen) {
+            (Some(taa), Some(seen)) => taa.add(g, view, i.colour, seen),
+            _ if g.extent(i.colour) != view.output => self.upscale.add(g, i.colour, view.output),
+            _ => i.colour,
+        };
+        if let Some(sharpen) = &self.sharpen {
+            radiance = sharpen.add(g, radiance);
+        }
+        PostOut { radiance, display: self.tone_map(g, radiance) }
     }
 }

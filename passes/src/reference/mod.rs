@@ -314,7 +314,7 @@ impl Reference {
         let mut g = self.executor.begin(extent);
         let imports = Rc::<RefCell<Imports>>::default();
         let full = Extent::new(width, height);
-        let desc = ViewDesc { camera: &self.camera, extent: full, frame: 0, seed: self.options.seed, previous: None };
+        let desc = ViewDesc { seed: self.options.seed, ..ViewDesc::new(&self.camera, full) };
         let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?.block;
         let camera = Some(&self.camera);
         let scene = self.scene.declare(&mut g, &mut imports.borrow_mut(), camera, &Policy::default())?;

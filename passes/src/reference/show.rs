@@ -29,7 +29,7 @@ impl Reference {
         let extent = Extent::new(self.options.width, self.options.height);
         let mut g = self.executor.begin(extent);
         let imports = Rc::<RefCell<Imports>>::default();
-        let desc = ViewDesc { camera: &self.camera, extent, frame: 0, seed: self.options.seed, previous: None };
+        let desc = ViewDesc { seed: self.options.seed, ..ViewDesc::new(&self.camera, extent) };
         let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?;
         let key = imports.borrow_mut().buffer(staging.write(bytemuck::cast_slice(&values))?);
         let bytes = 4 * values.len() as u64;
@@ -42,7 +42,7 @@ impl Reference {
                 c.dispatch(kernel, &PresentParams { values: c.id(values), image: c.id(target), size }, extent);
             })
         });
-        let shown = post.add(&mut g, &view, PostIn { colour });
+        let shown = post.add(&mut g, &view, PostIn { colour, seen: None });
         let copies = Copies::new(&self.gpu, &imports);
         copies.copy(&mut g, "read_back.display", shown.display);
         self.executor.run(g, &imports.borrow())?;

@@ -1,0 +1,66 @@
+//! Temporal anti-aliasing and upsampling: every frame looks at another point of each pixel, and the picture is their mean, moved along.
+use super::filters::bilinear;
+use crate::stages::Seen;
+use magpie::gpu::Kernel;
+use magpie::graph::HistoryScope;
+use magpie::prelude::*;
+use magpie::stage::StageError;
+use magpie_shaders::post::TaaParams;
+use magpie_shaders::{POST_TAA_COMP, SamplerId};
+
+/// The effect.
+pub struct Taa {
+    kernel: Kernel,
+    sampler: SamplerId,
+    exposure: f32,
+    scope: HistoryScope,
+}
+
+impl Taa {
+    /// Makes its pipeline. `exposure` is a factor.
+    pub fn new(gpu: &Gpu, exposure: f32) -> Result<Self, StageError> {
+        let kernel = gpu.kernel(&POST_TAA_COMP).map_err(StageError::other)?;
+        Ok(Self { kernel, sampler: bilinear(gpu)?, exposure, scope: HistoryScope::new() })
+    }
+
+    /// Adds its pass; gives the picture in the size of the output.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, colour: Handle<Image>, seen: Seen) -> Handle<Image> {
+        let Self { kernel, sampler, exposure, .. } = *self;
+        let (block, output) = (view.block, view.output);
+        let mut history = |name, format| g.history(&self.scope, name, ImageDesc::fixed(format, output));
+        // 32-bit floats: the 64th sample of a mean would be lost in the digits of 16 bits.
+        let picture = history("radiance", Format::Rgba32Float);
+        let moments = history("moments", Format::Rgba16Float);
+        let surfaces = history("surfaces", Format::Rg32Uint);
+        let valid = picture.valid && moments.valid && surfaces.valid;
+        g.pass("post.taa", Queue::Graphics, |p| {
+            seen.scene.read(p);
+            let (block, colour) = (p.read(block), p.sample(colour));
+            let (depth, motion, ids) =
+                (p.sample(seen.gbuffer.depth), p.sample(seen.gbuffer.motion), p.sample(seen.gbuffer.ids));
+            let before = [p.sample(picture.previous), p.sample(moments.previous), p.sample(surfaces.previous)];
+            let (picture, target) = p.write(picture.next);
+            let (_, next_moments) = p.write(moments.next);
+            let (_, next_surfaces) = p.write(surfaces.next);
+            (picture.read(), move |c: &mut Record<'_>| {
+                let params = TaaParams {
+                    view: c.id(block),
+                    colour: c.id(colour),
+                    depth: c.id(depth),
+                    motion: c.id(motion),
+                    ids: c.id(ids),
+                    picture: c.id(before[0]),
+                    moments: c.id(before[1]),
+                    surfaces: c.id(before[2]),
+                    next_picture: c.id(target),
+                    next_moments: c.id(next_moments),
+                    next_surfaces: c.id(next_surfaces),
+                    sampler_id: sampler,
+                    valid: valid.into(),
+                    exposure,
+                };
+                c.dispatch(kernel, &params, output);
+            })
+        })
+    }
+}

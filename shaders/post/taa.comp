@@ -1,0 +1,207 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/colour.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/reprojection.glsl"
+#include "lib/resample.glsl"
+#include "shared/post.glsl"
+// One more sample for the mean of each pixel of the picture: temporal anti-aliasing (Karis 2014, "High Quality Temporal Supersampling";
+// Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing Techniques"), and upsampling where the frame is smaller than the picture.
+// What stands still becomes the plain mean of all samples in the pixel: the history is kept as it is unless the samples say that something
+// has changed. What moves is clipped to the colours around it. The details are in docs/passes/post.md.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { TaaParams params; };
+
+// Most samples in a mean: of what stands still, and of what moves.
+const float MOST_STILL = 128.0;
+const float MOST_MOVING = 8.0;
+// Motion below the first, pixels a frame, is none: so exact are motion vectors. From the second on it is motion.
+const vec2 STILL_PIXELS = vec2(0.001, 0.1);
+// Half the box of colours that a moving history is clipped to, in standard deviations.
+const float CLIP_DEVIATIONS = 1.0;
+// The luma of the 3x3 changes from frame to frame with the jitter, far less than that of single samples. It, and the mean of its newest
+// values, may be so far from its mean over time before they say that something has changed: in standard deviations over time, and
+// beside these, from 0 to 1.
+const vec2 STEP = vec2(7.0, 0.02);
+const vec2 DRIFT = vec2(1.25, 0.01);
+// Its variance over time, over that in space: as long as nothing is known of it, and at least, for edges that few samples meet.
+const float PRIOR = 0.06;
+const float LEAST_VARIANCE = 0.01;
+// Share of a new sample in the mean of the newest.
+const float FAST = 0.125;
+// Samples that a mean still weighs after a change.
+const float LEFT_AFTER_CHANGE = 1.0;
+// Weight of a sample that lies far outside of its pixel. Not 0, so that pixels without samples of their own show something.
+const float LEAST_WEIGHT = 0.03;
+// Depth is kept as its logarithm, in steps of 0.07 %; a history may be so many steps off.
+const float DEPTH_STEPS = 65534.0;
+const float DEPTH_OCTAVES = 64.0;
+const uint DEPTH_TOLERANCE = 30u;
+const uint INSTANCE_BITS = 24u;
+
+// Reversed depth in 16 bits; 0 is background.
+uint depth_code(float depth) {
+    if (!(depth > 0.0)) return 0u;
+    return 1u + uint(clamp(log2(depth) / DEPTH_OCTAVES + 1.0, 0.0, 1.0) * DEPTH_STEPS + 0.5);
+}
+
+// One of 24 bits for each instance; neighbours in the scene have different ones.
+uint instance_bit(uint instance) {
+    return 1u << (instance % INSTANCE_BITS);
+}
+
+// What this frame saw around a pixel.
+struct Around {
+    ivec2 centre;     // of the frame's pixels, the one that is sampled nearest to the middle
+    ivec2 closest;    // of the 3x3, the one whose surface is closest to the camera
+    vec3 mean;        // tone-compressed YCoCg
+    vec3 deviation;
+    vec3 smooth_mean; // the same weighted by the distance from the middle
+    uint depth_least; // as depth_code
+    uint depth_most;
+    uint instances;   // as instance_bit
+    uint instance;    // of the centre, + 1
+    float depth;      // of the centre
+};
+
+Around look_around(ViewBuffer view, vec2 at) {
+    Around around;
+    ivec2 last = ivec2(view.at[0].size) - 1;
+    around.centre = clamp(ivec2(floor(at)), ivec2(0), last);
+    vec3 sum = vec3(0.0), squares = vec3(0.0), smooth_sum = vec3(0.0);
+    float smooth_weights = 0.0, closest_depth = -1.0, farthest_depth = 2.0;
+    around.instances = 0u;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            ivec2 pixel = clamp(around.centre + ivec2(x, y), ivec2(0), last);
+            vec3 colour = tone_compress(ycocg_of(load(params.colour, pixel).rgb), params.exposure);
+            sum += colour;
+            squares += colour * colour;
+            // A Gaussian like the window of Blackman and Harris, two pixels wide.
+            vec2 off = vec2(pixel) + 0.5 - at;
+            float weight = exp(-2.29 * dot(off, off));
+            smooth_sum += weight * colour;
+            smooth_weights += weight;
+            float depth = load(params.depth, pixel).r;
+            uint instance = load_uint(params.ids, pixel).r;
+            if (depth > closest_depth) {
+                closest_depth = depth;
+                around.closest = pixel;
+            }
+            farthest_depth = min(farthest_depth, depth);
+            around.instances |= instance_bit(instance);
+            if (x == 0 && y == 0) {
+                around.depth = depth;
+                around.instance = instance;
+            }
+        }
+    }
+    around.mean = sum / 9.0;
+    around.deviation = sqrt(non_negative(squares / 9.0 - around.mean * around.mean));
+    around.smooth_mean = smooth_sum / smooth_weights;
+    around.depth_least = depth_code(farthest_depth);
+    around.depth_most = depth_code(closest_depth);
+    return around;
+}
+
+// Whether the frame before saw the surface of the centre around where it was.
+bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
+    uint expected = 0u;
+    if (around.instance != 0u) {
+        SceneBuffer scene = SceneBuffer(view.at[0].scene);
+        Instance instance = InstanceBuffer(scene.at[0].instances).at[around.instance - 1u];
+        vec3 position = world_position(view, around.centre, around.depth);
+        expected = depth_code(depth_before(view, position_before(instance, position)));
+    }
+    uint least = surfaces.x & 0xffffu, most = surfaces.x >> 16;
+    bool near = expected + DEPTH_TOLERANCE >= least && expected <= most + DEPTH_TOLERANCE;
+    return near && (surfaces.y & instance_bit(around.instance)) != 0u;
+}
+
+// A colour moved towards the mean around it until it is in the box of the deviations (Salvi 2016, "An Excursion in Temporal Supersampling"),
+// which keeps its hue (Karis 2014). As it was where it is inside.
+vec3 clip_to(Around around, vec3 colour) {
+    vec3 compressed = tone_compress(ycocg_of(colour), params.exposure);
+    vec3 off = compressed - around.mean;
+    vec3 outside = abs(off) / (CLIP_DEVIATIONS * around.deviation + 1e-5);
+    float farthest = max(outside.x, max(outside.y, outside.z));
+    if (farthest <= 1.0) return colour;
+    return non_negative(rgb_of_ycocg(tone_expand(around.mean + off / farthest, params.exposure)));
+}
+
+// How much a sample counts in a pixel whose middle is `off` away, in pixels of the picture: fully in its own square, little beyond.
+float sample_weight(vec2 off) {
+    vec2 beyond = max(abs(off) - 0.5, vec2(0.0));
+    return max(exp(-100.0 * dot(beyond, beyond)), LEAST_WEIGHT);
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    vec2 size = vec2(view.at[0].output_size);
+    if (!inside(pixel, view.at[0].output_size)) return;
+
+    // What this frame has to say of the pixel: the sample nearest to its middle, or a blend where none lies in it.
+    vec2 scale = vec2(view.at[0].size) / size;
+    vec2 at = (vec2(pixel) + 0.5) * scale - view.at[0].jitter;
+    Around around = look_around(view, at);
+    float weight = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
+    vec3 now = load(params.colour, around.centre).rgb;
+    if (weight < 1.0) {
+        now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, weight);
+    }
+
+    // Where that was. Edges move with what is in front.
+    float closest_depth = load(params.depth, around.closest).r;
+    vec2 motion = motion_of(view, around.closest, closest_depth, load(params.motion, around.closest).xy);
+    vec2 before = (vec2(pixel) + 0.5) / size - motion;
+    float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);
+
+    // What is known of it. Where nothing has moved, nothing can have come into sight: what is thinner than a pixel and seen in some
+    // frames only keeps its history.
+    vec4 moments = vec4(0.0);
+    vec3 history = vec3(0.0);
+    float calm = 0.0;
+    if (params.valid != 0u && on_screen(before)) {
+        ivec2 pixel_before = ivec2(before * size);
+        uvec2 surfaces = load_uint(params.surfaces, pixel_before).xy;
+        calm = still * float(surfaces.y >> INSTANCE_BITS) / 255.0;
+        if (calm > 0.99 || was_seen(view, around, surfaces)) {
+            moments = load(params.moments, pixel_before);
+            history = still > 0.99 ? load(params.picture, pixel_before).rgb
+                                   : catmull_rom(params.picture, params.sampler_id, before, size);
+        }
+    }
+
+    float samples = moments.w, luma = around.mean.x;
+    bool changed = false;
+    if (samples > 0.0) {
+        float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
+        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
+        bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
+        float kept = steady ? calm : 0.0;
+        vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
+        changed = calm > 0.0 && !steady;
+        if (changed) samples = min(samples, LEFT_AFTER_CHANGE);
+        history = mix(clipped, history, kept);
+        samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
+    }
+
+    // The mean goes on. A short one is weighted by tone, so that bright samples do not flicker; the mean of what stands still is plain.
+    float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
+    float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
+    vec3 picture = (own_share * now + old_share * history) / (own_share + old_share);
+    float share = 1.0 / (1.0 + samples), off = luma - moments.x;
+    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off * off), 0.0, samples + weight);
+    next.z = mix(moments.z, luma, max(share, FAST));
+    // Of what moves, has changed, or has just come into sight, nothing is known yet.
+    vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
+    next = mix(fresh, next, samples > 0.0 && !changed ? still : 0.0);
+
+    store(params.next_picture, pixel, vec4(picture, 1.0));
+    store(params.next_moments, pixel, next);
+    uint stillness = uint(still * 255.0 + 0.5);
+    uint depths = around.depth_least | (around.depth_most << 16);
+    store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | (stillness << INSTANCE_BITS), 0u, 0u));
+}

@@ -1,0 +1,362 @@
+//! Temporal anti-aliasing and upsampling: what stands still becomes the mean over its pixels, what moves leaves nothing behind.
+use anyhow::{Context, Result, ensure};
+use glam::{DMat3, Vec3};
+use magpie::gpu::Gpu;
+use magpie::scene::{Camera, Scene};
+use magpie_accuracy::metrics::{Picture, disocclusion, flicker, flip_ldr, mse, psnr};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::harness::{builtin, config, gpu};
+
+const SIZE: [u32; 2] = [240, 135];
+/// No shadows: what is measured is edges.
+const HARD: &str = "stages.shadows=off";
+/// Shadows without noise and without histories of their own: what is measured is this effect alone.
+const SHARP: &str = "shadows.edges=hard";
+const TAA: &str = "post.anti_aliasing=taa";
+
+/// What one frame gave.
+struct Seen {
+    /// Linear radiance as it went into the slot, in the size of the frame.
+    input: Picture,
+    /// Linear radiance of the picture.
+    picture: Picture,
+    /// As a display shows it, sRGB-encoded and decoded.
+    display: Picture,
+    result: FrameResult,
+}
+
+/// Renders frames with every check on.
+struct Run<'a> {
+    renderer: Renderer,
+    scene: &'a Scene,
+    size: [u32; 2],
+}
+
+impl<'a> Run<'a> {
+    fn new(gpu: &Gpu, scene: &'a Scene, size: [u32; 2], changes: &[&str]) -> Result<Self> {
+        let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
+        let mut renderer =
+            Renderer::new(gpu, scene, &Slots::default(), &config(&[changes, &[SHARP]].concat())?, options)?;
+        renderer.read_slots(&["sky"])?;
+        Ok(Self { renderer, scene, size })
+    }
+
+    fn frame(&mut self, camera: &Camera, time: f64, read_back: bool) -> Result<FrameResult> {
+        let request = FrameRequest { camera, time, view: None, read_back };
+        let result = self.renderer.frame(request)?.context("a size of zero")?;
+        ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        Ok(result)
+    }
+
+    fn see(&mut self, camera: &Camera, time: f64) -> Result<Seen> {
+        let mut result = self.frame(camera, time, true)?;
+        let images = result.images.take().context("nothing was read back")?;
+        let input = result.slots[0].1.as_ref().context("no sky")?;
+        let seen = Seen {
+            input: Picture::from_pixels(input)?,
+            picture: Picture::from_pixels(&images.linear)?,
+            display: Picture::from_pixels(images.display.as_ref().context("no display")?)?,
+            result,
+        };
+        ensure!([seen.picture.width as u32, seen.picture.height as u32] == self.size, "{:?}", images.linear.extent);
+        Ok(seen)
+    }
+
+    /// A still view; gives every frame.
+    fn still(&mut self, frames: usize, time: f64) -> Result<Vec<Seen>> {
+        let camera = self.scene.cameras[0].clone();
+        (0..frames).map(|_| self.see(&camera, time)).collect()
+    }
+}
+
+fn mean<'a>(pictures: impl Iterator<Item = &'a Picture>) -> Picture {
+    let mut sum: Vec<[f64; 3]> = Vec::new();
+    let (mut count, mut size) = (0.0, (0, 0));
+    for picture in pictures {
+        sum.resize(picture.pixels.len(), [0.0; 3]);
+        for (sum, pixel) in sum.iter_mut().zip(&picture.pixels) {
+            (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
+        }
+        (count, size) = (count + 1.0, (picture.width, picture.height));
+    }
+    let pixels = sum.iter().map(|s| s.map(|x| (x / count) as f32)).collect();
+    Picture { width: size.0, height: size.1, pixels }
+}
+
+/// A picture of fewer pixels, each the mean of `by` by `by`.
+fn shrunk(large: &Picture, by: usize) -> Picture {
+    let (width, height) = (large.width / by, large.height / by);
+    let at = |i: usize, k: usize| large.pixels[(i / width * by + k / by) * large.width + i % width * by + k % by];
+    let pixel = |i: usize| {
+        let sum = |c: usize| (0..by * by).map(|k| f64::from(at(i, k)[c])).sum::<f64>();
+        [0, 1, 2].map(|c| (sum(c) / (by * by) as f64) as f32)
+    };
+    Picture { width, height, pixels: (0..width * height).map(pixel).collect() }
+}
+
+/// Signal to noise of what a display shows of linear radiance without a curve, decibels.
+fn shown_psnr(test: &Picture, reference: &Picture) -> Result<f64> {
+    Ok(psnr(&test.encoded(), &reference.encoded(), 1.0)?)
+}
+
+#[test]
+fn a_still_picture_becomes_the_mean_of_its_samples_and_keeps_still() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    let frames = Run::new(&gpu, &scene, SIZE, &[TAA])?.still(64, 0.0)?;
+    let reference = mean(frames.iter().map(|f| &f.input));
+    let at = |frame: usize| shown_psnr(&frames[frame - 1].picture, &reference);
+    let (first, eighth, last) = (at(1)?, at(8)?, at(64)?);
+    println!("PSNR against the mean of 64 samples: frame 1 {first:.1}, 8 {eighth:.1}, 64 {last:.1} dB");
+    ensure!(last > 40.0, "{last} dB after 64 frames");
+    ensure!(eighth > first + 6.0 && last > eighth, "{first}, {eighth}, {last} dB");
+
+    let late = |of: fn(&Seen) -> &Picture| frames[47..].iter().map(|f| of(f).clone()).collect::<Vec<_>>();
+    let (before, after) = (late(|f| &f.input), late(|f| &f.picture));
+    let still = std::slice::from_ref(&reference);
+    let (before, after) = (flicker(&before, still)?, flicker(&after, still)?);
+    println!("flicker of frames 48 to 64: input {before:?}, picture {after:?}");
+    ensure!(after.variance * 1000.0 < before.variance, "{before:?} to {after:?}");
+    Ok(())
+}
+
+/// Nothing of the sequence of samples is in this reference: a picture of eight times the size, without textures, whose mip levels would
+/// differ.
+#[test]
+fn the_mean_is_that_over_the_area_of_the_pixels() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = builtin("cornell")?;
+    // An edge of a lamp that is far brighter than white is white up to a small part of it, which no 64 samples tell.
+    scene.materials.iter_mut().for_each(|m| m.emission = m.emission.min(Vec3::ONE));
+    let (small, large) = ([96, 96], [768, 768]);
+    let reference = shrunk(&Run::new(&gpu, &scene, large, &[HARD])?.still(1, 0.0)?[0].picture, 8);
+    let psnr_of = |changes: &[&str], frames: usize| -> Result<f64> {
+        let seen = Run::new(&gpu, &scene, small, &[changes, &[HARD]].concat())?.still(frames, 0.0)?;
+        shown_psnr(&seen[frames - 1].picture, &reference)
+    };
+    let none = psnr_of(&[], 1)?;
+    let (full, scaled) = (psnr_of(&[TAA], 64)?, psnr_of(&[TAA, "post.resolution_scale=0.67"], 64)?);
+    println!("PSNR against 64 samples in a grid: none {none:.1}, taa {full:.1}, at 67 % {scaled:.1} dB");
+    ensure!(full > 40.0 && full > none + 10.0, "{full} dB, without {none}");
+    ensure!(scaled > none + 5.0, "{scaled} dB, without {none}");
+    Ok(())
+}
+
+#[test]
+fn upsampling_beats_bilinear_that_takes_as_long() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    let size = [320, 180];
+    let reference = mean(Run::new(&gpu, &scene, size, &[TAA])?.still(24, 0.0)?.iter().map(|f| &f.input));
+    // The least time of the last frames, milliseconds, and how far the picture is from the reference.
+    let measure = |changes: &[&str], frames: usize| -> Result<(f64, f64)> {
+        let seen = Run::new(&gpu, &scene, size, changes)?.still(frames, 0.0)?;
+        let own = |f: &Seen| {
+            let passes = f.result.sample.passes.iter();
+            let frame = passes.filter(|p| !p.name.starts_with("check.") && !p.name.starts_with("read_back."));
+            frame.filter_map(|p| p.gpu_ns).sum::<u64>()
+        };
+        let time = seen[frames / 2..].iter().map(own).min().unwrap_or(0);
+        Ok((time as f64 / 1e6, flip_ldr(&seen[frames - 1].picture, &reference)?))
+    };
+    let (taa_ms, taa) = measure(&[TAA, "post.resolution_scale=0.67"], 24)?;
+    println!("taa at 67 %: {taa_ms:.1} ms, FLIP {taa:.4}");
+    let mut as_long = None;
+    for scale in ["0.67", "0.75", "0.85", "1.0"] {
+        let (ms, error) = measure(&[&format!("post.resolution_scale={scale}")], 4)?;
+        println!("bilinear at {scale}: {ms:.1} ms, FLIP {error:.4}");
+        ensure!(scale != "0.67" || taa < 0.7 * error, "FLIP {taa}, bilinear from as many pixels {error}");
+        if as_long.is_none() && ms >= taa_ms {
+            as_long = Some(error);
+        }
+    }
+    let bilinear = as_long.context("upsampling takes longer than the frame at full size")?;
+    ensure!(taa < bilinear, "FLIP {taa}, bilinear in the same time {bilinear}");
+    Ok(())
+}
+
+fn turned(camera: &Camera, angle: f64) -> Camera {
+    let mut other = camera.clone();
+    other.world_from_camera.matrix3 *= DMat3::from_rotation_y(angle);
+    other
+}
+
+#[test]
+fn a_moving_picture_is_better_than_its_samples_and_stays_sharp() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    // 0.4 degrees a frame: some two and a half pixels.
+    let camera = |frame: usize| turned(&scene.cameras[0], 0.007 * frame as f64);
+    let mut run = Run::new(&gpu, &scene, SIZE, &[TAA])?;
+    let seen: Vec<Seen> = (0..16).map(|frame| run.see(&camera(frame), 0.0)).collect::<Result<_>>()?;
+    let mut still = Run::new(&gpu, &scene, SIZE, &[TAA])?;
+    for frame in [5, 15] {
+        still.renderer.cut();
+        let samples: Vec<Seen> = (0..16).map(|_| still.see(&camera(frame), 0.0)).collect::<Result<_>>()?;
+        let reference = mean(samples.iter().map(|f| &f.input));
+        let (raw, taa) = (
+            mse(&seen[frame].input.encoded(), &reference.encoded())?,
+            mse(&seen[frame].picture.encoded(), &reference.encoded())?,
+        );
+        println!("frame {frame} of a turn: error of the input {raw:.6}, of the picture {taa:.6}");
+        ensure!(taa < 0.6 * raw, "frame {frame}: {taa} against {raw}");
+    }
+    Ok(())
+}
+
+/// How much of what was there before is still seen where a moving thing has just left: 1 all of it, 0 nothing.
+fn left_over(now: &Picture, before: &Picture, truth: &Picture, new: &[bool]) -> f64 {
+    let [mut along, mut all] = [0.0; 2];
+    for i in (0..new.len()).filter(|&i| new[i]) {
+        for c in 0..3 {
+            let step = f64::from(before.pixels[i][c] - truth.pixels[i][c]);
+            along += step * f64::from(now.pixels[i][c] - truth.pixels[i][c]);
+            all += step * step;
+        }
+    }
+    along / all
+}
+
+#[test]
+fn what_comes_into_sight_has_no_ghost() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("carousel")?;
+    let camera = scene.cameras[0].clone();
+    let (step, last) = (0.1, 8);
+    let time = |frame: usize| 0.4 + step * frame as f64;
+    let ids = |time: f64| -> Result<Vec<u32>> {
+        let mut run = Run::new(&gpu, &scene, SIZE, &[])?;
+        let request = FrameRequest { camera: &camera, time, view: Some(("gbuffer.draw", "ids")), read_back: true };
+        let image = run.renderer.frame(request)?.and_then(|r| r.images).context("no ids")?.linear;
+        Ok(image.bytes.as_chunks::<8>().0.iter().map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    };
+    let (before, now) = (ids(time(last - 1))?, ids(time(last))?);
+    // What the 3x3 around it shows was nowhere in the 3x3 before.
+    let (width, height) = (SIZE[0] as usize, SIZE[1] as usize);
+    let is_new = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let inside = (1..width - 1).contains(&x) && (1..height - 1).contains(&y);
+        let around =
+            || [0, 1, 2].into_iter().flat_map(move |r| (i + r * width - width - 1)..(i + r * width - width + 2));
+        inside && around().all(|k| now[k] == now[i] && before[k] != now[i])
+    };
+    let new: Vec<bool> = (0..now.len()).map(is_new).collect();
+    let still = |time: f64| -> Result<Picture> {
+        Ok(mean(Run::new(&gpu, &scene, SIZE, &[TAA])?.still(16, time)?.iter().map(|f| &f.input)))
+    };
+    let (old, truth) = (still(time(last - 1))?, still(time(last))?);
+    for changes in [vec![TAA], vec![TAA, "post.resolution_scale=0.67"]] {
+        let mut run = Run::new(&gpu, &scene, SIZE, &changes)?;
+        let seen: Vec<Seen> = (0..=last).map(|frame| run.see(&camera, time(frame))).collect::<Result<_>>()?;
+        let picture = &seen[last].picture;
+        let ghost = left_over(picture, &old, &truth, &new);
+        let errors = disocclusion(&picture.encoded(), &truth.encoded(), &new)?;
+        println!(
+            "{changes:?}: {ghost:.4} of what was there is left in {} pixels of {width} a row; {errors:?}",
+            errors.pixels_new
+        );
+        ensure!(errors.pixels_new > 100, "only {} pixels came into sight", errors.pixels_new);
+        ensure!(ghost.abs() < 0.05, "{ghost} of what was there before is left");
+        if changes.len() == 1 {
+            let raw = disocclusion(&seen[last].input.encoded(), &truth.encoded(), &new)?;
+            println!("input: {raw:?}");
+            ensure!(errors.mse_elsewhere < raw.mse_elsewhere.map(|e| 0.7 * e), "{errors:?} against {raw:?}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn a_cut_begins_anew() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let mut run = Run::new(&gpu, &scene, [64, 64], &[TAA])?;
+    let before = run.still(5, 0.0)?;
+    ensure!(before[0].picture == before[0].input, "the first frame is its own sample");
+    ensure!(before[4].picture != before[4].input, "the fifth is no mean");
+    run.renderer.cut();
+    let after = run.still(2, 0.0)?;
+    ensure!(after[0].picture == after[0].input, "the frame after a cut has something of those before");
+    ensure!(after[1].picture != after[1].input, "the history does not begin again");
+    Ok(())
+}
+
+#[test]
+fn what_is_off_is_not_there() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let run = |changes: &[&str]| -> Result<(Vec<String>, usize, [u32; 2], Vec<String>)> {
+        let seen = Run::new(&gpu, &scene, [80, 60], changes)?.still(2, 0.0)?;
+        let declaration = &seen[1].result.declaration;
+        let names = (0..declaration.passes.len() as u32).map(|i| declaration.pass_name(i).to_owned());
+        let full = [declaration.full.width, declaration.full.height];
+        let resources = (0..declaration.resources.len() as u32).map(|i| declaration.resource_name(i)).collect();
+        Ok((names.filter(|n| n.starts_with("post.")).collect(), declaration.histories.len(), full, resources))
+    };
+    let cases: [(&[&str], &[&str], usize, [u32; 2]); 5] = [
+        (&[], &["post.tone_map"], 0, [80, 60]),
+        (&["post.resolution_scale=0.5"], &["post.upscale", "post.tone_map"], 0, [40, 30]),
+        (&[TAA], &["post.taa", "post.tone_map"], 3, [80, 60]),
+        (&[TAA, "post.resolution_scale=0.5"], &["post.taa", "post.tone_map"], 3, [40, 30]),
+        (&["post.sharpening=0.5"], &["post.sharpen", "post.tone_map"], 0, [80, 60]),
+    ];
+    let others = run(&[])?.1;
+    for (changes, passes, histories, full) in cases {
+        let got = run(changes)?;
+        ensure!(got.0 == passes && got.1 == others + histories && got.2 == full, "{changes:?}: {got:?}, {others}");
+        let named = |n: &str| got.3.iter().any(|name| name.starts_with(n));
+        ensure!(named("moments") == (histories > 0), "{changes:?}: {:?}", got.3);
+    }
+    Ok(())
+}
+
+#[test]
+fn sharpening_steepens_and_never_overshoots() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    let picture = |changes: &[&str]| -> Result<Picture> {
+        Ok(Run::new(&gpu, &scene, SIZE, changes)?.still(1, 0.0)?.remove(0).picture)
+    };
+    let (plain, half, full) = (picture(&[])?, picture(&["post.sharpening=0.5"])?, picture(&["post.sharpening=1.0"])?);
+    let width = plain.width;
+    let gradient = |p: &Picture| -> f64 {
+        let p = p.encoded();
+        (0..p.pixels.len() - 1).map(|i| f64::from((p.pixels[i][1] - p.pixels[i + 1][1]).powi(2))).sum()
+    };
+    let [a, b, c] = [&plain, &half, &full].map(gradient);
+    println!("gradients: {a:.1}, {b:.1}, {c:.1}");
+    ensure!(b > 1.03 * a && c > 1.02 * b, "{a}, {b}, {c}");
+    for (x, y) in (1..plain.height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y))) {
+        let i = y * width + x;
+        // In the tone-weighted range, where it works: an order that luma keeps.
+        let weighted = |p: &[f32; 3]| p.map(|v| v / (1.0 + 0.25 * p[0] + 0.5 * p[1] + 0.25 * p[2]));
+        let cross = [i, i - 1, i + 1, i - width, i + width].map(|i| weighted(&plain.pixels[i]));
+        let now = weighted(&full.pixels[i]);
+        for channel in 0..3 {
+            let least = cross.iter().map(|p| p[channel]).fold(f32::MAX, f32::min);
+            let most = cross.iter().map(|p| p[channel]).fold(f32::MIN, f32::max);
+            let fine = now[channel] >= least - 1e-4 && now[channel] <= most + 1e-4;
+            ensure!(fine, "({x}, {y}): {} is not in {least} to {most}", now[channel]);
+        }
+    }
+    Ok(())
+}
+
+/// Lights of a million nits, a scale, sharpening and a turning camera: nothing but finite numbers.
+#[test]
+fn everything_stays_finite() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = builtin("courtyard")?;
+    for material in &mut scene.materials {
+        material.emission *= 1e6;
+    }
+    for scale in ["0.5", "0.83", "1.0"] {
+        let scale = format!("post.resolution_scale={scale}");
+        let mut run = Run::new(&gpu, &scene, [101, 57], &[TAA, &scale, "post.sharpening=1.0"])?;
+        for frame in 0..12 {
+            let camera = turned(&scene.cameras[0], 0.01 * f64::from(frame / 3));
+            run.see(&camera, 0.0)?.display.check("the picture")?;
+        }
+    }
+    Ok(())
+}
