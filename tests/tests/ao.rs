@@ -82,7 +82,7 @@ fn rays_converge_to_the_reference() -> Result<()> {
     for (name, size) in [("cornell", [24, 24]), ("courtyard", [32, 18])] {
         let scene = builtin(name)?;
         let truth = truth(&gpu, &scene, size, 1.0, samples)?;
-        let found = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64"], size, 128)?;
+        let found = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", "ao.rays=64"], size, 128)?;
         let wanted = picture(size, truth.mean.iter().map(|m| m.x));
         let (error, floor) = (relmse(&picture(size, found.iter().copied()), &wanted)?, noise_floor(&truth));
         let white = relmse(&picture(size, vec![1.0; found.len()]), &wanted)?;
@@ -106,9 +106,9 @@ fn rays_converge_to_the_reference() -> Result<()> {
 fn frames_add_up() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let (scene, size) = (builtin("cornell")?, [32, 32]);
-    let truth = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64"], size, 64)?;
+    let truth = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", "ao.rays=64"], size, 64)?;
     for count in [1, 16, 64] {
-        let found = openness(&gpu, &scene, &["stages.ao=ray-traced"], size, count)?;
+        let found = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none"], size, count)?;
         let n = truth.len() as f64;
         let random = truth.iter().map(|p| p * (1.0 - p) / f64::from(count)).sum::<f64>() / n;
         let error = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum::<f64>() / n;
@@ -118,8 +118,11 @@ fn frames_add_up() -> Result<()> {
     }
     // The same rays, whether of one frame or of eight.
     let (one, eight) = ("ao.rays=8", "ao.rays=1");
-    let at_once = openness(&gpu, &scene, &["stages.ao=ray-traced", one], size, 1)?;
-    ensure!(at_once == openness(&gpu, &scene, &["stages.ao=ray-traced", eight], size, 8)?, "rays 0 to 7 differ");
+    let at_once = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", one], size, 1)?;
+    ensure!(
+        at_once == openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", eight], size, 8)?,
+        "rays 0 to 7 differ"
+    );
     Ok(())
 }
 
@@ -161,7 +164,7 @@ fn a_crease_is_as_dark_as_known_on_paper() -> Result<()> {
     let camera = &scene.cameras[0];
     for range in [0.25, 1.0, 4.0] {
         let set = format!("ao.range={range:?}");
-        let rays = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.rays=64", &set], size, 16)?;
+        let rays = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", "ao.rays=64", &set], size, 16)?;
         let horizons = openness(&gpu, &scene, &["stages.ao=screen-space", &set], size, 1)?;
         let (mut worst, mut square, mut square_of_horizons, mut darkest) = (0.0_f64, 0.0, 0.0, 1.0_f64);
         let mut pixels = 0.0;
@@ -196,8 +199,8 @@ fn nothing_hides_an_open_floor() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = floor(false);
     for (changes, least) in [
-        (&["stages.ao=ray-traced", "ao.rays=8"][..], 1.0),
-        (&["stages.ao=ray-traced", "ao.rays=8", "ao.resolution=half"], 1.0),
+        (&["stages.ao=ray-traced", "ao.denoiser=none", "ao.rays=8"][..], 1.0),
+        (&["stages.ao=ray-traced", "ao.denoiser=none", "ao.rays=8", "ao.resolution=half"], 1.0),
         (&["stages.ao=screen-space"], 0.999),
         (&["stages.ao=screen-space", "ao.slices=1", "ao.noise=moving"], 0.999),
         (&["stages.ao=screen-space", "ao.resolution=half", "ao.thickness=0.0"], 0.999),
@@ -214,7 +217,9 @@ fn nothing_hides_an_open_floor() -> Result<()> {
 fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let (scene, size) = (builtin("courtyard")?, [48, 27]);
-    let run = |changes: &[&str]| -> Result<(Vec<String>, Vec<u8>, Vec<u8>, bool)> {
+    // Passes of the slot, the picture, direct light, and whether there is openness.
+    type Told = (Vec<String>, Vec<u8>, Vec<u8>, bool);
+    let run = |changes: &[&str]| -> Result<Told> {
         let mut told = None;
         frames(&gpu, &scene, changes, size, 1, |frame| {
             let d = &frame.declaration;
@@ -229,15 +234,18 @@ fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
     };
     let off = run(&["stages.ao=off"])?;
     ensure!(off.0.is_empty() && !off.3, "off: {:?}", off.0);
-    for (name, passes) in [("ray-traced", &["ao.trace"][..]), ("screen-space", &["ao.search", "ao.filter"])] {
-        let stage = format!("stages.ao={name}");
-        let on = run(&[&stage])?;
+    for (name, changes, passes) in [
+        ("ray-traced", &["stages.ao=ray-traced", "ao.denoiser=none"][..], &["ao.trace"][..]),
+        ("screen-space", &["stages.ao=screen-space"], &["ao.search", "ao.filter"]),
+    ] {
+        let on = run(changes)?;
         ensure!(on.0 == passes && on.3, "{name}: {:?}", on.0);
         ensure!(on.1 != off.1, "{name} changes nothing");
         ensure!(on.2 == off.2, "{name} changes direct light");
-        let half = run(&[&stage, "ao.resolution=half"])?;
+        let with = |change| [changes, &[change]].concat();
+        let half = run(&with("ao.resolution=half"))?;
         ensure!(half.0.len() == passes.len() + 1 && half.0.last().is_some_and(|p| p == "ao.upsample"), "{:?}", half.0);
-        ensure!(run(&[&stage, "ao.range=0.0"])? == off, "{name} with a range of 0 is not as if it were off");
+        ensure!(run(&with("ao.range=0.0"))? == off, "{name} with a range of 0 is not as if it were off");
     }
     Ok(())
 }
