@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
+#include "lib/reprojection.glsl"
 #include "shared/denoise.glsl"
-#include "shared/scene.glsl"
 // Where each surface was seen one frame ago: the four pixels around that place, each left out where it showed something else, by depth,
 // normal or instance. All denoisers read the same answer.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -15,14 +15,11 @@ const float ALIKE = 0.9;
 const float DEPTH_TOLERANCE = 0.01;
 
 // View depth of a point one frame ago. It goes with its instance; what deforms is taken to have kept its shape.
-float depth_before(ViewBuffer view, uint instance, vec3 position) {
+float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
     Instance placed = InstanceBuffer(SceneBuffer(view.at[0].scene).at[0].instances).at[instance];
-    vec3 before = position;
-    if (placed.world_from_object != placed.previous_world_from_object) {
-        before = transform_point(placed.previous_world_from_object, transform_point(placed.object_from_world, position));
-    }
-    mat4 m = view.at[0].previous_clip_from_world;
-    return m[0].w * before.x + m[1].w * before.y + m[2].w * before.z + m[3].w;
+    bool moved = placed.world_from_object != placed.previous_world_from_object;
+    vec3 before = moved ? position_before(placed, position) : position;
+    return (view.at[0].previous_clip_from_world * vec4(before, 1.0)).w;
 }
 
 void main() {
@@ -45,7 +42,7 @@ void main() {
         vec2 f = was - first;
         vec4 bilinear = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
         vec2 gradient = depth_gradient(view, pixel, here);
-        float expected = depth_before(view, instance - 1u, surface.position);
+        float expected = view_depth_before(view, instance - 1u, surface.position);
         float tolerance = abs(gradient.x) + abs(gradient.y) + DEPTH_TOLERANCE * expected;
         for (int k = 0; k < 4; k++) {
             // A thousandth of a pixel is no place of its own.

@@ -20,12 +20,8 @@ pub struct View {
     pub steady_clip_from_world: [[f32; 4]; 4],
     /// Clip from world one frame ago, without jitter.
     pub previous_clip_from_world: [[f32; 4]; 4],
-    /// World from clip one frame ago, with that frame's jitter: where that frame's pixels lay.
-    pub previous_world_from_clip: [[f32; 4]; 4],
     /// Eye in the world, metres.
     pub eye: [f32; 3],
-    /// Eye one frame ago.
-    pub previous_eye: [f32; 3],
     /// Where pixels are sampled: pixels from their centres, right and down.
     pub jitter: [f32; 2],
     /// Width and height of the picture that is made in the end, pixels; [`View::size`] where that is not scaled.

@@ -285,7 +285,10 @@ fn a_cut_begins_anew() -> Result<()> {
 fn what_is_off_is_not_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    let run = |changes: &[&str]| -> Result<(Vec<String>, usize, [u32; 2], Vec<String>)> {
+    // Passes of the slot, how many histories, the size that is rendered, and resources.
+    type Told = (Vec<String>, usize, [u32; 2], Vec<String>);
+    type Case<'a> = (&'a [&'a str], &'a [&'a str], usize, [u32; 2]);
+    let run = |changes: &[&str]| -> Result<Told> {
         let seen = Run::new(&gpu, &scene, [80, 60], changes)?.still(2, 0.0)?;
         let declaration = &seen[1].result.declaration;
         let names = (0..declaration.passes.len() as u32).map(|i| declaration.pass_name(i).to_owned());
@@ -293,7 +296,7 @@ fn what_is_off_is_not_there() -> Result<()> {
         let resources = (0..declaration.resources.len() as u32).map(|i| declaration.resource_name(i)).collect();
         Ok((names.filter(|n| n.starts_with("post.")).collect(), declaration.histories.len(), full, resources))
     };
-    let cases: [(&[&str], &[&str], usize, [u32; 2]); 5] = [
+    let cases: [Case<'_>; 5] = [
         (&[], &["post.tone_map"], 0, [80, 60]),
         (&["post.resolution_scale=0.5"], &["post.upscale", "post.tone_map"], 0, [40, 30]),
         (&[TAA], &["post.taa", "post.tone_map"], 3, [80, 60]),
