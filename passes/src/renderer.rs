@@ -241,6 +241,11 @@ impl Renderer {
         &self.trail
     }
 
+    /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off.
+    pub fn dim(&mut self, light: u32, factor: f32) {
+        self.scene.borrow_mut().dim(light, factor);
+    }
+
     /// Spoils an output of the next frame, to test what finds NaN.
     pub fn poison(&mut self, poison: Poison) {
         self.poisons.push(poison);

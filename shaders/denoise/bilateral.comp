@@ -22,13 +22,14 @@ void main() {
     int radius = int(params.radius);
     // Two standard deviations to each side.
     float falloff = 2.0 / float(radius * radius);
-    vec4 sum = vec4(0.0);
-    float weights = 0.0;
+    // The pixel itself comes first: what is divided by is never less than 1.
+    vec4 sum = noisy;
+    float weights = 1.0;
     for (int y = -radius; y <= radius; y++) {
         for (int x = -radius; x <= radius; x++) {
             ivec2 at = pixel + ivec2(x, y);
-            if (!inside(at, view.at[0].size)) continue;
-            float edges = ivec2(x, y) == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+            if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
+            float edges = edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
             if (!(edges > 0.0)) continue;
             float weight = edges * exp(-falloff * float(x * x + y * y));
             weights += weight;

@@ -8,7 +8,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BlurVarianceParams params; };
 
 void main() {
-    ivec2 pixel = listed_pixel(params.list);
+    ivec2 pixel = listed_pixel(params.list, gl_WorkGroupID.x, gl_LocalInvocationID.xy);
     if (!inside(pixel, params.size)) return;
     vec4 sum = vec4(0.0);
     float weights = 0.0;

@@ -19,7 +19,7 @@ vec4 compared(vec4 colour) {
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    ivec2 pixel = listed_pixel(params.list);
+    ivec2 pixel = listed_pixel(params.list, gl_WorkGroupID.x, gl_LocalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     vec4 colour = load(params.colour, pixel);
     vec4 blurred = load_error(params.blurred, pixel, params.channels);

@@ -24,13 +24,15 @@ void main() {
     bvec4 short_one = lessThan(frames, vec4(ENOUGH));
     if (is_surface(here) && any(short_one)) {
         vec2 gradient = depth_gradient(view, pixel, here);
-        vec4 mean = vec4(0.0), squares = vec4(0.0);
-        float weights = 0.0;
+        // The pixel itself comes first: what is divided by is never less than 1.
+        vec4 own = load(params.accumulated, pixel);
+        vec4 mean = params.radiance != 0u ? vec4(luminance(own.rgb)) : own, squares = vec4(0.0);
+        float weights = 1.0;
         for (int y = -RADIUS; y <= RADIUS; y++) {
             for (int x = -RADIUS; x <= RADIUS; x++) {
                 ivec2 at = pixel + ivec2(x, y);
-                if (!inside(at, view.at[0].size)) continue;
-                float weight = ivec2(x, y) == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+                if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
+                float weight = edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
                 if (!(weight > 0.0)) continue;
                 vec4 there = load(params.accumulated, at);
                 vec4 value = params.radiance != 0u ? vec4(luminance(there.rgb)) : there;

@@ -15,10 +15,10 @@ uint pack_tile(uvec2 tile) {
     return tile.x | (tile.y << 16u);
 }
 
-// The pixel of this invocation of a pass over a list of tiles.
-ivec2 listed_pixel(uvec2 list) {
-    uint tile = WordBuffer(list).at[gl_WorkGroupID.x];
-    return ivec2(uvec2(tile & 0xffffu, tile >> 16u) * TILE + gl_LocalInvocationID.xy);
+// The pixel of an invocation of a pass over a list of tiles, by its workgroup and its place in that.
+ivec2 listed_pixel(uvec2 list, uint group, uvec2 place) {
+    uint tile = WordBuffer(list).at[group];
+    return ivec2(uvec2(tile & 0xffffu, tile >> 16u) * TILE + place);
 }
 
 #endif

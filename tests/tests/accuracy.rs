@@ -2,12 +2,14 @@
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
+use magpie::stage::{SettingSpec, Stage};
 use magpie_accuracy::report::{Image, Metric, REPORT_CSV, REPORT_HTML, REPORT_JSON, Report};
 use magpie_accuracy::results::{Folder, RESULTS_FILE, merge};
 use magpie_accuracy::sweep::{Options, Progress, Shard, Subject, sweep};
 use magpie_accuracy::tune::{Goal, Tuner, verify};
 use magpie_passes::Slots;
 use magpie_tests::harness::{builtin, gpu};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 fn options(out: &Path, shard: Option<Shard>) -> Options {
@@ -25,10 +27,27 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
     }
 }
 
+/// Magpie's slots, but for shadows: hard ones, of full and of half resolution, or none. All that shadows can be would take minutes.
+fn slots() -> Slots {
+    let all = Slots::default();
+    let original = all.shadows.clone();
+    let off = all.shadows.clone();
+    let resolution = SettingSpec::choice("resolution", "Of rays.", "full", &["full", "half"]).sweep_all();
+    let shadows = Stage::new("shadows")
+        .about("Hard shadows.")
+        .with("hard", "Rays to the middle of lights.", &[resolution], move |build, settings| {
+            let mut values = settings.values().clone();
+            values.insert("edges".to_owned(), "hard".into());
+            original.choose(build, "ray-traced", &values)
+        })
+        .with("off", "None.", &[], move |build, _| off.choose(build, "off", &BTreeMap::new()));
+    Slots { shadows, ..all }
+}
+
 #[test]
 fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let (scene, slots, config) = (builtin("cornell")?, Slots::default(), Config::default());
+    let (scene, slots, config) = (builtin("cornell")?, slots(), Config::default());
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &scene.cameras[0], slots: &slots, config: &config };
     let place = tempfile::tempdir()?;
     let whole = place.path().join("whole");

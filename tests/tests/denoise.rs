@@ -126,7 +126,7 @@ fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) 
         let mut renderer = Renderer::new(&gpu, scene, &slots(), config, options)?;
         let mut last = None;
         for frame in 1..=frames {
-            let time = f64::from(frame) / 60.0;
+            let time = f64::from(frame) / 20.0;
             let request =
                 FrameRequest { camera: &scene.cameras[0], time, view: Some(*view), read_back: frame == frames };
             let result = renderer.frame(request)?.context("no frame")?;

@@ -2,13 +2,13 @@
 #[path = "shadow_maps/rig.rs"]
 mod rig;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use glam::{DVec3, Vec3};
-use magpie::scene::{Camera, Light, supply_missing};
+use magpie::scene::{Light, supply_missing};
 use magpie_shaders::shadow_map::{UNSURE_ANY, UNSURE_CONTACT, UNSURE_OUTSIDE, UNSURE_PENUMBRA, UNSURE_RESOLUTION};
 use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, material, sun};
-use rig::{Rig, at, block, floor, on_floor, passes, shadows, things, truth, values};
+use rig::{Rig, at, block, floor, on_floor, passes, penumbrae, shadows, things, truth, values};
 
 const MAPS: &str = "stages.shadows=shadow-map";
 
@@ -207,66 +207,12 @@ fn a_thin_wall_leaks_no_more_than_a_texel() -> Result<()> {
     Ok(())
 }
 
-/// A disc of light over the edge of a sheet: on the floor its seen area goes from 10 to 90 % over 1.3745 times its radius, seen through
-/// the edge as through a pinhole.
 #[test]
 fn the_penumbra_of_pcss_has_about_the_analytic_width() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let (height, radius) = (4.0, 0.4);
-    let mut told = Vec::new();
-    for edge in [0.4, 0.8, 1.2, 1.6, 2.0] {
-        let mut scene = floor(6.0, Vec3::new(0.0, 0.0, 0.0), Vec3::Y);
-        // From below the sheet, so that it does not hide the floor.
-        scene.cameras[0] =
-            Camera { near: 1e-3, ..magpie_tests::made::camera(DVec3::new(0.9, 0.38, 1.6), DVec3::new(0.05, 0.0, 0.0)) };
-        let sheet = magpie_tests::made::mesh(
-            "sheet",
-            [[-6.0, 6.0], [0.0, 6.0], [0.0, -6.0], [-6.0, -6.0]].map(|[x, z]| Vec3::new(x, edge, z)).to_vec(),
-            vec![Vec3::Y; 4],
-            vec![0, 1, 2, 0, 2, 3],
-        );
-        add(&mut scene, sheet, material([0.5; 3], 0.0, 1.0), at(0.0, 0.0, 0.0));
-        let (centre, normal) = (DVec3::new(0.0, f64::from(height), 0.0), Vec3::NEG_Y);
-        scene.lights = vec![Light::Disc { centre, normal, radius, radiance: Vec3::splat(5.0) }];
-        supply_missing(&mut scene);
-        let got = shadows(&gpu, &scene, &[MAPS, "shadows.taps=64"])?;
-        // Means over slices of the floor along the edge.
-        let want = f64::from(1.3745 * radius * edge / (height - edge));
-        let (slice, mut sums) = (want / 12.0, vec![(0.0, 0.0); 96]);
-        for (p, value) in got.iter().enumerate() {
-            let place = on_floor(&scene.cameras[0], p);
-            let at = (place.x / slice + 48.0).floor();
-            if place.z.abs() < 1.0 && (0.0..96.0).contains(&at) && on_floor_is_seen(&scene.cameras[0], p, edge) {
-                let sum: &mut (f64, f64) = &mut sums[at as usize];
-                *sum = (sum.0 + f64::from(value[0]), sum.1 + 1.0);
-            }
-        }
-        let means: Vec<(f64, f64)> = sums
-            .iter()
-            .zip(-48..)
-            .filter(|(s, _)| s.1 > 0.0)
-            .map(|(s, i)| (slice * (f64::from(i) + 0.5), s.0 / s.1))
-            .collect();
-        let crossing = |level: f64| {
-            let pair = means.windows(2).find(|w| w[0].1 <= level && w[1].1 > level);
-            pair.map(|w| w[0].0 + (level - w[0].1) / (w[1].1 - w[0].1) * (w[1].0 - w[0].0))
-        };
-        let (from, to) = (crossing(0.1).context("never dark")?, crossing(0.9).context("never lit")?);
-        println!(
-            "edge at {edge} m: {:.4} m wide, {want:.4} by the area of the disc, ratio {:.3}",
-            to - from,
-            (to - from) / want
-        );
-        told.push((to - from) / want);
-    }
-    ensure!(told.iter().all(|r| (0.9..1.1).contains(r)), "{told:?}");
+    let widths = penumbrae(|scene| shadows(&gpu, scene, &[MAPS, "shadows.taps=64"]))?;
+    ensure!(widths.iter().all(|r| (0.9..1.1).contains(r)), "{widths:?}");
     Ok(())
-}
-
-/// Whether a pixel shows the floor: the sheet, at the left and above, does not hide it.
-fn on_floor_is_seen(camera: &Camera, pixel: usize, edge: f32) -> bool {
-    let (eye, place) = (camera.eye(), on_floor(camera, pixel));
-    eye.y < f64::from(edge) && place.y.abs() < 1e-6 && place.distance(eye) < 8.0
 }
 
 #[test]

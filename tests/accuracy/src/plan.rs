@@ -344,10 +344,10 @@ mod tests {
     }
 
     #[test]
-    fn many_settings_are_varied_one_at_a_time() {
+    fn the_first_settings_are_crossed_and_the_others_varied_one_at_a_time() {
         let setting = |key: &'static str| SettingSpec::integer(key, "", "About.", 0, (0, 9)).sweep([0, 1, 2]);
         let many = implementation("many", ["a", "b", "c"].map(setting).to_vec());
         let plan = Plan::new(&Catalogue::new(vec![slot("gi", vec![many])]), &Config::default(), &[], false).unwrap();
-        assert_eq!(plan.variants.len(), 1 + 3 * 2);
+        assert_eq!(plan.variants.len(), 3 * 3 + 2);
     }
 }

@@ -375,6 +375,12 @@ impl ResidentScene {
         self.placed = (0..self.shown.len()).map(one).collect();
     }
 
+    /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off. Without such a light
+    /// nothing happens.
+    pub fn dim(&mut self, light: u32, factor: f32) {
+        self.state.dim(light as usize, factor);
+    }
+
     /// The frame that was declared did not run: the next one brings everything up to date.
     pub fn forget(&mut self) {
         self.state.forget();
@@ -493,8 +499,7 @@ impl ResidentScene {
     /// was gone to. The one that matters most comes first: directional lights in the order of the scene, then lamps by power, as they
     /// are at rest, so that none changes its place while it moves.
     pub fn casters(&self) -> Vec<Caster> {
-        let pose = &self.state.pose;
-        let placed = |light: &u32| tables::light(&pose.lights[*light as usize], self.state.origin);
+        let placed = |light: &u32| self.state.light(*light as usize);
         self.casters.iter().map(|light| Caster { light: *light, placed: placed(light) }).collect()
     }
 

@@ -32,6 +32,8 @@ pub(super) struct State {
     pub changed: Vec<u64>,
     moments: u64,
     pub origin: DVec3,
+    /// What the strength of each light is multiplied with.
+    factors: Vec<f32>,
     /// What the device has is not what the frame needs.
     stale: bool,
     root: shared::Scene,
@@ -69,6 +71,7 @@ impl State {
             previous: pose.instances.clone(),
             changed: vec![0; pose.instances.len()],
             moments: 0,
+            factors: vec![1.0; pose.lights.len()],
             pose,
             origin: DVec3::ZERO,
             stale: true,
@@ -118,6 +121,20 @@ impl State {
         shifted || changed
     }
 
+    /// A light as shaders read it.
+    pub fn light(&self, index: usize) -> shared::Light {
+        let placed = light(&self.pose.lights[index], self.origin);
+        shared::Light { intensity: placed.intensity.map(|x| x * self.factors[index]), ..placed }
+    }
+
+    /// Multiplies the strength of a light, from the next frame on. Nothing where there is no such light.
+    pub fn dim(&mut self, light: usize, factor: f32) {
+        if let Some(known) = self.factors.get_mut(light) {
+            self.stale |= *known != factor;
+            *known = factor;
+        }
+    }
+
     /// What the device has is unknown: the tables are written with the next frame.
     pub fn forget(&mut self) {
         self.stale = true;
@@ -157,7 +174,7 @@ impl State {
         let instances: Vec<_> = (0..self.fixed.len()).map(|i| self.instance(i)).collect();
         let at = block.add(&instances);
         debug_assert_eq!(at, self.instances, "places in the tables");
-        let lights: Vec<_> = self.pose.lights.iter().map(|l| light(l, self.origin)).collect();
+        let lights: Vec<_> = (0..self.pose.lights.len()).map(|i| self.light(i)).collect();
         let at = block.add(&lights);
         debug_assert_eq!(at, self.lights, "places in the tables");
         let staged = imports.buffer(self.staging.write(&block.0)?);
