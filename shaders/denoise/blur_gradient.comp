@@ -9,9 +9,9 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BlurGradientParams params; };
 
 // Changes of this mean forget everything.
-const float WHOLE_CHANGE = 0.25;
+const float WHOLE_CHANGE = 0.08;
 // What is left of one pixel out of 25 that saw an edge cross a pixel's centre is no change.
-const float NO_CHANGE = 0.02;
+const float NO_CHANGE = 0.01;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

@@ -109,7 +109,8 @@ fn metrics_of_the_courtyard_are_those_of_the_library() -> Result<()> {
     let radiance = |changes: &[&str]| {
         linear(render(&gpu, &scene, &config(changes)?, super::SIZE, 1, Some(("direct.shade", "radiance")))?)
     };
-    let (test, reference) = (radiance(&["stages.shadows=off"])?, radiance(&[])?);
+    let (test, reference) =
+        (radiance(&["stages.shadows=off"])?, radiance(&["shadows.edges=hard", "shadows.most_lights=1"])?);
     let mut bench = Bench::new(&gpu)?;
     let ran = agree(&mut bench, &test, &reference)?;
     // Only what is in shadow differs; no light there is the greatest symmetric error.

@@ -164,7 +164,13 @@ impl Watcher {
                 }
                 let output = g.declaration().resource_name(u.resource);
                 let subject = Subject { resource: u.resource, version: 0, kind };
-                self.add(g, &format!("import.{output}"), None, vec![(output, subject)], Vec::new());
+                // Instances of one effect have histories of the same names.
+                let namesake = |r: &&u32| **r != u.resource && g.declaration().resource_name(**r) == output;
+                let name = match self.came.iter().filter(namesake).count() {
+                    0 => format!("import.{output}"),
+                    others => format!("import.{output}_{}", others + 1),
+                };
+                self.add(g, &name, None, vec![(output, subject)], Vec::new());
             }
         }
         let mut subjects = Vec::new();
