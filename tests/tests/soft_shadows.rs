@@ -43,7 +43,7 @@ fn truth(gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], samples: u32) -> R
 #[test]
 fn rays_converge_to_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    for (name, size, channels) in [("cornell", [48, 48], 1), ("courtyard", [64, 36], 2)] {
+    for (name, size, channels) in [("cornell", [48, 48], 1), ("courtyard", [48, 27], 2)] {
         let scene = builtin(name)?;
         let truth = truth(&gpu, &scene, size, 4096)?;
         let found = mean(&gpu, &scene, size, 128)?;
@@ -70,7 +70,9 @@ fn rays_converge_to_the_reference() -> Result<()> {
         println!(
             "{name}: relMSE {error:.2e}, of which {floor:.1e} is noise of the truth; of white {white:.1}; worst {worst:.3?}"
         );
-        ensure!(error < 1e-4 && white > 0.1, "{name}: relMSE {error:.2e}, noise of the truth {floor:.1e}");
+        // The noise of the truth is known, and taken off.
+        ensure!(floor < 2e-4, "{name}: the truth is too noisy to tell: {floor:.1e}");
+        ensure!(error - floor < 1e-4 && white > 0.1, "{name}: relMSE {error:.2e}, noise of the truth {floor:.1e}");
     }
     Ok(())
 }

@@ -71,7 +71,7 @@ mod tests {
             let mut cells = [0; 72];
             for [x, y] in &points {
                 // Points lie on the lower borders of cells, or a ninth of one away: thirds are rounded.
-                let cell = |at: f32, cells: f32| (((at + 0.5) * cells + 0.01) as usize).min(cells as usize - 1);
+                let cell = |at: f32, cells: f32| (((at + 0.5) * cells + 1e-3) as usize).min(cells as usize - 1);
                 cells[cell(*x, 8.0) * 9 + cell(*y, 9.0)] += 1;
             }
             // 72 points of the sequence hit each of 8 by 9 cells once, unless the numbers begin anew.
