@@ -67,7 +67,7 @@ mod tests {
         assert_eq!([1, 2, 4].map(|n| radical_inverse(n, 3)), [1.0 / 3.0, 2.0 / 3.0, 4.0 / 9.0]);
         for first in [0, 17, 1000, u32::MAX - 3] {
             let points: Vec<[f32; 2]> = (0..72).map(|i| JITTERED.jitter(first_plus(first, i))).collect();
-            assert!(points.iter().flatten().all(|x| (-0.5..0.5).contains(x)), "{points:?}");
+            assert!(points.iter().flatten().all(|x| (-0.5..=0.5).contains(x)), "{points:?}");
             let mut cells = [0; 72];
             for [x, y] in &points {
                 // Points lie on the lower borders of cells, or a ninth of one away: thirds are rounded.
