@@ -1,4 +1,4 @@
-//! Scenes that tests make: planes, spheres, one light.
+//! Scenes that tests make: planes, spheres, boxes, one light.
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene};
 use std::f32::consts::{PI, TAU};
@@ -34,6 +34,24 @@ pub fn sphere(rings: u32) -> Mesh {
         }
     }
     mesh("sphere", points.clone(), points, indices)
+}
+
+/// A box around the origin with flat faces.
+pub fn block(half: Vec3) -> Mesh {
+    let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
+    for axis in 0..3 {
+        for side in [-1.0, 1.0] {
+            let (mut n, mut u) = (Vec3::ZERO, Vec3::ZERO);
+            (n[axis], u[(axis + 1) % 3]) = (side, 1.0);
+            let v = n.cross(u);
+            let first = positions.len() as u32;
+            positions
+                .extend([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]| (n + u * s + v * t) * half));
+            normals.extend([n; 4]);
+            indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
+        }
+    }
+    mesh("block", positions, normals, indices)
 }
 
 /// An empty scene with one camera.

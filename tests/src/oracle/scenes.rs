@@ -1,5 +1,5 @@
 //! Small scenes that converge quickly: what the reference on the device and the witness are both asked for.
-use crate::made::{add, camera, material, mesh, plane, scene};
+use crate::made::{add, block, camera, material, plane, scene};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use magpie::scene::{
     ColourSpace, Environment, Light, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, builtin,
@@ -14,24 +14,6 @@ pub fn all() -> Vec<Scene> {
 /// One procedural sphere around the origin.
 fn ball(radius: f32) -> Mesh {
     Mesh { name: "ball".to_owned(), spheres: vec![Sphere { centre: Vec3::ZERO, radius }], ..Mesh::default() }
-}
-
-/// A box around the origin with flat faces.
-fn block(half: Vec3) -> Mesh {
-    let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
-    for axis in 0..3 {
-        for side in [-1.0, 1.0] {
-            let (mut n, mut u) = (Vec3::ZERO, Vec3::ZERO);
-            (n[axis], u[(axis + 1) % 3]) = (side, 1.0);
-            let v = n.cross(u);
-            let first = positions.len() as u32;
-            positions
-                .extend([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]| (n + u * s + v * t) * half));
-            normals.extend([n; 4]);
-            indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
-        }
-    }
-    mesh("block", positions, normals, indices)
 }
 
 fn at(x: f32, y: f32, z: f32) -> Affine3A {

@@ -7,7 +7,7 @@ use magpie::graph::Extent;
 use magpie::scene::{Camera, Light, Mesh, Scene, Sphere, supply_missing};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::config;
-use magpie_tests::made::{add, camera, material, mesh, plane, scene};
+use magpie_tests::made::{add, block, camera, material, mesh, plane, scene};
 use magpie_tests::oracle::gbuffer::Eye;
 
 pub const SIZE: [u32; 2] = [160, 90];
@@ -63,24 +63,6 @@ pub fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4
 /// Hard shadows by rays: the truth of maps.
 pub fn truth(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
     shadows(gpu, scene, &["stages.shadows=ray-traced", "shadows.edges=hard"])
-}
-
-/// A box around the origin.
-pub fn block(half: Vec3) -> Mesh {
-    let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
-    for axis in 0..3 {
-        for side in [-1.0, 1.0] {
-            let (mut n, mut u) = (Vec3::ZERO, Vec3::ZERO);
-            (n[axis], u[(axis + 1) % 3]) = (side, 1.0);
-            let v = n.cross(u);
-            let first = positions.len() as u32;
-            positions
-                .extend([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]| (n + u * s + v * t) * half));
-            normals.extend([n; 4]);
-            indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
-        }
-    }
-    mesh("block", positions, normals, indices)
 }
 
 pub fn at(x: f32, y: f32, z: f32) -> Affine3A {
