@@ -85,7 +85,8 @@ fn every_pass_of_the_default_frame() -> Result<()> {
         let name = declaration.pass_name(pass);
         for output in declaration.outputs_of(pass) {
             let Shape::Image { format, .. } = declaration.resources[output.resource as usize].shape else { continue };
-            for (value, [x, y]) in [(Bad::Nan, ON_SURFACE), (Bad::Infinity, [3 + 7 * number, 40 - 4 * number])] {
+            let elsewhere = [(3 + 7 * number) % SIZE[0], (40 + (SIZE[1] - 4) * number) % SIZE[1]];
+            for (value, [x, y]) in [(Bad::Nan, ON_SURFACE), (Bad::Infinity, elsewhere)] {
                 bench.trail.clear();
                 let frame = bench.frames();
                 let seeded = poison(name, &output.name, Place::pixel(x, y), value);
