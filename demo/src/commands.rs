@@ -76,6 +76,11 @@ fn describe_stages(catalogue: &Catalogue) -> String {
                 text += &describe_setting(&slot.name, spec);
             }
         }
+        for preset in &slot.presets {
+            let settings: Vec<String> = preset.settings.iter().map(|(key, value)| format!("{key} {value}")).collect();
+            let with = if settings.is_empty() { String::new() } else { format!(", {}", settings.join(", ")) };
+            text += &format!("  {} (preset): {}{with}\n", preset.name, preset.implementation);
+        }
     }
     text
 }
@@ -91,7 +96,7 @@ fn describe_setting(slot: &str, spec: &SettingSpec) -> String {
 
 #[cfg(test)]
 mod tests {
-    use magpie::stage::{ImplementationInfo, SlotInfo};
+    use magpie::stage::{ImplementationInfo, Preset, SlotInfo};
 
     use super::*;
 
@@ -107,6 +112,7 @@ mod tests {
             about: "Blocked light.".to_owned(),
             default: "ray-traced".to_owned(),
             implementations: vec![ImplementationInfo { name: "ray-traced".to_owned(), about, settings }],
+            presets: vec![Preset { name: "low", implementation: "ray-traced", settings: &[("jitter", "false")] }],
         }]));
         let wanted = "\
 shadows: Blocked light.
@@ -115,6 +121,7 @@ shadows: Blocked light.
       Higher is softer.
     shadows.jitter = true (switch (true or false))
       Moves the samples.
+  low (preset): ray-traced, jitter false
 ";
         assert_eq!(text, wanted);
     }

@@ -39,7 +39,7 @@ impl Value {
     }
 
     /// Reads what stands behind `KEY=`: `true`, `false`, a number, else a text, with or without double quotes.
-    fn parse(text: &str) -> Self {
+    pub(crate) fn parse(text: &str) -> Self {
         if let Some(quoted) = text.strip_prefix('"').and_then(|t| t.strip_suffix('"')) {
             return Self::Text(quoted.to_owned());
         }
@@ -253,7 +253,7 @@ impl Catalogue {
         for (slot, name) in &config.stages {
             let key = format!("{STAGES}.{slot}");
             let info = self.slot_or_error(slot, &key, origin)?;
-            if info.implementation(name).is_none() {
+            if info.choice(name).is_none() {
                 let known = info.names();
                 let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
                 let (origin, name) = (origin.to_owned(), name.clone());
@@ -270,21 +270,25 @@ impl Catalogue {
         Ok(())
     }
 
-    /// `config` with everything that it leaves open filled in: the default implementation of each slot, and the default
-    /// settings of those that are chosen.
+    /// `config` with everything that it leaves open filled in: the default implementation of each slot, and the settings of those that
+    /// are chosen. Presets become the implementations and settings that they stand for.
     #[must_use]
     pub fn complete(&self, config: &Config) -> Config {
         let mut full = Config::default();
         for slot in &self.slots {
-            let chosen = config.stages.get(&slot.name).unwrap_or(&slot.default);
-            full.stages.insert(slot.name.clone(), chosen.clone());
-            let specs = slot.implementation(chosen).map_or(&[][..], |i| &i.settings);
-            if !specs.is_empty() {
-                let values = specs.iter().map(|s| (s.key.to_owned(), s.default.clone())).collect();
+            let named = config.stages.get(&slot.name).unwrap_or(&slot.default);
+            let Some((chosen, of_preset)) = slot.choice(named) else {
+                full.stages.insert(slot.name.clone(), named.clone()); // unknown: it stays for whoever checks
+                continue;
+            };
+            full.stages.insert(slot.name.clone(), chosen.name.clone());
+            let defaults = chosen.settings.iter().map(|s| (s.key.to_owned(), s.default.clone()));
+            let values: BTreeMap<_, _> = defaults.chain(of_preset).collect();
+            if !values.is_empty() {
                 full.settings.insert(slot.name.clone(), values);
             }
         }
-        full.merge(config.clone());
+        full.merge(Config { stages: BTreeMap::new(), settings: config.settings.clone() });
         full
     }
 }
@@ -298,7 +302,7 @@ fn check_setting(
 ) -> Result<(), ConfigError> {
     let full = format!("{}.{key}", slot.name);
     let find = |settings: &'_ [SettingSpec]| settings.iter().find(|s| s.key == key).cloned();
-    let of_chosen = chosen.and_then(|name| slot.implementation(name)).and_then(|i| find(&i.settings));
+    let of_chosen = chosen.and_then(|name| slot.choice(name)).and_then(|(i, _)| find(&i.settings));
     let specs: Vec<_> = match of_chosen {
         Some(spec) => vec![spec],
         None => slot.implementations.iter().filter_map(|i| find(&i.settings)).collect(),

@@ -8,9 +8,11 @@
 //! ```
 
 mod filled;
+mod preset;
 mod setting;
 
 pub use filled::{Change, Filled};
+pub use preset::{Preset, QUALITIES};
 pub use setting::{Range, SettingFault, SettingSpec};
 
 use std::{collections::BTreeMap, error::Error, fmt, sync::Arc};
@@ -79,6 +81,8 @@ pub struct SlotInfo {
     pub default: String,
     /// What can be chosen, in order of registration.
     pub implementations: Vec<ImplementationInfo>,
+    /// Named choices among these, from cheap to accurate.
+    pub presets: Vec<Preset>,
 }
 
 impl SlotInfo {
@@ -88,14 +92,16 @@ impl SlotInfo {
         self.implementations.iter().find(|i| i.name == name)
     }
 
-    /// Names of all implementations.
+    /// Every name that can be chosen: implementations, then presets.
     #[must_use]
     pub fn names(&self) -> Vec<String> {
-        self.implementations.iter().map(|i| i.name.clone()).collect()
+        let presets = self.presets.iter().map(|p| p.name.to_owned());
+        self.implementations.iter().map(|i| i.name.clone()).chain(presets).collect()
     }
 
     /// Mistakes in the description itself, one sentence each: a missing default implementation, a repeated key, a default
-    /// value or a step of a sweep that its own range refuses, a setting without a description. For tests of those who register effects.
+    /// value or a step of a sweep that its own range refuses, a setting without a description, a preset that names what is not there.
+    /// For tests of those who register effects.
     #[must_use]
     pub fn mistakes(&self) -> Vec<String> {
         let slot = &self.name;
@@ -120,6 +126,7 @@ impl SlotInfo {
                 }
             }
         }
+        found.extend(self.mistakes_of_presets());
         found
     }
 }
@@ -331,6 +338,7 @@ impl<In, Out> Stage<In, Out> {
             about: String::new(),
             default: String::new(),
             implementations: Vec::new(),
+            presets: Vec::new(),
         };
         Self { info, constructors: Vec::new() }
     }
@@ -378,13 +386,20 @@ impl<In, Out> Stage<In, Out> {
         self
     }
 
+    /// Adds named choices among its implementations, from cheap to accurate.
+    #[must_use]
+    pub fn presets(mut self, presets: &[Preset]) -> Self {
+        self.info.presets.extend_from_slice(presets);
+        self
+    }
+
     /// Describes the slot.
     #[must_use]
     pub fn info(&self) -> &SlotInfo {
         &self.info
     }
 
-    /// Makes the implementation `name` with `given` laid over its default settings.
+    /// Makes the implementation or preset `name` with `given` laid over its settings.
     ///
     /// # Errors
     /// [`StageError`] for an unknown name (the known ones are listed), an unsuitable value, or a constructor that failed.
@@ -398,15 +413,18 @@ impl<In, Out> Stage<In, Out> {
         self.construct(build, at, &settings)
     }
 
-    /// Place and settings of the implementation `name`.
+    /// Place and settings of the implementation that `name`, its own or that of a preset, stands for.
     fn find(&self, name: &str, given: &BTreeMap<String, Value>) -> Result<(usize, Settings), StageError> {
         let slot = &self.info.name;
-        let at = self.info.implementations.iter().position(|i| i.name == name).ok_or_else(|| {
+        let unknown = || {
             let known = self.info.names();
             let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
             StageError::UnknownImplementation { slot: slot.clone(), name: name.to_owned(), known, suggestion }
-        })?;
-        Ok((at, Settings::new(slot, &self.info.implementations[at], given)?))
+        };
+        let (chosen, mut values) = self.info.choice(name).ok_or_else(unknown)?;
+        values.extend(given.clone());
+        let at = self.info.implementations.iter().position(|i| i.name == chosen.name).ok_or_else(unknown)?;
+        Ok((at, Settings::new(slot, chosen, &values)?))
     }
 
     fn construct(&self, build: &Build<'_>, at: usize, settings: &Settings) -> Result<BoxedEffect<In, Out>, StageError> {

@@ -17,6 +17,13 @@ vec4 compared(vec4 colour) {
     return params.radiance != 0u ? vec4(luminance(colour.rgb)) : colour;
 }
 
+// exp(-x), of no more channels than there are.
+vec4 falloff(vec4 x) {
+    if (params.channels == 1u) return vec4(exp(-x.x));
+    if (params.channels == 2u) return exp(-x.xyxy);
+    return exp(-x);
+}
+
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = listed_pixel(params.list, gl_WorkGroupID.x, gl_LocalInvocationID.xy);
@@ -39,10 +46,11 @@ void main() {
             ivec2 offset = ivec2(x, y) * int(params.step);
             ivec2 at = pixel + offset;
             if (!inside(at, view.at[0].size)) continue;
-            float edges = offset == ivec2(0) ? 1.0 : edge_weight(here, gradient, load_guide(params.guide, at), vec2(offset));
-            if (!(edges > 0.0)) continue;
+            vec2 edges = offset == ivec2(0) ? vec2(0.0, 1.0)
+                : edge_terms(here, gradient, load_guide(params.guide, at), vec2(offset));
+            if (!(edges.y > 0.0)) continue;
             vec4 there = load(params.colour, at);
-            vec4 weight = (SPLINE[abs(x)] * SPLINE[abs(y)] * edges) * exp(-abs(compared(there) - value) / apart);
+            vec4 weight = (SPLINE[abs(x)] * SPLINE[abs(y)] * edges.y) * falloff(edges.x + abs(compared(there) - value) / apart);
             sum += weight * there;
             errors += weight * weight * load(params.error, at);
             weights += weight;

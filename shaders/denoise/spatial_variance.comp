@@ -21,7 +21,8 @@ void main() {
     vec4 error = load(params.error, pixel);
     vec4 frames = round(load(params.frames, pixel) * LONGEST);
     Guide here = load_guide(params.guide, pixel);
-    bvec4 short_one = lessThan(frames, vec4(ENOUGH));
+    // Channels that the images lack read as 0 frames.
+    bvec4 short_one = bvec4(uvec4(lessThan(frames, vec4(ENOUGH))) & uvec4(greaterThan(uvec4(params.channels), uvec4(0u, 1u, 2u, 3u))));
     if (is_surface(here) && any(short_one)) {
         vec2 gradient = depth_gradient(view, pixel, here);
         // The pixel itself comes first: what is divided by is never less than 1.

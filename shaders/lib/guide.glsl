@@ -58,8 +58,10 @@ const float SIGMA_DEPTH = 1.0;
 // The least step in depth that parts two surfaces, over depth.
 const float LEAST_STEP = 2e-3;
 
-float edge_weight(Guide here, vec2 gradient, Guide there, vec2 offset) {
-    if (!is_surface(there)) return 0.0;
+//
+// The weight in two parts, y * exp(-x), for those who have more to put into the exponent.
+vec2 edge_terms(Guide here, vec2 gradient, Guide there, vec2 offset) {
+    if (!is_surface(there)) return vec2(0.0);
     float expected = abs(dot(gradient, offset));
     float depth = abs(there.depth - here.depth) / (SIGMA_DEPTH * expected + LEAST_STEP * here.depth);
     // The power of 128, by squaring.
@@ -71,7 +73,12 @@ float edge_weight(Guide here, vec2 gradient, Guide there, vec2 offset) {
     turned *= turned;
     turned *= turned;
     turned *= turned;
-    return exp(-depth) * turned;
+    return vec2(depth, turned);
+}
+
+float edge_weight(Guide here, vec2 gradient, Guide there, vec2 offset) {
+    vec2 terms = edge_terms(here, gradient, there, offset);
+    return terms.y * exp(-terms.x);
 }
 
 #endif

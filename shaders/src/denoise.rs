@@ -113,6 +113,8 @@ pub struct SpatialVarianceParams {
     pub variance: StorageImage,
     /// As in [`AccumulateParams`].
     pub radiance: u32,
+    /// Numbers in the variance.
+    pub channels: u32,
 }
 
 /// Which tiles are filtered, and how many: what an indirect dispatch reads.

@@ -1,5 +1,10 @@
 use super::*;
-use crate::stage::{ImplementationInfo, SettingSpec};
+use crate::stage::{ImplementationInfo, Preset, SettingSpec};
+
+const PRESETS: [Preset; 2] = [
+    Preset { name: "low", implementation: "shadow-map", settings: &[("size", "512")] },
+    Preset { name: "high", implementation: "ray-traced", settings: &[("cone_degrees", "1")] },
+];
 
 fn implementation(name: &str, settings: Vec<SettingSpec>) -> ImplementationInfo {
     ImplementationInfo { name: name.to_owned(), about: "About.".to_owned(), settings }
@@ -19,18 +24,21 @@ fn catalogue() -> Catalogue {
                 implementation("shadow-map", vec![bias]),
                 implementation("off", vec![]),
             ],
+            presets: PRESETS.to_vec(),
         },
         SlotInfo {
             name: "post".to_owned(),
             about: "Tone map.".to_owned(),
             default: "tone-map".to_owned(),
             implementations: vec![implementation("tone-map", vec![curve])],
+            presets: vec![],
         },
         SlotInfo {
             name: "gbuffer".to_owned(),
             about: "Surfaces.".to_owned(),
             default: "raster".to_owned(),
             implementations: vec![implementation("raster", vec![])],
+            presets: vec![],
         },
     ])
 }
@@ -177,4 +185,30 @@ fn edits_are_those_of_levenshtein() {
         assert_eq!(edits(a, b), wanted, "{a} {b}");
         assert_eq!(edits(b, a), wanted, "{b} {a}");
     }
+}
+
+#[test]
+fn a_preset_stands_for_an_implementation_and_settings_and_what_is_given_wins() {
+    let complete = |text: &str| {
+        let config = Config::from_toml(text, "f.toml").unwrap();
+        catalogue().check(&config, "f.toml").unwrap();
+        catalogue().complete(&config)
+    };
+    let low = complete("[stages]\nshadows = \"low\"");
+    assert_eq!(
+        (low.stages["shadows"].as_str(), &low.settings["shadows"]["size"]),
+        ("shadow-map", &Value::Integer(512))
+    );
+    let high = complete("[stages]\nshadows = \"high\"");
+    assert_eq!(high.stages["shadows"], "ray-traced");
+    assert_eq!(high.settings["shadows"]["cone_degrees"], Value::Float(1.0), "in the type of the setting");
+    let own = complete("[stages]\nshadows = \"low\"\n[shadows]\nsize = 2048");
+    assert_eq!(own.settings["shadows"]["size"], Value::Integer(2048));
+    assert!(fault("[stages]\nshadows = \"low\"\n[shadows]\nsize = 1").contains("size"));
+    assert!(
+        fault("[stages]\nshadows = \"hihg\"").contains("did you mean \"high\""),
+        "{}",
+        fault("[stages]\nshadows = \"hihg\"")
+    );
+    assert!(fault("[stages]\npost = \"low\"").contains("unknown implementation"));
 }

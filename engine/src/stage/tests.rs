@@ -78,8 +78,23 @@ fn a_description_that_contradicts_itself_is_found() {
         about: String::new(),
         default: "gone".to_owned(),
         implementations: vec![ImplementationInfo { settings: vec![bad, cone()], ..implementation() }],
+        presets: vec![],
     };
     assert_eq!(info.mistakes().len(), 4, "{:?}", info.mistakes());
-    let good = SlotInfo { default: "ray-traced".to_owned(), implementations: vec![implementation()], ..info };
+    let preset = |name, implementation, settings| Preset { name, implementation, settings };
+    let good = SlotInfo {
+        default: "ray-traced".to_owned(),
+        implementations: vec![implementation()],
+        presets: vec![preset("high", "ray-traced", &[("cone_degrees", "1")])],
+        ..info
+    };
+    let presets = vec![
+        preset("best", "ray-traced", &[]),
+        preset("low", "gone", &[]),
+        preset("high", "ray-traced", &[("cone_degrees", "11"), ("cone", "1")]),
+        preset("ray-traced", "ray-traced", &[]),
+    ];
+    let bad = SlotInfo { presets, ..good.clone() };
+    assert_eq!(bad.mistakes().len(), 6, "{:?}", bad.mistakes());
     assert!(good.mistakes().is_empty());
 }

@@ -5,7 +5,15 @@ mod upsample;
 
 use crate::stages::{AO_RANGE, AoIn, AoOut};
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+use magpie::stage::{Preset, SettingSpec, Settings, Stage, StageError};
+
+/// From cheap to accurate. What the picture does not show hides nothing from `screen-space`.
+pub const PRESETS: [Preset; 4] = [
+    Preset { name: "low", implementation: "screen-space", settings: &[("resolution", "half")] },
+    Preset { name: "medium", implementation: "screen-space", settings: &[] },
+    Preset { name: "high", implementation: "ray-traced", settings: &[("rays", "1"), ("denoiser", "svgf")] },
+    Preset { name: "ultra", implementation: "ray-traced", settings: &[("rays", "4"), ("denoiser", "svgf")] },
+];
 
 /// The slot.
 pub fn stage() -> Stage<AoIn, AoOut> {
@@ -29,6 +37,7 @@ pub fn stage() -> Stage<AoIn, AoOut> {
         )
         .with("off", "Nothing hides anything.", &[], |_, _| Ok(Box::new(Off)))
         .default_to("screen-space")
+        .presets(&PRESETS)
 }
 
 /// The setting `range`, the same for all.

@@ -210,6 +210,7 @@ impl Svgf {
                     frames: c.id(frames),
                     variance: c.id(target),
                     radiance: i.content.is_radiance().into(),
+                    channels: i.content.variances(),
                 };
                 c.dispatch(kernel, &params, extent);
             })

@@ -8,9 +8,21 @@ use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Technique};
 use magpie::prelude::*;
 use magpie::scene::Caster;
-use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie::stage::{Build, Preset, SettingSpec, Settings, Stage, StageError};
 use maps::{MapOut, MapShadows};
 use ray_traced::{RayTraced, Traced};
+
+/// From cheap to accurate. Maps have no noise and the wrong penumbrae; rays have the right ones, and noise.
+pub const PRESETS: [Preset; 4] = [
+    Preset {
+        name: "low",
+        implementation: "shadow-map",
+        settings: &[("filter", "pcf"), ("map_size", "1024"), ("lamp_map_size", "512")],
+    },
+    Preset { name: "medium", implementation: "shadow-map", settings: &[("filter", "pcss")] },
+    Preset { name: "high", implementation: "ray-traced", settings: &[("rays", "1"), ("denoiser", "svgf")] },
+    Preset { name: "ultra", implementation: "ray-traced", settings: &[("rays", "4"), ("denoiser", "svgf")] },
+];
 
 /// The slot.
 pub fn stage() -> Stage<ShadowIn, ShadowOut> {
@@ -32,6 +44,7 @@ pub fn stage() -> Stage<ShadowIn, ShadowOut> {
             |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Hybrid)?)),
         )
         .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
+        .presets(&PRESETS)
 }
 
 /// Single lights may go another way than the implementation's name says, so all have all settings; measured are their own.

@@ -24,7 +24,7 @@ pub fn catalogue() -> Catalogue {
     };
     let slot = |name: &str, implementations: Vec<ImplementationInfo>| {
         let default = implementations[0].name.clone();
-        SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations }
+        SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations, presets: Vec::new() }
     };
     let rays = SettingSpec::integer("rays", "per pixel", "About.", 4, (1, 16)).sweep([16, 4, 1]);
     let precision = SettingSpec::among("precision", "bits", "About.", 32, &[32, 16]).sweep_all();

@@ -28,10 +28,13 @@ pub struct Variant {
     pub implementation: String,
     /// Its settings that are swept, and their values.
     pub settings: BTreeMap<String, Value>,
-    /// A short name: implementation, and settings that differ from the default.
+    /// A short name: presets, implementation, and settings that differ from the default.
     pub label: String,
     /// It is what runs when nothing is said.
     pub is_default: bool,
+    /// Names of the presets that it is.
+    #[serde(default)]
+    pub presets: Vec<String>,
     /// The [`Setup`] that is rendered for it.
     pub setup: String,
 }
@@ -84,56 +87,51 @@ impl Plan {
                     return Err(AccuracyError::NotMeasured { name: slot.name.clone(), why });
                 }
                 Some(why) => plan.left_out.push((slot.name.clone(), why)),
-                None if wanted => plan.add_slot(slot, &base, moves),
+                None if wanted => plan.add_slot(catalogue, slot, &base, moves),
                 None => plan.left_out.push((slot.name.clone(), "not asked for".to_owned())),
             }
         }
         Ok(plan)
     }
 
-    fn add_slot(&mut self, slot: &SlotInfo, base: &Config, moves: bool) {
-        let mut rows: Vec<(&ImplementationInfo, BTreeMap<String, Value>)> = Vec::new();
+    fn add_slot(&mut self, catalogue: &Catalogue, slot: &SlotInfo, base: &Config, moves: bool) {
+        let mut rows = Vec::new();
         for implementation in &slot.implementations {
             for settings in steps(slot, implementation, base, moves) {
-                rows.push((implementation, settings));
+                let config = with(catalogue, base, base, slot, implementation, &settings);
+                let label = label(slot, implementation, &settings, base);
+                rows.push(Row { implementation, settings, preset: None, config, label });
             }
         }
         // The default first, the others as they were registered.
-        let chosen = base.stages.get(&slot.name);
-        let is_default = |(implementation, settings): &(&ImplementationInfo, BTreeMap<String, Value>)| {
-            Some(&implementation.name) == chosen
-                && settings.iter().all(|(key, value)| of_base(base, slot, implementation, key).as_ref() == Some(value))
-        };
-        rows.sort_by_key(|row| !is_default(row));
-        for row in rows {
-            let is_default = is_default(&row);
-            let (implementation, settings) = row;
-            let label = label(slot, implementation, &settings, base);
-            let moving = moves && slot.implementations.iter().flat_map(|i| &i.settings).any(|s| is_of_motion(slot, s));
-            let setup = self.setup(slot, &implementation.name, &settings, base, &label, moving);
-            let (slot, implementation) = (slot.name.clone(), implementation.name.clone());
-            self.variants.push(Variant { slot, implementation, settings, label, is_default, setup });
+        rows.sort_by_key(|row| row.config != *base);
+        rows.extend(slot.presets.iter().filter_map(|preset| {
+            // A preset is what its name says, whatever the base has.
+            let (around, (implementation, settings)) = (Config::default(), slot.choice(preset.name)?);
+            let config = with(catalogue, base, &around, slot, implementation, &settings);
+            let label = label(slot, implementation, &settings, &around);
+            Some(Row { implementation, settings, preset: Some(preset.name.to_owned()), config, label })
+        }));
+        let moving = moves && slot.implementations.iter().flat_map(|i| &i.settings).any(|s| is_of_motion(slot, s));
+        for Row { implementation, settings, preset, config, label } in rows {
+            let is_default = config == *base;
+            let setup = self.setup(slot, config, base, &label, moving);
+            let known = self.variants.iter().position(|v| v.slot == slot.name && v.setup == setup);
+            let at = known.unwrap_or_else(|| {
+                let (slot, implementation, presets) = (slot.name.clone(), implementation.name.clone(), Vec::new());
+                self.variants.push(Variant { slot, implementation, settings, label, is_default, presets, setup });
+                self.variants.len() - 1
+            });
+            if let Some(name) = preset {
+                let variant = &mut self.variants[at];
+                variant.label = format!("{name}: {}", variant.label);
+                variant.presets.push(name);
+            }
         }
     }
 
-    /// The setup of a variant: a new one, or one that is the same configuration.
-    fn setup(
-        &mut self,
-        slot: &SlotInfo,
-        implementation: &str,
-        settings: &BTreeMap<String, Value>,
-        base: &Config,
-        label: &str,
-        moving: bool,
-    ) -> String {
-        let mut config = base.clone();
-        if config.stages.insert(slot.name.clone(), implementation.to_owned()).as_deref() != Some(implementation) {
-            // Settings of the implementation that is no longer there mean nothing now.
-            config.settings.remove(&slot.name);
-        }
-        if !settings.is_empty() {
-            config.settings.entry(slot.name.clone()).or_default().extend(settings.clone());
-        }
+    /// The setup of a configuration: a new one, or one that is the same.
+    fn setup(&mut self, slot: &SlotInfo, config: Config, base: &Config, label: &str, moving: bool) -> String {
         let text = format!("{config:?}");
         let id = short(&[&text, if moving { "moving" } else { "still" }]);
         match self.setups.iter_mut().find(|s| s.id == id) {
@@ -166,6 +164,36 @@ impl Plan {
     pub fn default_setup(&self) -> Option<&Setup> {
         self.setups.iter().find(|s| s.label == "default" && !s.moving)
     }
+}
+
+/// A row before it has a setup.
+struct Row<'a> {
+    implementation: &'a ImplementationInfo,
+    settings: BTreeMap<String, Value>,
+    preset: Option<String>,
+    config: Config,
+    label: String,
+}
+
+/// `base` with something else in a slot: an implementation with these settings, the others of the slot as in `around`.
+fn with(
+    catalogue: &Catalogue,
+    base: &Config,
+    around: &Config,
+    slot: &SlotInfo,
+    implementation: &ImplementationInfo,
+    settings: &BTreeMap<String, Value>,
+) -> Config {
+    let mut config = base.clone();
+    config.stages.insert(slot.name.clone(), implementation.name.clone());
+    if around.stages.get(&slot.name) != Some(&implementation.name) {
+        // Settings of an implementation that is no longer there mean nothing now.
+        config.settings.remove(&slot.name);
+    }
+    if !settings.is_empty() {
+        config.settings.entry(slot.name.clone()).or_default().extend(settings.clone());
+    }
+    catalogue.complete(&config)
 }
 
 fn is_of_motion(slot: &SlotInfo, spec: &SettingSpec) -> bool {
@@ -261,6 +289,7 @@ fn label(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use magpie::stage::Preset;
     use std::collections::BTreeSet;
 
     fn implementation(name: &str, settings: Vec<SettingSpec>) -> ImplementationInfo {
@@ -269,7 +298,7 @@ mod tests {
 
     fn slot(name: &str, implementations: Vec<ImplementationInfo>) -> SlotInfo {
         let default = implementations[0].name.clone();
-        SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations }
+        SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations, presets: Vec::new() }
     }
 
     fn catalogue() -> Catalogue {
@@ -304,6 +333,24 @@ mod tests {
         let left: Vec<&str> = plan.left_out.iter().map(|(slot, _)| slot.as_str()).collect();
         assert_eq!(left, ["acceleration", "compose", "post"]);
         assert_eq!(plan, Plan::new(&catalogue(), &Config::default(), &[], false).unwrap());
+    }
+
+    #[test]
+    fn presets_are_rows_and_named_where_a_row_is_one_already() {
+        let preset = |name, settings| Preset { name, implementation: "ray-traced", settings };
+        let mut with = catalogue();
+        with.slots[1].presets = vec![preset("medium", &[]), preset("high", &[("rays", "8")])];
+        let plan = Plan::new(&with, &Config::default(), &["shadows".to_owned()], false).unwrap();
+        let of = |name: &str| plan.variants.iter().find(|v| v.presets == [name.to_owned()]).unwrap();
+        assert!(of("medium").is_default && of("medium").label == "medium: ray-traced");
+        assert_eq!(of("high").label, "high: ray-traced, rays 8");
+        assert_eq!(plan.variants.len(), 5 + 1);
+        // Whatever is varied around, a preset is the same.
+        let mut base = Config::default();
+        base.set("shadows.resolution=half").unwrap();
+        let plan = Plan::new(&with, &base, &["shadows".to_owned()], false).unwrap();
+        let high = plan.variants.iter().find(|v| v.presets == ["high".to_owned()]).unwrap();
+        assert_eq!(plan.find(&high.setup).unwrap().config.settings["shadows"]["resolution"], Value::from("full"));
     }
 
     #[test]

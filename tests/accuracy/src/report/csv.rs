@@ -18,7 +18,7 @@ impl Report {
             }
             let _ = write!(csv, ",{image}_psnr");
         }
-        csv.push('\n');
+        csv.push_str(",presets\n");
         for effect in &self.effects {
             for row in &effect.rows {
                 let by = row.standing.get(&effect.judged_by).and_then(|s| s.get(&effect.metric));
@@ -69,7 +69,7 @@ fn line(csv: &mut String, row: &Row, is_front: bool, better: &str) {
         }
         let _ = write!(csv, ",{}", comparison.and_then(|c| c.psnr).map_or(String::new(), |p| p.to_string()));
     }
-    csv.push('\n');
+    let _ = writeln!(csv, ",{}", quoted(&variant.presets.join(" ")));
 }
 
 /// In quotation marks where a text would not stay one field.
