@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use magpie::gpu::{Gpu, GpuOptions};
 use magpie_bench::{
     BenchError, Options,
+    motion::{self, MotionError, MotionOptions},
     rays::{self, RayBenchError, RayOptions},
     run,
 };
 
 use crate::{
-    args::{BenchGraphArguments, BenchRaysArguments},
+    args::{BenchGraphArguments, BenchMotionArguments, BenchRaysArguments},
     console,
     exit::Failure,
+    input,
     output::{Output, keep_apart},
     session,
 };
@@ -64,10 +66,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     let outputs: Vec<&Output> = [&json, &csv].into_iter().flatten().collect();
     let inputs: Vec<(&str, &Path)> = arguments.scene.iter().map(|s| ("--scene", s.as_path())).collect();
     keep_apart(&outputs, &inputs)?;
-    if let Some(folder) = &arguments.charts {
-        let failed = |e| Failure::input(e).context(format!("--charts {}", folder.display()));
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
+    arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
 
     let named = || arguments.scene.clone().into_iter();
     let all = || session::scenes().into_iter().map(|(name, _)| PathBuf::from(name));
@@ -91,9 +90,58 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
         csv.write_text(&report.to_csv())?;
     }
     if let Some(folder) = &arguments.charts {
-        for (name, svg) in rays::charts(&report).map_err(Failure::running)? {
-            Output::plan("--charts", &folder.join(name), &["svg"])?.write_text(&svg)?;
+        write_charts(folder, &rays::charts(&report).map_err(Failure::running)?)?;
+    }
+    let text = || report.to_json().map_err(Failure::running);
+    match (json, &arguments.json) {
+        (None, Some(_)) => console::print(&text()?),
+        (file, _) => {
+            console::print(&report.table())?;
+            file.map_or(Ok(()), |file| file.write_text(&text()?))
         }
+    }
+}
+
+/// The folder of `--charts`.
+fn make_folder(folder: &Path) -> Result<(), Failure> {
+    let failed = |e| Failure::input(e).context(format!("--charts {}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(failed)
+}
+
+fn write_charts(folder: &Path, charts: &[(String, String)]) -> Result<(), Failure> {
+    charts.iter().try_for_each(|(name, svg)| Output::plan("--charts", &folder.join(name), &["svg"])?.write_text(svg))
+}
+
+impl From<MotionError> for Failure {
+    fn from(error: MotionError) -> Self {
+        match error {
+            MotionError::Config(error) => Self::input(*error),
+            other => Self::running(other),
+        }
+    }
+}
+
+/// `magpie bench motion`.
+pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
+    let json = arguments.json.as_ref().and_then(Option::as_ref);
+    let json = json.map(|path| Output::plan("--json", path, &["json"])).transpose()?;
+    keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
+    arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
+    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
+    let scene = session::load_scene(&arguments.scene, None)?;
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let options = MotionOptions {
+        slot: arguments.slot.clone(),
+        size: [arguments.size.width, arguments.size.height],
+        frames: arguments.frames,
+        rays: session::choose_rays(&gpu, arguments.rays)?,
+        seed: arguments.seed,
+        config,
+        commit: env!("MAGPIE_COMMIT").to_owned(),
+    };
+    let report = motion::run(&gpu, &scene, &options, |path| log::info!("{path}"))?;
+    if let Some(folder) = &arguments.charts {
+        write_charts(folder, &report.charts().map_err(Failure::running)?)?;
     }
     let text = || report.to_json().map_err(Failure::running);
     match (json, &arguments.json) {

@@ -46,6 +46,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Tune(wanted) => accuracy::tune(wanted),
         Command::Bench { what: Bench::Graph(graph) } => bench::graph(graph),
         Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
+        Command::Bench { what: Bench::Motion(motion) } => bench::motion(motion),
         Command::Render(render) => render::render(render, &arguments.loudness),
         Command::Reference(wanted) => reference(wanted, &arguments.loudness),
     };

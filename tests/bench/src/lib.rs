@@ -1,13 +1,15 @@
-//! The benchmarks. [`rays`] is `magpie bench rays`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
+//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
 //!
 //! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` says
 //! what is measured and how.
 
 mod allocations;
+mod chart;
 mod clock;
 mod contestant;
 mod floor;
 mod magpie;
+pub mod motion;
 pub mod rays;
 mod report;
 mod run;
@@ -23,6 +25,7 @@ pub use self::vk_graph::VkGraph;
 #[cfg(feature = "peers")]
 pub use self::vulkano::Taskgraph;
 pub use allocations::allocations;
+pub use chart::ChartError;
 pub use clock::{Clock, RETIRE};
 pub use contestant::{BenchError, Contestant, Frame};
 pub use floor::Floor;

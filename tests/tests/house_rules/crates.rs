@@ -24,7 +24,7 @@ const MAY_DEPEND: [(&str, &[&str]); 8] = [
     ("magpie-shaders", &[]),
     ("magpie", &["magpie-shaders"]),
     ("magpie-passes", &["magpie", "magpie-shaders"]),
-    ("magpie-bench", &["magpie", "magpie-shaders"]),
+    ("magpie-bench", &["magpie", "magpie-passes", "magpie-shaders"]),
     ("magpie-accuracy", &["magpie", "magpie-passes", "magpie-shaders"]),
     ("magpie-demo", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-passes", "magpie-shaders"]),
     ("magpie-tests", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-demo", "magpie-passes", "magpie-shaders"]),

@@ -16,7 +16,7 @@ mod trace;
 mod world;
 
 pub use agreement::{SAME_DISTANCE, agreement_of_any, agreement_of_closest};
-pub use charts::{ChartError, charts};
+pub use charts::charts;
 pub use make::{Random, Surfaces, bounds, extent_of, primary, random, rotation};
 pub use report::{Agreement, Case, DeviceLine, Quantity, Ratio, RayReport, Row};
 pub use shapes::{rough_sphere, rounded_cube, sphere};

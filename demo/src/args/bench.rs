@@ -1,0 +1,152 @@
+//! The arguments of `magpie bench`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use super::{Extent, Rays};
+
+/// What `magpie bench` measures.
+#[derive(Debug, Subcommand)]
+pub enum Bench {
+    /// CPU time per pass of the frame graph, beside hand-written Vulkan and other graphs
+    Graph(BenchGraphArguments),
+    /// Rays per second in every way that the device has, and what building its acceleration structures costs
+    Rays(BenchRaysArguments),
+    /// How far an effect is from the truth of each frame while the camera, things or lights move, and after a light is switched on
+    Motion(BenchMotionArguments),
+}
+
+/// Arguments of `magpie bench graph`.
+#[derive(Args, Debug)]
+pub struct BenchGraphArguments {
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Numbers of passes, separated by commas
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "10,100,1000,10000", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(magpie_bench::MAX_PASSES)))]
+    pub passes: Vec<u32>,
+    /// Measured frames of each contestant and size; without it a number that suits the size
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(magpie_bench::MAX_REPEAT)))]
+    pub repeat: Option<u32>,
+    /// A run of seconds: 10 and 100 passes, 5 frames
+    #[arg(long, conflicts_with_all = ["passes", "repeat"])]
+    pub quick: bool,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+}
+
+/// Arguments of `magpie bench rays`.
+#[derive(Args, Debug)]
+pub struct BenchRaysArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Vec<PathBuf>,
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Write CSV, a row per measurement
+    #[arg(long, value_name = "F.csv")]
+    pub csv: Option<PathBuf>,
+    /// Write charts to this folder, as SVG
+    #[arg(long, value_name = "DIR")]
+    pub charts: Option<PathBuf>,
+    /// A run of seconds: few sizes, few rays, few repeats
+    #[arg(long)]
+    pub quick: bool,
+    /// Rays of a dispatch; without it a number that suits the device: 8 million, or 262144 on a processor
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(i64::from(magpie_bench::rays::MIN_RAYS)..=i64::from(magpie_bench::rays::MAX_RAYS)))]
+    pub size: Option<u32>,
+    /// The ways to trace that take part, separated by commas; without it all that the device has
+    #[arg(long, value_enum, value_name = "WAYS", value_delimiter = ',')]
+    pub rays: Vec<BenchRays>,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+}
+
+/// Arguments of `magpie bench motion`.
+#[derive(Args, Debug)]
+pub struct BenchMotionArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
+    pub scene: PathBuf,
+    /// The slot, one with a denoiser
+    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao"])]
+    pub slot: String,
+    /// Width and height, pixels
+    #[arg(long, value_name = "WxH", default_value = "160x90", allow_hyphen_values = true)]
+    pub size: Extent,
+    /// Frames of each path
+    #[arg(long, value_name = "N", default_value_t = 24, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(4..=1000))]
+    pub frames: u32,
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Write charts to this folder, as SVG
+    #[arg(long, value_name = "DIR")]
+    pub charts: Option<PathBuf>,
+    /// The configuration around the slot
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// One value of it; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub seed: u32,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+}
+
+/// A way to trace rays that is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BenchRays {
+    /// Compute shaders over Magpie's own hierarchy.
+    Software,
+    /// Ray queries in compute shaders.
+    Query,
+    /// Ray-tracing pipelines.
+    Pipeline,
+}
+
+impl BenchRays {
+    /// As the engine names it.
+    pub fn way(self) -> magpie::prelude::Rays {
+        match self {
+            Self::Software => magpie::prelude::Rays::Software,
+            Self::Query => magpie::prelude::Rays::Query,
+            Self::Pipeline => magpie::prelude::Rays::Pipeline,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::args::{Arguments, Command};
+
+    #[test]
+    fn json_of_a_benchmark_goes_to_a_file_or_to_standard_output() {
+        let parse = |arguments: &[&str]| {
+            let arguments = Arguments::try_parse_from([&["magpie", "bench", "graph"][..], arguments].concat()).unwrap();
+            let Command::Bench { what: Bench::Graph(graph) } = arguments.command else { panic!("another command") };
+            graph
+        };
+        let plain = parse(&[]);
+        assert_eq!((plain.json, plain.passes), (None, vec![10, 100, 1_000, 10_000]));
+        let shown = parse(&["--json", "--passes", "7,30", "--repeat", "9"]);
+        assert_eq!((shown.json, shown.passes, shown.repeat), (Some(None), vec![7, 30], Some(9)));
+        assert_eq!(parse(&["--json", "f.json", "--quick"]).json, Some(Some(PathBuf::from("f.json"))));
+    }
+}

@@ -1,0 +1,231 @@
+//! Effects while something moves: how far each frame is from the truth of that frame, as it comes from one ray per pixel, denoised, and
+//! denoised with a history that forgets nothing. `magpie bench motion`.
+mod paths;
+mod report;
+
+pub use paths::{Moment, Path, Turned, paths};
+pub use report::MotionReport;
+
+use magpie::config::{Catalogue, Config, ConfigError};
+use magpie::gpu::Gpu;
+use magpie::prelude::Rays;
+use magpie::scene::Scene;
+use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
+use serde::Serialize;
+
+/// Frames of eight rays each that a truth is the mean of.
+const TRUTH_FRAMES: u32 = 16;
+/// Frames in which the scene is as at the begin before it changes: longer than any history by default.
+pub const WARM_UP: u32 = 40;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct MotionOptions {
+    /// The slot, which must have the settings of a denoiser.
+    pub slot: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Frames of a path.
+    pub frames: u32,
+    /// How rays are traced.
+    pub rays: Rays,
+    /// What changes nothing but the picture.
+    pub seed: u32,
+    /// Around what is measured.
+    pub config: Config,
+    /// The source, for the report.
+    pub commit: String,
+}
+
+/// Why nothing was measured.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// A frame could not be rendered.
+    #[error("{label}: {source}")]
+    Render {
+        /// Which of those that are compared.
+        label: String,
+        /// What went wrong.
+        source: RenderError,
+    },
+    /// The slot cannot be set as is needed.
+    #[error(transparent)]
+    Config(Box<ConfigError>),
+    /// The slot gave nothing.
+    #[error("{path}: the slot `{slot}` gives no image here")]
+    NoImage {
+        /// The path.
+        path: &'static str,
+        /// The slot.
+        slot: String,
+    },
+}
+
+/// A way to make the slot's image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Contestant {
+    /// For the legend.
+    pub label: &'static str,
+    changes: &'static [(&'static str, &'static str)],
+}
+
+const NOISY: &[(&str, &str)] = &[("rays", "1"), ("denoiser", "none")];
+const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
+
+/// What is compared. The last is left out where the effect looks for no changes.
+pub const CONTESTANTS: [Contestant; 3] = [
+    Contestant { label: "one ray", changes: NOISY },
+    Contestant { label: "denoised", changes: &[("rays", "1"), ("denoiser", "svgf")] },
+    Contestant {
+        label: "denoised, fixed history",
+        changes: &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")],
+    },
+];
+
+/// One contestant along one path.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Course {
+    /// The path.
+    pub path: &'static str,
+    /// The contestant.
+    pub label: &'static str,
+    /// Root mean square difference to the truth, in each frame.
+    pub errors: Vec<f64>,
+    /// Mean of the image, in each frame.
+    pub means: Vec<f64>,
+    /// Mean of the truth, in each frame.
+    pub true_means: Vec<f64>,
+}
+
+impl Course {
+    /// The first frame, from 1, in which the mean of the image has gone a share of its way to what it is in the end. For a switch.
+    #[must_use]
+    pub fn frame_of(&self, share: f64) -> Option<usize> {
+        let end = *self.true_means.last()?;
+        self.means.iter().position(|mean| *mean >= share * end).map(|at| at + 1)
+    }
+}
+
+/// An image, a number for each pixel and channel.
+type Values = Vec<f64>;
+
+/// A renderer, of which one slot is looked at.
+struct Bench {
+    renderer: Renderer,
+    slot: String,
+    lights: u32,
+    label: String,
+}
+
+impl Bench {
+    fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        options: &MotionOptions,
+        (label, changes): (&str, &[(&str, &str)]),
+    ) -> Result<Self, MotionError> {
+        let config = config(options, changes)?;
+        let MotionOptions { size: [width, height], rays, seed, .. } = *options;
+        let render = RenderOptions { width, height, seed, rays, check: false };
+        let failed = |source| MotionError::Render { label: label.to_owned(), source };
+        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, render).map_err(failed)?;
+        renderer.read_slots(&[&options.slot]).map_err(failed)?;
+        Ok(Self { renderer, slot: options.slot.clone(), lights: scene.lights.len() as u32, label: label.to_owned() })
+    }
+
+    fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, MotionError> {
+        (0..self.lights).for_each(|light| self.renderer.dim(light, moment.light));
+        let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
+        let failed = |source| MotionError::Render { label: self.label.clone(), source };
+        let result = self.renderer.frame(request).map_err(failed)?;
+        let image = result.and_then(|r| r.slots.into_iter().next()).and_then(|(_, image)| image);
+        let none = || MotionError::NoImage { path: path.name, slot: self.slot.clone() };
+        let image = image.ok_or_else(none)?;
+        let channels = image.format.channels() as usize;
+        Ok(image.values().iter().flat_map(|v| v[..channels].iter().map(|x| f64::from(*x))).collect())
+    }
+}
+
+/// The configuration with changes of the slot's settings, of which those that it lacks are left out.
+fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, MotionError> {
+    let wrong = |error| MotionError::Config(Box::new(error));
+    let catalogue: Catalogue = Slots::default().catalogue();
+    let slot = catalogue.slot(&options.slot);
+    let mut config = options.config.clone();
+    config.set(&format!("stages.{}=ray-traced", options.slot)).map_err(wrong)?;
+    for (key, value) in changes {
+        let known = slot.and_then(|s| s.implementation("ray-traced"));
+        if known.is_none_or(|i| i.settings.iter().any(|s| s.key == *key)) {
+            config.set(&format!("{}.{key}={value}", options.slot)).map_err(wrong)?;
+        }
+    }
+    catalogue.check(&config, "bench motion").map_err(wrong)?;
+    Ok(config)
+}
+
+/// The truth of each moment. Frames of the renderer have other rays, so that their mean converges.
+fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>, MotionError> {
+    let mut bench = Bench::new(gpu, &path.scene, options, ("truth", TRUE))?;
+    let mut truths = Vec::with_capacity(path.moments.len());
+    for moment in &path.moments {
+        let mut sums = bench.frame(path, moment)?;
+        for _ in 1..TRUTH_FRAMES {
+            sums.iter_mut().zip(bench.frame(path, moment)?).for_each(|(sum, v)| *sum += v);
+        }
+        sums.iter_mut().for_each(|sum| *sum /= f64::from(TRUTH_FRAMES));
+        truths.push(sums);
+    }
+    Ok(truths)
+}
+
+/// Goes along one path with every contestant.
+///
+/// # Errors
+/// [`MotionError`].
+pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Course>, MotionError> {
+    let truths = truths(gpu, path, options)?;
+    let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
+    let true_means: Vec<f64> = truths.iter().map(mean).collect();
+    let mut courses = Vec::new();
+    let mut configs: Vec<Config> = Vec::new();
+    for Contestant { label, changes } in CONTESTANTS {
+        let config = config(options, changes)?;
+        if configs.contains(&config) {
+            continue; // the effect has no such setting
+        }
+        configs.push(config);
+        let mut bench = Bench::new(gpu, &path.scene, options, (label, changes))?;
+        if let Some(before) = &path.before {
+            for _ in 0..WARM_UP {
+                bench.frame(path, before)?;
+            }
+        }
+        let (mut errors, mut means) = (Vec::new(), Vec::new());
+        for (moment, truth) in path.moments.iter().zip(&truths) {
+            let seen = bench.frame(path, moment)?;
+            let squares: Values = seen.iter().zip(truth).map(|(a, b)| (a - b).powi(2)).collect();
+            errors.push(mean(&squares).sqrt());
+            means.push(mean(&seen));
+        }
+        courses.push(Course { path: path.name, label, errors, means, true_means: true_means.clone() });
+    }
+    Ok(courses)
+}
+
+/// Goes along every path that the scene has.
+///
+/// # Errors
+/// [`MotionError`].
+pub fn run(
+    gpu: &Gpu,
+    scene: &Scene,
+    options: &MotionOptions,
+    mut progress: impl FnMut(&str),
+) -> Result<MotionReport, MotionError> {
+    let mut courses = Vec::new();
+    for path in paths(scene, options.frames) {
+        progress(path.name);
+        courses.extend(walk(gpu, &path, options)?);
+    }
+    Ok(MotionReport::new(gpu, scene, options, courses))
+}

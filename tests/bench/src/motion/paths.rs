@@ -1,0 +1,132 @@
+//! What moves, and how: scripted, the same in every scene.
+use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
+use magpie::scene::{Animation, Camera, Channel, Interpolation, Node, Property, Scene};
+
+/// Seconds between two frames.
+const FRAME: f64 = 1.0 / 60.0;
+/// By what a camera turns from frame to frame, radians: a second for two thirds of a circle.
+const CAMERA_TURN: f64 = 0.01;
+/// By what lights turn about the vertical axis through the world's origin, radians from frame to frame.
+const LIGHT_TURN: f64 = 0.005;
+
+/// What a frame shows.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// From where.
+    pub camera: Camera,
+    /// When, seconds.
+    pub time: f64,
+    /// What all lights are multiplied with.
+    pub light: f32,
+}
+
+/// A scene and a moment for each frame.
+#[derive(Clone, Debug)]
+pub struct Path {
+    /// For people.
+    pub name: &'static str,
+    /// What is seen.
+    pub scene: Scene,
+    /// What was seen before it begins, so that there is a history.
+    pub before: Option<Moment>,
+    /// Frame by frame.
+    pub moments: Vec<Moment>,
+}
+
+/// A camera that is turned about the vertical axis through a point.
+pub trait Turned {
+    /// By this angle, radians.
+    #[must_use]
+    fn turned(&self, around: DVec3, angle: f64) -> Self;
+}
+
+impl Turned for Camera {
+    fn turned(&self, around: DVec3, angle: f64) -> Self {
+        let turn = DAffine3::from_translation(around)
+            * DAffine3::from_quat(DQuat::from_rotation_y(angle))
+            * DAffine3::from_translation(-around);
+        Self { world_from_camera: turn * self.world_from_camera, ..self.clone() }
+    }
+}
+
+/// The paths that a scene has: its camera goes around what it looks at, its lights turn, what is animated moves, and its lights go on.
+#[must_use]
+pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
+    let Some(camera) = scene.cameras.first() else { return Vec::new() };
+    let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
+    let all = |moment: &dyn Fn(u32) -> Moment| (0..frames).map(moment).collect::<Vec<_>>();
+    let at = |frame: u32| FRAME * f64::from(frame);
+    // The near plane is at a thousandth of the distance to what the camera looks at.
+    let forward = -camera.world_from_camera.matrix3.z_axis;
+    let centre = camera.eye() + forward * (1e3 * f64::from(camera.near));
+    let around = |frame: u32| Moment { camera: camera.turned(centre, CAMERA_TURN * f64::from(frame)), ..still(0.0) };
+
+    let mut paths =
+        vec![Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments: all(&around) }];
+    if !scene.animations.is_empty() {
+        let moments = all(&|frame| still(at(frame)));
+        paths.push(Path { name: "things", scene: scene.clone(), before: Some(still(0.0)), moments });
+    }
+    if !scene.lights.is_empty() {
+        let mut moving = scene.clone();
+        moving.animations.clear();
+        turn_lights(&mut moving, at(frames));
+        paths.push(Path {
+            name: "lights",
+            scene: moving,
+            before: Some(still(0.0)),
+            moments: all(&|frame| still(at(frame))),
+        });
+        let before = Some(Moment { light: 0.0, ..still(0.0) });
+        paths.push(Path { name: "switch", scene: scene.clone(), before, moments: all(&|_| still(0.0)) });
+    }
+    paths
+}
+
+/// Hangs every light that stands by itself on a node that turns, for so many seconds.
+fn turn_lights(scene: &mut Scene, seconds: f64) {
+    let node = scene.nodes.len() as u32;
+    scene.nodes.push(Node { name: "turn".to_owned(), ..Node::default() });
+    scene.light_nodes.resize(scene.lights.len(), None);
+    scene.light_nodes.iter_mut().for_each(|light| *light = light.or(Some(node)));
+    // A quarter of the way at each key, so that turns are far from half a circle.
+    let keys: Vec<f64> = (0..=4).map(|k| seconds * f64::from(k) / 4.0).collect();
+    let turn = |time: &f64| Quat::from_axis_angle(Vec3::Y, (LIGHT_TURN * time / FRAME) as f32);
+    scene.animations.push(Animation {
+        name: "turn".to_owned(),
+        duration: seconds,
+        channels: vec![Channel {
+            node,
+            property: Property::Rotation,
+            interpolation: Interpolation::Linear,
+            times: keys.iter().map(|time| *time as f32).collect(),
+            values: keys.iter().flat_map(|time| turn(time).to_array()).collect(),
+        }],
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_goes_around_what_it_looks_at() {
+        let centre = DVec3::new(1.0, 2.0, 3.0);
+        let camera = Camera::look_at("c", DVec3::new(5.0, 4.0, 3.0), centre, Vec3::Y, 0.7).unwrap();
+        for angle in [0.0, 0.5, 3.0] {
+            let turned = camera.turned(centre, angle);
+            assert!((turned.eye().distance(centre) - camera.eye().distance(centre)).abs() < 1e-12);
+            let forward = -turned.world_from_camera.matrix3.z_axis;
+            assert!(forward.dot((centre - turned.eye()).normalize()) > 1.0 - 1e-9, "{angle}");
+        }
+    }
+
+    #[test]
+    fn scenes_have_the_paths_that_they_can_have() {
+        let names = |scene: &Scene| paths(scene, 4).iter().map(|p| p.name).collect::<Vec<_>>();
+        let scene = magpie::scene::builtin("courtyard").unwrap();
+        assert_eq!(names(&scene), ["camera", "lights", "switch"]);
+        assert_eq!(names(&Scene { lights: Vec::new(), ..scene }), ["camera"]);
+        assert_eq!(names(&magpie::scene::builtin("carousel").unwrap())[1], "things");
+    }
+}

@@ -1,0 +1,145 @@
+//! What was found along the paths: a table, JSON, charts.
+use super::{Course, MotionOptions};
+use crate::chart::{Axis, Chart, ChartError, Colour, Line};
+use magpie::gpu::Gpu;
+use magpie::scene::Scene;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Share of a switch at which it counts as seen.
+const SEEN: f64 = 0.9;
+/// Frames in which a denoiser may be no better than what it gets: it knows nothing yet.
+pub const UNKNOWN: usize = 3;
+
+/// A run.
+#[derive(Clone, Debug, Serialize)]
+pub struct MotionReport {
+    /// Of Magpie.
+    pub magpie: &'static str,
+    /// The source.
+    pub commit: String,
+    /// Name of the device.
+    pub device: String,
+    /// Its driver.
+    pub driver: String,
+    /// The scene.
+    pub scene: String,
+    /// The slot.
+    pub slot: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Every contestant along every path.
+    pub courses: Vec<Course>,
+}
+
+impl MotionReport {
+    pub(super) fn new(gpu: &Gpu, scene: &Scene, options: &MotionOptions, courses: Vec<Course>) -> Self {
+        let report = gpu.report();
+        Self {
+            magpie: env!("CARGO_PKG_VERSION"),
+            commit: options.commit.clone(),
+            device: report.name.clone(),
+            driver: report.driver.clone(),
+            scene: scene.name.clone(),
+            slot: options.slot.clone(),
+            size: options.size,
+            courses,
+        }
+    }
+
+    /// As JSON.
+    ///
+    /// # Errors
+    /// What the serialiser refuses.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+
+    /// Names of the paths, in order.
+    fn paths(&self) -> Vec<&'static str> {
+        let mut names: Vec<_> = self.courses.iter().map(|c| c.path).collect();
+        names.dedup();
+        names
+    }
+
+    fn of<'a>(&'a self, path: &'a str) -> impl Iterator<Item = &'a Course> {
+        self.courses.iter().filter(move |c| c.path == path)
+    }
+
+    /// For people: a line per path and contestant.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let mut text = format!("{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
+        let _ =
+            writeln!(text, "{:<8} {:<24} {:>8} {:>8} {:>8} {:>8}", "path", "", "frame 1", "frame 4", "mean", "last");
+        for course in &self.courses {
+            let errors = &course.errors;
+            let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+            let at = |k: usize| errors.get(k).copied().unwrap_or(f64::NAN);
+            let (first, fourth, last) = (at(0), at(3), at(errors.len() - 1));
+            let _ = write!(
+                text,
+                "{:<8} {:<24} {first:>8.4} {fourth:>8.4} {mean:>8.4} {last:>8.4}",
+                course.path, course.label
+            );
+            if course.path == "switch" {
+                let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
+                let _ = write!(text, "  90 % {frame}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    /// File names, without a folder, and SVG texts.
+    ///
+    /// # Errors
+    /// [`ChartError`].
+    pub fn charts(&self) -> Result<Vec<(String, String)>, ChartError> {
+        let mut charts = Vec::new();
+        let mut add = |name: &str, y, title: String, pick: &dyn Fn(&Course) -> Vec<f64>, path: &str| {
+            let colours = [Colour::PURPLE, Colour::BLUE, Colour::VERMILION];
+            let line = |(course, colour): (&Course, Colour)| Line {
+                label: course.label.to_owned(),
+                colour,
+                dashed: false,
+                width: 2,
+                points: (1..).map(f64::from).zip(pick(course)).collect(),
+            };
+            let lines = self.of(path).zip(colours).map(line).collect();
+            let x = Axis { name: "frame", log: false };
+            let chart = Chart { title, x, y: Axis { name: y, log: false }, lines };
+            charts.push((format!("motion-{}-{path}{name}.svg", self.slot), chart.svg()?));
+            Ok(())
+        };
+        for path in self.paths() {
+            let title = format!("{} while {path} moves: {}", self.slot, self.scene);
+            let title = if path == "switch" { format!("{} after a switch: {}", self.slot, self.scene) } else { title };
+            add("", "RMSE", title.clone(), &|c| c.errors.clone(), path)?;
+            if path == "switch" {
+                let share = |c: &Course| {
+                    let end = c.true_means.last().copied().unwrap_or(1.0);
+                    c.means.iter().map(|m| m / end).collect()
+                };
+                add("-seen", "share of the switch that is seen", title, &share, path)?;
+            }
+        }
+        Ok(charts)
+    }
+
+    /// Frames after the third in which what is denoised is no better than one ray: path, contestant, frame from 1.
+    #[must_use]
+    pub fn worse(&self) -> Vec<(&'static str, &'static str, usize)> {
+        let mut worse = Vec::new();
+        for path in self.paths() {
+            let mut courses = self.of(path);
+            let Some(noisy) = courses.next() else { continue };
+            for course in courses.take(1) {
+                let pairs = course.errors.iter().zip(&noisy.errors).enumerate().skip(UNKNOWN);
+                let bad = pairs.filter(|(_, (denoised, noisy))| denoised >= noisy);
+                worse.extend(bad.map(|(frame, _)| (course.path, course.label, frame + 1)));
+            }
+        }
+        worse
+    }
+}
