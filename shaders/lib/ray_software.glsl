@@ -94,7 +94,7 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
                     corners.at[candidate.corners.z], ray.t_min, hit.t, found);
             }
             met = met && !is_culled(ray, flags, found.front);
-            if (met && (flags & INSTANCE_ALPHA_TEST) != 0u) {
+            if (met && (flags & INSTANCE_ALPHA_TEST) != 0u && (ray.cull & RAY_UNTESTED) == 0u) {
                 met = alpha_passes(scene, instance, candidate.corners, found.barycentric, ray.direction, cone_width_at(ray, found.t));
             }
             if (met) {

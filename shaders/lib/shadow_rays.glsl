@@ -18,15 +18,24 @@ struct ShadowRays {
     uint wanted;   // a bit for each light that rays go to; the others are given as 0
 };
 
-// 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray.
-float visibility(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Incident from) {
-    if (dot(surface.normal, from.direction) <= 0.0 || dot(surface.geometric_normal, from.direction) <= 0.0) return 0.0;
-    Ray ray = from.distance >= INFINITELY_FAR ? surface_ray(start, from.direction, INFINITELY_FAR)
+// The ray to a point of a light. False where that cannot light the surface anyway.
+bool shadow_ray(ViewBuffer view, Surface surface, RayStart start, Incident from, out Ray ray) {
+    ray = make_ray(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    if (dot(surface.normal, from.direction) <= 0.0 || dot(surface.geometric_normal, from.direction) <= 0.0) return false;
+    ray = from.distance >= INFINITELY_FAR ? surface_ray(start, from.direction, INFINITELY_FAR)
         : surface_ray_to(start, start.position + from.distance * from.direction);
-    rays_traced++;
     // A point has no size: the ray stays as wide as the pixel is at the surface.
     float width = pixel_spread(view) * distance(surface.position, view.at[0].eye);
-    return trace_any(scene, with_cone(ray, width, 0.0)) ? 0.0 : 1.0;
+    ray = with_cone(ray, width, 0.0);
+    return true;
+}
+
+// 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray.
+float visibility(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Incident from) {
+    Ray ray;
+    if (!shadow_ray(view, surface, start, from, ray)) return 0.0;
+    rays_traced++;
+    return trace_any(scene, ray) ? 0.0 : 1.0;
 }
 
 // The share of each light that is seen, by the points that `drawn_at` had or has in frame `frame`.

@@ -5,9 +5,8 @@ mod ray_traced;
 
 use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
-use choice::{Choice, Technique};
+use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
-use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
 use maps::{MapOut, MapShadows};
 use ray_traced::{RayTraced, Traced};
@@ -75,14 +74,14 @@ impl Shadows {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (lights, maps): (&[Caster], Option<MapOut>),
+        (group, maps): (&Group, Option<MapOut>),
         name: &str,
     ) -> Handle<Image> {
-        let Traced { visibility, change } = self.rays.add(g, view, i, (lights, maps), name);
-        if !self.rays.is_noisy(lights) {
+        let Traced { visibility, change } = self.rays.add(g, view, i, (group, maps), name);
+        if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
-        let content = Content::Channels(lights.len() as u32);
+        let content = Content::Channels(group.channels() as u32);
         let noisy = DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
         self.denoiser.add(g, view, noisy, name)
     }
@@ -94,19 +93,20 @@ impl Effect for Shadows {
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
         let mut out = ShadowOut::default();
-        for (at, group) in self.choice.groups(&view.casters).iter().enumerate() {
+        let groups = self.choice.groups(&view.casters, self.rays.is_tinted(view));
+        for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
             let visibility = match group.technique {
                 Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
                 Technique::Hybrid => {
                     let maps = self.maps.add(g, view, i, (&group.lights, true), &name);
-                    self.rays(g, view, i, (&group.lights, Some(maps)), &name)
+                    self.rays(g, view, i, (group, Some(maps)), &name)
                 }
-                Technique::Rays | Technique::None => self.rays(g, view, i, (&group.lights, None), &name),
+                Technique::Rays | Technique::None => self.rays(g, view, i, (group, None), &name),
             };
             let lights = ray_traced::indices(&group.lights);
-            out.groups[at] = Some(ShadowGroup { visibility, lights, coloured: false });
+            *out = Some(ShadowGroup { visibility, lights, coloured: group.coloured });
         }
         out
     }
