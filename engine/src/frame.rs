@@ -32,6 +32,8 @@ pub struct View {
     pub origin: DVec3,
     /// The scene has a sky.
     pub has_sky: bool,
+    /// Light may go straight through something in the scene.
+    pub lets_light_through: bool,
 }
 
 /// From where a frame is seen, and which frame it is.
@@ -164,6 +166,7 @@ impl ViewDesc<'_> {
             camera: camera.clone(),
             origin,
             has_sky: scene.sky().is_some(),
+            lets_light_through: scene.lets_light_through(),
         })
     }
 }

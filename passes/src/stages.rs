@@ -3,6 +3,7 @@ use magpie::graph::execute::Imports;
 use magpie::graph::{Handle, Image, WriteHandle};
 pub use magpie::scene::SceneHandles;
 use magpie::scene::{Camera, SharedScene};
+use magpie_shaders::view::MOST_CASTERS;
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -77,15 +78,15 @@ pub struct ShadowIn {
     pub reprojected: Reprojected,
 }
 
-/// Most images of visibility.
-pub const SHADOW_GROUPS: usize = 4;
+/// Most images of visibility: every light that casts a shadow may have its own.
+pub const SHADOW_GROUPS: usize = MOST_CASTERS as usize;
 
 /// How much of some lights each pixel sees.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowGroup {
     /// A light in each channel: the share of it that is seen, 0 to 1. Red alone, red and green, or four channels.
     pub visibility: Handle<Image>,
-    /// Which lights, by their index in the scene; `NO_LIGHT` in channels that hold none.
+    /// Which lights, by their index in the scene, of those that can cast shadows; `NO_LIGHT` in channels that hold none.
     pub lights: [u32; 4],
     /// The first three channels belong to the first light, one for each of its colours.
     pub coloured: bool,

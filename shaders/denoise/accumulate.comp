@@ -4,6 +4,7 @@
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
 #include "shared/denoise.glsl"
+#include "shared/shadows.glsl"
 // The mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather than two moments: the
 // difference of moments loses the digits of small variances (Welford 1962; for weights that fade: Finch 2009, "Incremental calculation
 // of weighted mean and variance", equations 138 and 143).
@@ -21,6 +22,15 @@ vec4 reprojected(uint image, ivec2 first, vec4 taps) {
     return sum;
 }
 
+// Over how many frames the mean may go where pixels of the frame before are interpolated. Each time that widens an edge: by f (1 - f) square
+// pixels of variance each way, a sixth in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than twice that.
+vec4 frames_in_motion(ivec2 pixel, vec4 taps) {
+    float between = 1.0 - max(max(taps.x, taps.y), max(taps.z, taps.w));
+    if (between < 0.01) return vec4(LONGEST);
+    vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
+    return max(floor(0.5 * width * width), vec4(1.0));
+}
+
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -35,12 +45,13 @@ void main() {
         taps /= sum;
         ivec2 first = ivec2(floor(vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size)));
         frames = round(reprojected(params.previous_frames, first, taps) * LONGEST);
-        if (params.gradient != NO_GRADIENT) {
+        if (params.gradient != NO_IMAGE) {
             // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
             // Temporal Filtering", section 3.3).
             frames *= vec4(1.0) - load(params.gradient, pixel / int(GRADIENT_STRATUM));
         }
         frames = min(floor(frames) + 1.0, params.longest);
+        if (params.reach != NO_IMAGE) frames = min(frames, frames_in_motion(pixel, taps));
         vec4 share = 1.0 / frames;
         vec4 before = reprojected(params.previous_mean, first, taps);
         vec4 apart = sampled - before;

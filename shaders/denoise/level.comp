@@ -4,6 +4,7 @@
 #include "lib/colour.glsl"
 #include "lib/guide.glsl"
 #include "lib/tiles.glsl"
+#include "shared/shadows.glsl"
 // One level of the edge-avoiding à-trous wavelet filter (Dammertz et al. 2010), guided by depth, normal and variance (Schied et al. 2017,
 // section 4.4): 5x5 taps of a cubic B-spline, `step` pixels apart.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -39,6 +40,9 @@ void main() {
     }
     vec2 gradient = depth_gradient(view, pixel, here);
     vec4 value = compared(colour);
+    vec4 farthest = vec4(1e9);
+    // Half to each side. Nearer than one pixel there is nothing to blur with.
+    if (params.reach != NO_IMAGE) farthest = 0.5 * PENUMBRA_MOST * load(params.reach, pixel);
     vec4 apart = params.sigma * sqrt(blurred) + LEAST_DIFFERENCE;
     vec4 sum = vec4(0.0), errors = vec4(0.0), weights = vec4(0.0);
     for (int y = -2; y <= 2; y++) {
@@ -51,6 +55,7 @@ void main() {
             if (!(edges.y > 0.0)) continue;
             vec4 there = load(params.colour, at);
             vec4 weight = (SPLINE[abs(x)] * SPLINE[abs(y)] * edges.y) * falloff(edges.x + abs(compared(there) - value) / apart);
+            weight = mix(weight, vec4(0.0), greaterThan(vec4(length(vec2(offset))), farthest));
             sum += weight * there;
             errors += weight * weight * load(params.error, at);
             weights += weight;

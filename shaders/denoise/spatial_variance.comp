@@ -48,5 +48,7 @@ void main() {
         // That of the means over the frames so far, which is what is filtered.
         error = mix(error, squares / weights, short_one);
     }
+    // No penumbra, no noise: what differs around are edges.
+    if (params.reach != NO_IMAGE) error = mix(vec4(0.0), error, greaterThan(load(params.reach, pixel), vec4(0.0)));
     store(params.variance, pixel, error);
 }

@@ -11,10 +11,11 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ShadeParams params; };
 
 // The share of a light that is seen; all of those that cast no shadow.
-vec3 visibility(uint light, ivec2 pixel) {
+vec3 visibility(ViewBuffer view, uint light, ivec2 pixel) {
     for (uint group = 0u; group < params.group_count; group++) {
         for (uint channel = 0u; channel < 4u; channel++) {
-            if (params.lights[4u * group + channel] != light) continue;
+            uint caster = (params.casters[group] >> (8u * channel)) & 255u;
+            if (caster == NO_CASTER || view.at[0].casters[caster] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
             return (params.coloured & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
         }
@@ -33,7 +34,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
         LightSample light = sample_light(lights.at[i], s.position);
         // Lights that are out of reach stop here; most of them, in a scene with many.
         if (light.irradiance == vec3(0.0)) continue;
-        light.irradiance *= visibility(i, pixel);
+        light.irradiance *= visibility(view, i, pixel);
         if (light.irradiance == vec3(0.0)) continue;
         vec3 reflected = brdf_cosine(s.normal, s.to_eye, light.direction, s.base_colour, s.metalness, s.roughness);
         radiance += reflected * light.irradiance;

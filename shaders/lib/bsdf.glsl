@@ -95,6 +95,14 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     return b.base_colour * ((1.0 - dielectric_f(v_h, b.eta)) * local_d(h, b.alpha) * visible * v_h * -l_h / (bend * bend));
 }
 
+// The share of light, in each colour, that goes straight through a thin sheet as smooth as alpha can say; 0 of all others. It is what
+// the lobe of transmission comes to as its width goes to 0. `cosine`: of either direction with the normal.
+vec3 straight_transmission(Bsdf b, float cosine) {
+    if (!b.thin || b.transmission <= 0.0 || b.alpha > MIN_ALPHA) return vec3(0.0);
+    float facing = min(cosine, 1.0);
+    return b.base_colour * ((1.0 - coat_share(b, vec3(0.0, 0.0, facing))) * b.transmission * (1.0 - dielectric_f(facing, b.eta)));
+}
+
 // BSDF times |n·l|, per steradian, of the lobes that are asked for.
 vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
     float coat = coat_share(b, v);

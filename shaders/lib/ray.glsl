@@ -1,4 +1,5 @@
-// Rays against the scene, in whichever way the device traces: `trace_closest(scene, ray, hit)` and `trace_any(scene, ray)`.
+// Rays against the scene, in whichever way the device traces: `trace_closest(scene, ray, hit)`, `trace_any(scene, ray)` and
+// `trace_any_at(scene, ray, t)`.
 //
 // A ray pass is a file `*.ray`. It is compiled three times: as a compute shader that walks Magpie's own tree (RAYS_SOFTWARE), as a
 // compute shader with ray queries (RAYS_QUERY), and as the ray-generation shader of a pipeline (RAYS_PIPELINE).

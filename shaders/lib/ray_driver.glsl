@@ -7,7 +7,8 @@
 uint driver_flags(Ray ray)
 {
     return ((ray.cull & RAY_CULL_BACK) != 0u ? gl_RayFlagsCullBackFacingTrianglesEXT : 0u)
-        | ((ray.cull & RAY_CULL_FRONT) != 0u ? gl_RayFlagsCullFrontFacingTrianglesEXT : 0u);
+        | ((ray.cull & RAY_CULL_FRONT) != 0u ? gl_RayFlagsCullFrontFacingTrianglesEXT : 0u)
+        | ((ray.cull & RAY_UNTESTED) != 0u ? gl_RayFlagsOpaqueEXT : 0u);
 }
 
 // Centre and radius in object space.

@@ -19,6 +19,19 @@ bool trace_any(SceneBuffer scene, Ray ray)
     return payload.instance != NO_HIT;
 }
 
+// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
+{
+    payload.instance = NO_HIT;
+    payload.cone_width = ray.cone_width;
+    payload.cone_spread = ray.cone_spread;
+    uint flags = driver_flags(ray) | gl_RayFlagsTerminateOnFirstHitEXT;
+    traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), flags, ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
+    bool met = payload.instance != NO_HIT;
+    t = met ? payload.t : ray.t_max;
+    return met;
+}
+
 // The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {

@@ -44,6 +44,17 @@ bool trace_any(SceneBuffer scene, Ray ray)
     return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
 }
 
+// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
+{
+    rayQueryEXT query;
+    query_scene(query, scene, ray, gl_RayFlagsTerminateOnFirstHitEXT);
+    bool met = rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
+    t = ray.t_max;
+    if (met) t = rayQueryGetIntersectionTEXT(query, true);
+    return met;
+}
+
 // The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {

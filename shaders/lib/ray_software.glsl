@@ -94,7 +94,7 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
                     corners.at[candidate.corners.z], ray.t_min, hit.t, found);
             }
             met = met && !is_culled(ray, flags, found.front);
-            if (met && (flags & INSTANCE_ALPHA_TEST) != 0u) {
+            if (met && (flags & INSTANCE_ALPHA_TEST) != 0u && (ray.cull & RAY_UNTESTED) == 0u) {
                 met = alpha_passes(scene, instance, candidate.corners, found.barycentric, ray.direction, cone_width_at(ray, found.t));
             }
             if (met) {
@@ -170,6 +170,15 @@ bool trace_any(SceneBuffer scene, Ray ray)
 {
     Hit hit;
     return walk_scene(scene, ray, true, hit);
+}
+
+// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
+{
+    Hit hit;
+    bool met = walk_scene(scene, ray, true, hit);
+    t = hit.t;
+    return met;
 }
 
 // The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.

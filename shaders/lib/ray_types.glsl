@@ -4,7 +4,7 @@
 #include "shared/scene.glsl"
 
 // Hits count for t_min < t < t_max, in lengths of `direction`, which need not be a unit vector. `mask`: instances that share a bit
-// with it are seen. `cull`: RAY_CULL_* bits. Make one with `make_ray`.
+// with it are seen. `cull`: RAY_* bits. Make one with `make_ray`.
 //
 // The ray stands for a cone, which says at which mip textures are read (lib/alpha.glsl): metres wide at the origin, and by how many
 // metres wider with each length of `direction`. One without width reads the finest mip.
@@ -34,6 +34,8 @@ const uint NO_HIT = 4294967295u;
 // Faces that a ray goes through, unless their material is double-sided.
 const uint RAY_CULL_BACK = 1u;
 const uint RAY_CULL_FRONT = 2u;
+// Another bit of `cull`: alpha is not tested, every surface is there. Who traces asks for its coverage.
+const uint RAY_UNTESTED = 4u;
 
 // A ray that every instance stops, whichever side it shows.
 Ray make_ray(vec3 origin, float t_min, vec3 direction, float t_max)

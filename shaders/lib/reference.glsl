@@ -5,11 +5,29 @@
 #include "lib/random.glsl"
 #include "lib/ray.glsl"
 #include "lib/surface.glsl"
+#include "lib/tinted.glsl"
 #include "shared/reference.glsl"
 // What the passes of the reference share: rays of the camera, the surfaces that they meet, and means over samples.
 
 uint closest_traced = 0u;
 uint any_traced = 0u;
+
+// Behind how many surfaces that let light through light is still followed: all.
+const uint ANY_NUMBER = 4294967295u;
+
+// The share of light, in each colour, that comes along a ray.
+vec3 unhidden(SceneBuffer scene, Ray ray, uint flags) {
+    if ((flags & PATH_CLEAR) == 0u) {
+        any_traced++;
+        return trace_any(scene, ray) ? vec3(0.0) : vec3(1.0);
+    }
+    uvec2 traced = uvec2(0u);
+    float farthest;
+    vec3 share = light_through(scene, ray, ANY_NUMBER, traced, farthest);
+    closest_traced += traced.x;
+    any_traced += traced.y;
+    return share;
+}
 
 // Mean and sum of squared deviations, one sample after another (Welford 1962, "Note on a Method for Calculating Corrected Sums of
 // Squares and Products").
@@ -46,10 +64,12 @@ Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
     vec3 down = m[1].xyz * (2.0 / float(view.at[0].size.y));
     float facing = dot(ray.direction, start.normal);
     if (facing == 0.0) return NO_FOOTPRINT;
+    // From the eye; a ray begins anew at surfaces that it goes straight through.
+    float t = hit.t + dot(ray.origin - view.at[0].eye, ray.direction) / dot(ray.direction, ray.direction);
     // The plane is met by the neighbour's ray a little further on or back.
     return Footprint(
-        hit.t * (across - ray.direction * (dot(across, start.normal) / facing)),
-        hit.t * (down - ray.direction * (dot(down, start.normal) / facing))
+        t * (across - ray.direction * (dot(across, start.normal) / facing)),
+        t * (down - ray.direction * (dot(down, start.normal) / facing))
     );
 }
 

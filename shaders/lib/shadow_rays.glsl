@@ -4,6 +4,7 @@
 #include "lib/light_sampling.glsl"
 #include "lib/ray.glsl"
 #include "lib/sequence.glsl"
+#include "shared/shadows.glsl"
 // Shadow rays from a surface to points of up to four lights: uniform over a light's disc or area, or over the cone that it fills. Light of
 // the whole lamp, unshadowed, is multiplied with the share of them that arrive (Heitz, Hill and McGuire 2018, "Combining Analytic
 // Direct Illumination and Stochastic Shadows").
@@ -18,19 +19,70 @@ struct ShadowRays {
     uint wanted;   // a bit for each light that rays go to; the others are given as 0
 };
 
-// 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray.
-float visibility(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Incident from) {
-    if (dot(surface.normal, from.direction) <= 0.0 || dot(surface.geometric_normal, from.direction) <= 0.0) return 0.0;
-    Ray ray = from.distance >= INFINITELY_FAR ? surface_ray(start, from.direction, INFINITELY_FAR)
+// The ray to a point of a light. False where that cannot light the surface anyway.
+bool shadow_ray(ViewBuffer view, Surface surface, RayStart start, Incident from, out Ray ray) {
+    ray = make_ray(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    if (dot(surface.normal, from.direction) <= 0.0 || dot(surface.geometric_normal, from.direction) <= 0.0) return false;
+    ray = from.distance >= INFINITELY_FAR ? surface_ray(start, from.direction, INFINITELY_FAR)
         : surface_ray_to(start, start.position + from.distance * from.direction);
-    rays_traced++;
     // A point has no size: the ray stays as wide as the pixel is at the surface.
     float width = pixel_spread(view) * distance(surface.position, view.at[0].eye);
-    return trace_any(scene, with_cone(ray, width, 0.0)) ? 0.0 : 1.0;
+    ray = with_cone(ray, width, 0.0);
+    return true;
 }
 
-// The share of each light that is seen, by the points that `drawn_at` had or has in frame `frame`.
-vec4 visibilities(ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, ShadowRays rays, ivec2 drawn_at, uint frame) {
+// Width on the screen, pixels, of the penumbra that an edge throws which the light meets `blocker` metres before the surface: that of similar
+// triangles, stretched where the light comes in flat. Seen at an angle it is narrower on the screen.
+float penumbra_pixels(ViewBuffer view, Surface surface, Light light, Incident from, float blocker) {
+    float width;
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        width = 2.0 * tan(light.radius) * blocker;
+    } else {
+        float size = light.kind == LIGHT_RECTANGLE ? max(length(light.half_u), length(light.half_v)) : light.radius;
+        width = 2.0 * size * blocker / max(from.distance - blocker, 1e-3 * from.distance);
+    }
+    float pixel = pixel_spread(view) * distance(surface.position, view.at[0].eye);
+    return width / (pixel * max(dot(surface.geometric_normal, from.direction), 1e-3));
+}
+
+// Half of what a light's size fills of the view from a surface: the sine of the angle.
+float light_extent(Light light, LightSample centre) {
+    if (light.kind == LIGHT_DIRECTIONAL) return sin(light.radius);
+    float size = light.kind == LIGHT_RECTANGLE ? length(light.half_u) + length(light.half_v) : light.radius;
+    return min(size / max(centre.distance, MIN_LIGHT_DISTANCE), 1.0);
+}
+
+// Width taken for the penumbra of a surface's own horizon, which cuts the light: the edge is wherever the surface bends, or nowhere.
+const float HORIZON_PENUMBRA = 16.0;
+
+// What the horizon alone makes of the penumbra: nothing where the light is all above it or all below.
+float horizon_penumbra(Surface surface, Light light, LightSample centre) {
+    float height = min(dot(surface.normal, centre.direction), dot(surface.geometric_normal, centre.direction));
+    return abs(height) < light_extent(light, centre) ? HORIZON_PENUMBRA : 0.0;
+}
+
+// 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray. `penumbra` becomes the widest one so far, in
+// pixels.
+float visibility(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Light light, Incident from, inout float penumbra) {
+    Ray ray;
+    if (!shadow_ray(view, surface, start, from, ray)) return 0.0;
+    rays_traced++;
+    float t;
+    if (!trace_any_at(scene, ray, t)) return 1.0;
+    penumbra = max(penumbra, penumbra_pixels(view, surface, light, from, t * length(ray.direction)));
+    return 0.0;
+}
+
+// What is stored of a width: 0 stands for none.
+vec4 encode_penumbra(vec4 pixels) {
+    return mix(vec4(0.0), clamp(pixels / PENUMBRA_MOST, 1.0 / 255.0, 1.0), greaterThan(pixels, vec4(0.0)));
+}
+
+// The share of each light that is seen, by the points that `drawn_at` had or has in frame `frame`, and the width of penumbrae, pixels.
+vec4 visibilities(
+    ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, ShadowRays rays, ivec2 drawn_at, uint frame, out vec4 penumbra
+) {
+    penumbra = vec4(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     vec4 seen = vec4(0.0);
@@ -41,13 +93,16 @@ vec4 visibilities(ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, Shad
         // Outside of its cone, its range or its front.
         if (centre.irradiance == vec3(0.0)) continue;
         if (rays.samples == 0u || !has_size(light)) {
-            seen[k] = visibility(view, scene, surface, start, Incident(centre.direction, centre.distance, centre.irradiance, 0.0));
+            Incident from = Incident(centre.direction, centre.distance, centre.irradiance, 0.0);
+            float none = 0.0;  // of a point
+            seen[k] = visibility(view, scene, surface, start, light, from, none);
             continue;
         }
+        penumbra[k] = horizon_penumbra(surface, light, centre);
         for (uint i = 0u; i < rays.samples; i++) {
             vec2 u = sequence2(drawn_at, frame * rays.samples + i, SEQUENCE_SHADOWS + k, view.at[0].seed);
             Incident from;
-            if (sample_sized_light(light, start.position, u, from)) seen[k] += visibility(view, scene, surface, start, from);
+            if (sample_sized_light(light, start.position, u, from)) seen[k] += visibility(view, scene, surface, start, light, from, penumbra[k]);
         }
         seen[k] /= float(rays.samples);
     }

@@ -16,6 +16,7 @@ struct SurfacePoint {
     vec3 emission;      // radiance towards where the ray came from
     bool shows_light;   // the emission is the look of a light
     bool black;         // reflects nothing
+    bool sheet;         // no volume begins or ends there, and no alpha test decides about it
     Bsdf bsdf;
     vec3 absorption;    // per metre, of what light that goes through comes from; 0 outside of volumes
 };
@@ -71,6 +72,8 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     if (!front && (material.flags & MATERIAL_DOUBLE_SIDED) == 0u) p.emission = vec3(0.0);
     p.bsdf = opaque_bsdf(base.rgb, metalness, material.roughness * metal_rough.g);
     p.absorption = vec3(0.0);
+    // What an alpha test decides about is there or not.
+    p.sheet = (material.flags & (MATERIAL_ALPHA_TEST | MATERIAL_BLEND)) != MATERIAL_ALPHA_TEST;
     if (material.layers == NO_LAYERS) return;
 
     MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
@@ -79,6 +82,7 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     p.bsdf.transmission = (1.0 - metalness) * layers.transmission * read_texture(layers.transmission_texture, at, vec4(1.0)).r;
     p.bsdf.eta = front || layers.thickness == 0.0 ? layers.ior : 1.0 / layers.ior;
     // Equal media do not bend light either, and there the half vector of refraction has no direction.
+    p.sheet = p.sheet && layers.thickness == 0.0;
     p.bsdf.thin = layers.thickness == 0.0 || abs(p.bsdf.eta - 1.0) < 1e-4;
     p.absorption = front && layers.thickness > 0.0 ? layers.absorption : vec3(0.0);
     if (front || layers.thickness == 0.0) {

@@ -50,8 +50,10 @@ pub struct AccumulateParams {
     pub previous_variance: SampledImage,
     /// Frames of the frame before, over [`LONGEST`].
     pub previous_frames: SampledImage,
-    /// How much has changed since the frame before, 0 to 1, at a third of the size; or [`NO_GRADIENT`].
+    /// How much has changed since the frame before, 0 to 1, at a third of the size; or [`NO_IMAGE`].
     pub gradient: u32,
+    /// As in [`LevelParams`].
+    pub reach: u32,
     /// The mean, with what was fed back.
     pub accumulated: StorageImage,
     /// Its variance, for the filter.
@@ -89,8 +91,8 @@ pub struct BlurGradientParams {
 
 /// Frames that 1 stands for in the image of their number.
 pub const LONGEST: f32 = 255.0;
-/// [`AccumulateParams::gradient`] without one.
-pub const NO_GRADIENT: u32 = 4294967295;
+/// Where an image is left out.
+pub const NO_IMAGE: u32 = 4294967295;
 
 /// Push constants of `spatial_variance.comp`: variance from neighbours where the history is short. The first of the passes over tiles:
 /// it also clears their count.
@@ -109,6 +111,8 @@ pub struct SpatialVarianceParams {
     pub error: SampledImage,
     /// How many frames it goes over, over [`LONGEST`].
     pub frames: SampledImage,
+    /// As in [`LevelParams`].
+    pub reach: u32,
     /// Its variance, never 0 by lack of frames.
     pub variance: StorageImage,
     /// As in [`AccumulateParams`].
@@ -186,6 +190,8 @@ pub struct LevelParams {
     pub error: SampledImage,
     /// The same, blurred.
     pub blurred: SampledImage,
+    /// How wide what noise comes from is, pixels over [`PENUMBRA_MOST`](super::shadows::PENUMBRA_MOST); or [`NO_IMAGE`].
+    pub reach: u32,
     /// Filtered.
     pub filtered: StorageImage,
     /// Variance of that.

@@ -2,6 +2,9 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
+/// A byte of [`ShadeParams::casters`]: a channel that holds no light.
+pub const NO_CASTER: u32 = 255;
+
 /// Push constants of `shade.comp`: radiance from every light, and emission.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -25,9 +28,10 @@ pub struct ShadeParams {
     /// How many images of visibility there are.
     pub group_count: u32,
     /// Their images.
-    pub visibility: [u32; 4],
-    /// The light of each channel of each, or [`NO_LIGHT`](super::view::NO_LIGHT).
-    pub lights: [u32; 16],
+    pub visibility: [u32; 8],
+    /// The lights of each: a byte for each channel, the first lowest, which counts in [`View::casters`](super::view::View::casters), or is
+    /// [`NO_CASTER`].
+    pub casters: [u32; 8],
     /// A bit for each image whose first three channels belong to its first light, one for each of its colours.
     pub coloured: u32,
 }

@@ -6,8 +6,8 @@ use bytemuck::{Pod, Zeroable};
 pub const PATH_CENTRE: u32 = 1;
 /// [`PathParams::flags`]: strategies are combined by the balance heuristic, not the power heuristic.
 pub const PATH_BALANCE: u32 = 2;
-/// [`PathParams::flags`]: surfaces let light through by their alpha.
-pub const PATH_BLENDED: u32 = 4;
+/// [`PathParams::flags`]: some surfaces let light through: blended ones by their alpha, thin smooth ones by what they transmit.
+pub const PATH_CLEAR: u32 = 4;
 /// [`PathParams::flags`]: what the first surface emits counts.
 pub const PATH_EMISSION: u32 = 8;
 /// [`PathParams::flags`]: light that comes straight from lights and emissive surfaces to the first surface counts.
@@ -51,6 +51,8 @@ pub struct PathParams {
     pub flags: u32,
     /// How far away things hide a point from ambient light, metres.
     pub range: f32,
+    /// Alpha from which on the camera sees a blended surface, and all of it, as the raster does; at 0 it sees as much as alpha covers.
+    pub blend_cutoff: f32,
 }
 
 /// What light may be sampled, and how often.

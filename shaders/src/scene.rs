@@ -30,6 +30,10 @@ pub const NO_LAYERS: u32 = 4294967295;
 pub const NO_TEXTURE: u32 = 4294967295;
 /// [`Instance::mask`] of what every ray sees.
 pub const INSTANCE_MASK_ALL: u32 = 255;
+/// [`Instance::mask`] of what stops light wherever it is there.
+pub const INSTANCE_MASK_SOLID: u32 = 127;
+/// [`Instance::mask`] of what lets light straight through: blended surfaces, and smooth thin ones that transmit.
+pub const INSTANCE_MASK_CLEAR: u32 = 128;
 /// [`Instance::flags`]: its material is alpha-tested.
 pub const INSTANCE_ALPHA_TEST: u32 = 1;
 /// [`Instance::flags`]: its material is double-sided, so that no ray goes through a face for its side.

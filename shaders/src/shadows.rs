@@ -4,6 +4,10 @@ use bytemuck::{Pod, Zeroable};
 
 /// [`TraceParams::map_visibility`] without maps.
 pub const NO_MAP: u32 = 4294967295;
+/// [`TraceParams::penumbra`] where nobody asks.
+pub const NO_PENUMBRA: u32 = 4294967295;
+/// Width of a penumbra that 1 stands for in images, pixels; wider ones count as this wide.
+pub const PENUMBRA_MOST: f32 = 64.0;
 
 /// Push constants of `trace.ray`: shadow rays towards up to four lights.
 #[repr(C)]
@@ -21,6 +25,8 @@ pub struct TraceParams {
     pub ids: SampledImage,
     /// A light in each channel: 1 where all of it is visible, 0 where it is hidden.
     pub visibility: StorageImage,
+    /// Width of the penumbra of what a ray has met, over [`PENUMBRA_MOST`], or [`NO_PENUMBRA`]; 0 where all of them arrived.
+    pub penumbra: u32,
     /// What maps say of the same lights, or [`NO_MAP`].
     pub map_visibility: u32,
     /// Where they are not sure: `UNSURE_*` bits of [`super::shadow_map`]. Rays go from there alone.
@@ -63,6 +69,20 @@ pub struct GradientParams {
     pub count: u32,
     /// Their indices in the scene.
     pub lights: [u32; 4],
+}
+
+/// Push constants of `reach.comp`: the penumbrae in which each pixel may lie.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ReachParams {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// As `trace.ray` wrote it.
+    pub penumbra: SampledImage,
+    /// The widest of those around that reach as far as here, over [`PENUMBRA_MOST`].
+    pub reach: StorageImage,
+    /// Pixels for each of `penumbra`, each way: 1 or 2.
+    pub step: u32,
 }
 
 /// Push constants of `upsample.comp`: visibility of half resolution brought to full.

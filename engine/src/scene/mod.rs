@@ -358,10 +358,22 @@ pub enum Light {
     },
 }
 
+/// Square of the roughness of what is as smooth as shaders can say: `MIN_ALPHA` of `lib/brdf.glsl`.
+const LEAST_ALPHA: f32 = 0.002;
+
 impl Material {
     /// Whether it has any of transmission, a coat, or an index of refraction of its own.
     pub fn is_layered(&self) -> bool {
         self.transmission > 0.0 || self.clearcoat > 0.0 || self.ior != Self::default().ior
+    }
+
+    /// Whether light may go straight through it where it is solid: a thin sheet that transmits, smooth or with a texture that may say so.
+    /// `lib/surface.glsl` decides at each point.
+    pub fn is_clear(&self) -> bool {
+        let is_dielectric = self.metalness < 1.0 || self.metallic_roughness_texture.is_some();
+        let is_smooth = self.roughness * self.roughness <= LEAST_ALPHA || self.metallic_roughness_texture.is_some();
+        let is_sheet = self.thickness == 0.0 && !matches!(self.alpha, AlphaMode::Mask(_)) && !self.unlit;
+        self.transmission > 0.0 && is_sheet && is_dielectric && is_smooth
     }
 
     /// Absorption inside of its volume, per metre: `-ln(attenuation_colour) / attenuation_distance` (KHR_materials_volume). A colour

@@ -78,7 +78,8 @@ impl Effect for RayTraced {
             None => traced,
         };
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
-        let i = DenoiseIn { noisy, content: Content::Channels(1), gbuffer, reprojected, change: None };
+        let content = Content::Channels(1);
+        let i = DenoiseIn { noisy, content, gbuffer, reprojected, change: None, reach: None };
         AoOut { openness: Some(self.denoiser.add(g, view, i, "")), bent_normal: None }
     }
 }

@@ -33,6 +33,9 @@ pub struct DenoiseIn {
     pub reprojected: Reprojected,
     /// How much of it has changed since then, 0 to 1, found in one pixel of nine; a third as large. History is forgotten there.
     pub change: Option<Handle<Image>>,
+    /// How wide, in pixels over [`PENUMBRA_MOST`](magpie_shaders::shadows::PENUMBRA_MOST), what each channel's noise comes from is: nothing
+    /// is blurred further than that, and where it is 0 there is no noise.
+    pub reach: Option<Handle<Image>>,
 }
 
 /// One of several.
@@ -43,6 +46,11 @@ pub enum Denoiser {
     Bilateral(Bilateral),
     /// Spatiotemporal variance-guided filtering.
     Svgf(Box<Svgf>),
+}
+
+/// Whether anything is filtered.
+pub fn filters(settings: &Settings) -> Result<bool, StageError> {
+    Ok(settings.choice("denoiser")? != "none")
 }
 
 /// Whether the denoiser asks an effect what has changed.

@@ -8,7 +8,7 @@ use magpie::graph::{Buffer, BufferDesc, History, HistoryScope};
 use magpie::prelude::*;
 use magpie::stage::{Settings, StageError};
 use magpie_shaders::denoise::{
-    AccumulateParams, BlurGradientParams, BlurVarianceParams, ClassifyParams, LevelParams, NO_GRADIENT,
+    AccumulateParams, BlurGradientParams, BlurVarianceParams, ClassifyParams, LevelParams, NO_IMAGE,
     SpatialVarianceParams, TILE, Tiles,
 };
 use magpie_shaders::{
@@ -46,6 +46,7 @@ struct Work<'a> {
     guide: Handle<Image>,
     tiles: Handle<Buffer>,
     content: Content,
+    reach: Option<Handle<Image>>,
 }
 
 /// Images that the levels read and write in turn.
@@ -104,7 +105,7 @@ impl Svgf {
         let (error, tiles) = self.spatial_variance(g, view, i, &accumulated, &pass("spatial_variance"));
         let images = [accumulated.colour, error, next];
         let (mut turns, tiles) = self.classify(g, i.content, images, tiles, &pass("classify"));
-        let work = Work { view, guide: i.reprojected.guide, tiles, content: i.content };
+        let work = Work { view, guide: i.reprojected.guide, tiles, content: i.content, reach: i.reach };
         for level in 0..self.levels {
             turns = self.blur_variance(g, work, turns, &pass(&format!("blur_variance_{level}")));
             turns = self.level(g, work, turns, level, &pass(&format!("level_{level}")));
@@ -149,6 +150,7 @@ impl Svgf {
         g.pass(pass, Queue::AsyncCompute, |p| {
             let (block, noisy, motion) = (p.read(block), p.sample(i.noisy), p.sample(i.gbuffer.motion));
             let (taps, gradient) = (p.sample(i.reprojected.taps), gradient.map(|h| p.sample(h)));
+            let reach = i.reach.map(|h| p.sample(h));
             let previous_filtered = p.sample(previous_filtered);
             let [previous_mean, previous_variance, previous_frames] =
                 [mean.previous, variance.previous, frames.previous].map(|h| p.sample(h));
@@ -169,7 +171,8 @@ impl Svgf {
                     previous_mean: c.id(previous_mean),
                     previous_variance: c.id(previous_variance),
                     previous_frames: c.id(previous_frames),
-                    gradient: gradient.map_or(NO_GRADIENT, |t| c.id(t).0),
+                    gradient: gradient.map_or(NO_IMAGE, |t| c.id(t).0),
+                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
                     accumulated: c.id(target),
                     error: c.id(error_target),
                     mean: c.id(mean),
@@ -195,6 +198,7 @@ impl Svgf {
         g.pass(pass, Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
             let [accumulated, error, frames] = [from.colour.read(), from.error, from.frames].map(|h| p.sample(h));
+            let reach = i.reach.map(|h| p.sample(h));
             let (variance, target) = p.create("variance", ImageDesc::like(i.content.variance(), i.noisy));
             let extent = p.extent(i.noisy);
             let most = extent.width.div_ceil(TILE) * extent.height.div_ceil(TILE);
@@ -208,6 +212,7 @@ impl Svgf {
                     accumulated: c.id(accumulated),
                     error: c.id(error),
                     frames: c.id(frames),
+                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
                     variance: c.id(target),
                     radiance: i.content.is_radiance().into(),
                     channels: i.content.variances(),
@@ -281,7 +286,7 @@ impl Svgf {
             let (block, guide) = (p.read(block), p.sample(work.guide));
             let (list, groups) = (p.read(work.tiles), p.indirect(work.tiles));
             let (colour, error) = (p.sample(turns.colour.read()), p.sample(turns.error.read()));
-            let blurred = p.sample(turns.blurred.read());
+            let (blurred, reach) = (p.sample(turns.blurred.read()), work.reach.map(|h| p.sample(h)));
             let (filtered, target) = p.write(turns.target);
             let (filtered_error, error_target) = p.write(turns.error_target);
             // The first level reads what was accumulated and writes the history, the second reads that and leaves it as it is; from
@@ -307,6 +312,7 @@ impl Svgf {
                     colour: c.id(colour),
                     error: c.id(error),
                     blurred: c.id(blurred),
+                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
                     filtered: c.id(target),
                     filtered_error: c.id(error_target),
                     step: 1 << level,

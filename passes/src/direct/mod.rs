@@ -1,12 +1,11 @@
 //! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it.
 use crate::precision;
-use crate::stages::{DirectIn, DirectOut};
+use crate::stages::{DirectIn, DirectOut, SHADOW_GROUPS};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::stage::{Settings, Stage, StageError};
 use magpie_shaders::DIRECT_SHADE_COMP;
-use magpie_shaders::direct::ShadeParams;
-use magpie_shaders::view::NO_LIGHT;
+use magpie_shaders::direct::{NO_CASTER, ShadeParams};
 
 /// The slot.
 pub fn stage() -> Stage<DirectIn, DirectOut> {
@@ -42,7 +41,10 @@ impl Effect for AllLights {
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
             let emission = p.sample(gbuffer.emission);
-            let groups = i.shadows.groups.map(|group| group.map(|group| (p.sample(group.visibility), group)));
+            let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
+            let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
+            let is_coloured = |k: usize| i.shadows.groups[k].is_some_and(|group| group.coloured);
+            let coloured = (0..SHADOW_GROUPS).map(|k| u32::from(is_coloured(k)) << k).sum();
             // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
@@ -57,13 +59,19 @@ impl Effect for AllLights {
                     radiance: c.id(target),
                     greatest: format.greatest(),
                     group_count: groups.iter().flatten().count() as u32,
-                    visibility: groups.map(|group| group.map_or(0, |(token, _)| c.id(token).0)),
-                    lights: std::array::from_fn(|k| groups[k / 4].map_or(NO_LIGHT, |(_, group)| group.lights[k % 4])),
-                    coloured: (0..4).map(|k| u32::from(groups[k].is_some_and(|(_, group)| group.coloured)) << k).sum(),
+                    visibility: groups.map(|group| group.map_or(0, |token| c.id(token).0)),
+                    casters: channels,
+                    coloured,
                 };
                 c.dispatch(kernel, &params, extent);
             })
         });
         DirectOut { radiance }
     }
+}
+
+/// The lights of four channels, a byte each: their place among those that can cast shadows.
+fn casters(view: &View, lights: [u32; 4]) -> u32 {
+    let place = |light: u32| view.casters.iter().position(|c| c.light == light).map_or(NO_CASTER, |at| at as u32);
+    lights.iter().zip(0..).map(|(light, channel)| place(*light) << (8 * channel)).sum()
 }

@@ -16,12 +16,10 @@ use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, RayKernel, Staging};
 use magpie::graph::execute::{ExecuteError, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{
-    AlphaMode, Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene,
-};
+use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::StageError;
 use magpie_shaders::reference::{
-    PATH_BACKGROUND, PATH_BALANCE, PATH_BLENDED, PATH_CENTRE, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_SAMPLES,
+    PATH_BACKGROUND, PATH_BALANCE, PATH_CENTRE, PATH_CLEAR, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_SAMPLES,
     PATH_SKY, PathParams,
 };
 use magpie_shaders::{REFERENCE_AO_RAY, REFERENCE_PATH_RAY, REFERENCE_SHADOWS_RAY, RayShader, Rays};
@@ -37,7 +35,8 @@ pub enum Only {
     All,
     /// Light straight from lights and emissive surfaces, and emission.
     Direct,
-    /// Share that is seen of the first three lights that cast shadows, one in each channel, 0 to 1.
+    /// Share that is seen of the first three lights that cast shadows, one in each channel, 0 to 1; where something lets light through,
+    /// of the first light, a colour in each channel.
     Shadows,
     /// Cosine-weighted share of the hemisphere that nothing near hides, 0 to 1.
     AmbientOcclusion,
@@ -190,6 +189,7 @@ pub struct Reference {
     options: ReferenceOptions,
     flags: u32,
     first_lobes: u32,
+    blend_cutoff: f32,
     view: Staging,
     lights: Arc<Buffer>,
     estimate: Estimate,
@@ -228,17 +228,20 @@ impl Reference {
     /// # Errors
     /// [`ReferenceError`].
     pub fn new(gpu: &Gpu, scene: &Scene, camera: &Camera, options: ReferenceOptions) -> Result<Self, ReferenceError> {
-        // The raster tests blended surfaces, and what stands for one of its slots does so too.
-        let blended = options.only == Only::All && scene.materials.iter().any(|m| m.alpha == AlphaMode::Blend);
-        let resident = ResidentOptions {
-            rays: options.rays,
-            blend_cutoff: if blended { 0.0 } else { ResidentOptions::default().blend_cutoff },
-            ..ResidentOptions::default()
+        // The raster tests blended surfaces, and what the camera sees of what stands for one of its slots does so too. Paths ask for
+        // their alpha.
+        let tested = ResidentOptions::default().blend_cutoff;
+        let (seen, met) = match options.only {
+            Only::All => (0.0, 0.0),
+            Only::Shadows | Only::AmbientOcclusion => (tested, tested),
+            _ => (tested, 0.0),
         };
+        let resident = ResidentOptions { rays: options.rays, blend_cutoff: met, ..ResidentOptions::default() };
         let mut resident = ResidentScene::new(gpu, scene, resident)?;
         let origin = FloatingOrigin::default().follow(camera);
         resident.go(&Moment { time: options.time, origin, cut: true });
         let (counted, first_lobes) = options.only.path();
+        let clear = if resident.lets_light_through() { PATH_CLEAR } else { 0 };
         let strategy = match options.strategy {
             Strategy::Power => 0,
             Strategy::Balance => PATH_BALANCE,
@@ -256,8 +259,9 @@ impl Reference {
             scene: resident,
             camera: camera.clone(),
             options: ReferenceOptions { depth, ..options },
-            flags: counted | strategy | centre | if blended { PATH_BLENDED } else { 0 },
+            flags: counted | strategy | centre | clear,
             first_lobes,
+            blend_cutoff: seen,
             view: Staging::new(gpu, "view"),
             estimate: Estimate::new(options.width, options.height),
             rays: [0; 2],
@@ -332,6 +336,7 @@ impl Reference {
                 first_lobes: self.first_lobes,
                 flags: self.flags,
                 range: self.options.ao_range,
+                blend_cutoff: self.blend_cutoff,
                 ..PathParams::default()
             },
         );

@@ -1,5 +1,4 @@
 //! Which lights cast shadows, and how those of each are found.
-use crate::stages::SHADOW_GROUPS;
 use magpie::scene::Caster;
 use magpie::stage::{SettingSpec, Settings, StageError};
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT};
@@ -55,6 +54,15 @@ pub struct Group {
     pub technique: Technique,
     /// One to four.
     pub lights: Vec<Caster>,
+    /// One light, whose colours have a channel each.
+    pub coloured: bool,
+}
+
+impl Group {
+    /// How many channels of the image are its.
+    pub fn channels(&self) -> usize {
+        if self.coloured { 3 } else { self.lights.len() }
+    }
 }
 
 /// A rule that says nothing.
@@ -117,17 +125,18 @@ impl Choice {
         rule.map_or(self.otherwise, |(_, technique)| *technique)
     }
 
-    /// Up to [`SHADOW_GROUPS`] groups of lights that share a technique, the light that matters most in the first channel of the first.
-    pub fn groups(&self, casters: &[Caster]) -> Vec<Group> {
+    /// Groups of lights that share a technique, the light that matters most in the first channel of the first. `tinted`: rays tell
+    /// colours.
+    pub fn groups(&self, casters: &[Caster], tinted: bool) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let chosen = casters.iter().map(|c| (self.technique(c), c)).filter(|(t, _)| *t != Technique::None);
         for (technique, caster) in chosen.take(self.most) {
-            match groups.iter_mut().find(|g| g.technique == technique && g.lights.len() < 4) {
+            let coloured = tinted && technique == Technique::Rays;
+            match groups.iter_mut().find(|g| g.technique == technique && g.lights.len() < 4 && !coloured) {
                 Some(group) => group.lights.push(*caster),
-                None => groups.push(Group { technique, lights: vec![*caster] }),
+                None => groups.push(Group { technique, lights: vec![*caster], coloured }),
             }
         }
-        groups.truncate(SHADOW_GROUPS);
         groups
     }
 }

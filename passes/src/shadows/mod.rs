@@ -2,15 +2,16 @@
 mod choice;
 mod maps;
 mod ray_traced;
+mod reach;
 
 use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
-use choice::{Choice, Technique};
+use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
-use magpie::scene::Caster;
 use magpie::stage::{Build, Preset, SettingSpec, Settings, Stage, StageError};
 use maps::{MapOut, MapShadows};
 use ray_traced::{RayTraced, Traced};
+use reach::Reach;
 
 /// From cheap to accurate. Maps have no noise and the wrong penumbrae; rays have the right ones, and noise.
 pub const PRESETS: [Preset; 4] = [
@@ -68,6 +69,7 @@ fn settings(measured: Technique) -> Vec<SettingSpec> {
 struct Shadows {
     choice: Choice,
     rays: RayTraced,
+    reach: Reach,
     maps: MapShadows,
     denoiser: Denoiser,
 }
@@ -77,6 +79,7 @@ impl Shadows {
         Ok(Self {
             choice: Choice::new(settings, technique)?,
             rays: RayTraced::new(build, settings)?,
+            reach: Reach::new(build.gpu)?,
             maps: MapShadows::new(build, settings)?,
             denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
         })
@@ -88,15 +91,17 @@ impl Shadows {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (lights, maps): (&[Caster], Option<MapOut>),
+        (group, maps): (&Group, Option<MapOut>),
         name: &str,
     ) -> Handle<Image> {
-        let Traced { visibility, change } = self.rays.add(g, view, i, (lights, maps), name);
-        if !self.rays.is_noisy(lights) {
+        let Traced { visibility, change, penumbra } = self.rays.add(g, view, i, (group, maps), name);
+        if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
-        let content = Content::Channels(lights.len() as u32);
-        let noisy = DenoiseIn { noisy: visibility, content, gbuffer: i.gbuffer, reprojected: i.reprojected, change };
+        let content = Content::Channels(group.channels() as u32);
+        let reach = penumbra.map(|penumbra| self.reach.add(g, penumbra, i.gbuffer.depth, name));
+        let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
+        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, change, reach };
         self.denoiser.add(g, view, noisy, name)
     }
 }
@@ -107,19 +112,20 @@ impl Effect for Shadows {
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
         let mut out = ShadowOut::default();
-        for (at, group) in self.choice.groups(&view.casters).iter().enumerate() {
+        let groups = self.choice.groups(&view.casters, self.rays.is_tinted(view));
+        for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
             let visibility = match group.technique {
                 Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
                 Technique::Hybrid => {
                     let maps = self.maps.add(g, view, i, (&group.lights, true), &name);
-                    self.rays(g, view, i, (&group.lights, Some(maps)), &name)
+                    self.rays(g, view, i, (group, Some(maps)), &name)
                 }
-                Technique::Rays | Technique::None => self.rays(g, view, i, (&group.lights, None), &name),
+                Technique::Rays | Technique::None => self.rays(g, view, i, (group, None), &name),
             };
             let lights = ray_traced::indices(&group.lights);
-            out.groups[at] = Some(ShadowGroup { visibility, lights, coloured: false });
+            *out = Some(ShadowGroup { visibility, lights, coloured: group.coloured });
         }
         out
     }

@@ -1,6 +1,7 @@
 //! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
+use super::choice::Group;
 use super::maps::MapOut;
-use crate::denoise::is_adaptive;
+use crate::denoise::{filters, is_adaptive};
 use crate::stages::ShadowIn;
 use magpie::gpu::Kernel;
 use magpie::graph::{Extent, History, HistoryScope};
@@ -9,9 +10,11 @@ use magpie::scene::Caster;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
-use magpie_shaders::shadows::{GradientParams, NO_MAP, TraceParams, UpsampleParams};
+use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, TraceParams, UpsampleParams};
 use magpie_shaders::view::NO_LIGHT;
-use magpie_shaders::{SHADOWS_GRADIENT_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP};
+use magpie_shaders::{
+    SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
+};
 
 /// Traces.
 pub struct RayTraced {
@@ -22,16 +25,22 @@ pub struct RayTraced {
     samples: u32,
     /// Looks for changes, where a denoiser wants to know of them.
     gradient: Option<RayKernel>,
+    /// Both for one light in colour, if that is asked for.
+    tinted: Option<(RayKernel, Option<RayKernel>)>,
     scope: HistoryScope,
+    /// A filter follows.
+    filtered: bool,
 }
 
 /// What rays found.
 #[derive(Clone, Copy)]
 pub struct Traced {
-    /// A light in each channel.
+    /// A light in each channel, or a colour of one.
     pub visibility: Handle<Image>,
     /// How much it has changed since the frame before, in one pixel of nine.
     pub change: Option<Handle<Image>>,
+    /// Width of the penumbrae of what they met, where a denoiser wants to know.
+    pub penumbra: Option<Handle<Image>>,
 }
 
 /// How many rays.
@@ -47,7 +56,7 @@ pub fn rays() -> SettingSpec {
 }
 
 /// Its other settings.
-pub fn settings() -> [SettingSpec; 2] {
+pub fn settings() -> [SettingSpec; 3] {
     [
         SettingSpec::choice(
             "resolution",
@@ -65,12 +74,18 @@ pub fn settings() -> [SettingSpec; 2] {
             &["soft", "hard"],
         )
         .sweep_all(),
+        SettingSpec::switch(
+            "tinted",
+            "Where blended surfaces and thin smooth glass let light through, it is dimmed and coloured by them instead of blocked: each \
+             light by rays has an image of its own, and rays are several. Scenes without such surfaces have neither.",
+            true,
+        ),
     ]
 }
 
-/// One number for each light: no more memory than is needed.
-pub fn format(lights: usize) -> Format {
-    match lights {
+/// One number for each light, or each colour of one: no more memory than is needed.
+pub fn format(channels: usize) -> Format {
+    match channels {
         1 => Format::R8Unorm,
         2 => Format::Rg8Unorm,
         _ => Format::Rgba8Unorm,
@@ -90,12 +105,20 @@ impl RayTraced {
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
         let adaptive = is_adaptive(settings)? && samples > 0 && !half;
         let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
+        let tinted = if settings.switch("tinted")? {
+            let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_TINTED_GRADIENT_RAY)).transpose()?;
+            Some((build.ray_kernel(&SHADOWS_TINTED_RAY)?, gradient))
+        } else {
+            None
+        };
         Ok(Self {
             trace: build.ray_kernel(&SHADOWS_TRACE_RAY)?,
             upsample,
             samples,
             gradient,
+            tinted,
             scope: HistoryScope::new(),
+            filtered: filters(settings)?,
         })
     }
 
@@ -109,32 +132,41 @@ impl RayTraced {
         self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
     }
 
-    /// Visibility of up to four lights, one in each channel: of maps where there are some and they are sure, else of rays.
+    /// Whether rays tell colours: there is something that light goes through.
+    pub fn is_tinted(&self, view: &View) -> bool {
+        self.tinted.is_some() && view.lets_light_through
+    }
+
+    /// Visibility of up to four lights, one in each channel, or of one in colour: of maps where there are some and they are sure, else of rays.
     pub fn add(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (lights, maps): (&[Caster], Option<MapOut>),
+        (group, maps): (&Group, Option<MapOut>),
         name: &str,
     ) -> Traced {
+        let lights = &group.lights[..];
+        let tinted = self.tinted.filter(|_| group.coloured);
+        let (kernel, gradient) = tinted.unwrap_or((self.trace, self.gradient));
         // What maps say is no ray's answer to compare with.
         let wanted = self.is_noisy(lights) && maps.is_none();
-        let history = self.gradient.filter(|_| wanted).map(|kernel| {
-            let desc = ImageDesc::like(format(lights.len()), i.gbuffer.depth);
+        let history = gradient.filter(|_| wanted).map(|kernel| {
+            let desc = ImageDesc::like(format(group.channels()), i.gbuffer.depth);
             (kernel, g.history(&self.scope, format!("visibility{name}"), desc))
         });
         let (gradient, next) = match history {
             Some((kernel, History { previous, next, valid })) => (valid.then_some((kernel, previous)), Some(next)),
             None => (None, None),
         };
-        let change = gradient.map(|(kernel, previous)| self.changes(g, view, kernel, i, previous, lights, name));
+        let change = gradient.map(|(kernel, previous)| self.changes(g, view, kernel, i, previous, group, name));
         // A map has looked at every pixel already.
         let upsample_kernel = self.upsample.filter(|_| maps.is_none());
-        let (kernel, samples, block) = (self.trace, self.samples, view.block);
+        let (samples, block) = (self.samples, view.block);
         let step = if upsample_kernel.is_some() { 2 } else { 1 };
-        let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
-        let traced = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
+        let (count, lights, format) = (lights.len() as u32, indices(lights), format(group.channels()));
+        let filtered = self.filtered && self.is_noisy(&group.lights);
+        let (traced, penumbra) = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let ids = p.sample(i.gbuffer.ids);
@@ -144,8 +176,10 @@ impl RayTraced {
                 Some(next) => p.write(next),
                 None => p.create("visibility", desc),
             };
+            let (penumbra, penumbra_target) = filtered.then(|| p.create("penumbra", desc)).unzip();
             let extent = p.extent_of(desc);
-            (visibility.read(), move |c: &mut Record<'_>| {
+            let out = (visibility.read(), penumbra.map(|p| p.read()));
+            (out, move |c: &mut Record<'_>| {
                 let params = TraceParams {
                     view: c.id(block),
                     rays: c.rays(),
@@ -153,6 +187,7 @@ impl RayTraced {
                     normal: c.id(normal),
                     ids: c.id(ids),
                     visibility: c.id(target),
+                    penumbra: penumbra_target.map_or(NO_PENUMBRA, |t| c.id(t).0),
                     map_visibility: maps.map_or(NO_MAP, |(seen, _)| c.id(seen).0),
                     unsure: maps.map_or(NO_MAP, |(_, unsure)| c.id(unsure).0),
                     step,
@@ -167,7 +202,7 @@ impl RayTraced {
             Some(kernel) => upsample(g, view, kernel, i, traced, name),
             None => traced,
         };
-        Traced { visibility, change }
+        Traced { visibility, change, penumbra }
     }
 
     /// Rays to where those of the frame before went.
@@ -179,11 +214,12 @@ impl RayTraced {
         kernel: RayKernel,
         i: ShadowIn,
         previous: Handle<Image>,
-        lights: &[Caster],
+        group: &Group,
         name: &str,
     ) -> Handle<Image> {
         let (samples, block) = (self.samples, view.block);
-        let (count, lights, format) = (lights.len() as u32, indices(lights), format(lights.len()));
+        let (count, lights) = (group.lights.len() as u32, indices(&group.lights));
+        let format = format(group.channels());
         g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));

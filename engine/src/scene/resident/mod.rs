@@ -124,6 +124,7 @@ pub struct ResidentScene {
     placed: Arc<[Placed]>,
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
+    lets_light_through: bool,
     sky: Option<Sky>,
 }
 
@@ -305,8 +306,9 @@ impl ResidentScene {
         }
         let mesh_table = tables.add(&entries);
         let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
-        let fixed =
+        let fixed: Vec<shared::Instance> =
             (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
+        let lets_light_through = fixed.iter().any(|i| i.mask == shared::INSTANCE_MASK_CLEAR);
         let shape = |(s, i): (&(usize, Bounds), &Instance)| {
             let deviation = reduced[i.mesh as usize].as_ref().map_or(0.0, |r| r.deviation);
             Shape { bounds: s.1, deviation }
@@ -339,6 +341,7 @@ impl ResidentScene {
             placed: Arc::default(),
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
+            lets_light_through,
             sky,
             textures,
             vertices,
@@ -501,6 +504,11 @@ impl ResidentScene {
     pub fn casters(&self) -> Vec<Caster> {
         let placed = |light: &u32| self.state.light(*light as usize);
         self.casters.iter().map(|light| Caster { light: *light, placed: placed(light) }).collect()
+    }
+
+    /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.
+    pub fn lets_light_through(&self) -> bool {
+        self.lets_light_through
     }
 
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.

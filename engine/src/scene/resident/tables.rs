@@ -27,6 +27,22 @@ pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
 }
 
+/// Whether light may go straight through it. Of materials that are blended but cover all, none does.
+fn lets_light_through(scene: &Scene, instance: &Instance) -> bool {
+    let material = &scene.materials[instance.material as usize];
+    material.is_clear() || material.alpha == AlphaMode::Blend && !covers_all(scene, instance)
+}
+
+/// Whether the alpha of a blended instance is 1 everywhere.
+fn covers_all(scene: &Scene, instance: &Instance) -> bool {
+    let (material, mesh) = (&scene.materials[instance.material as usize], &scene.meshes[instance.mesh as usize]);
+    let texels = material.base_colour_texture.and_then(|used| scene.textures.get(used.texture as usize));
+    let is_opaque = |mip: &Vec<u8>| mip.iter().skip(3).step_by(4).all(|alpha| *alpha == u8::MAX);
+    material.base_colour.w >= 1.0
+        && mesh.colours.iter().all(|colour| colour.w >= 1.0)
+        && texels.is_none_or(|texture| texture.mips.first().is_none_or(is_opaque))
+}
+
 /// The part of an instance that never changes.
 pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> shared::Instance {
     let material = &scene.materials[instance.material as usize];
@@ -39,13 +55,9 @@ pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> share
     ] {
         flags |= if set { bit } else { 0 };
     }
-    shared::Instance {
-        mesh: mesh as u32,
-        material: instance.material,
-        mask: shared::INSTANCE_MASK_ALL,
-        flags,
-        ..Default::default()
-    }
+    let mask =
+        if lets_light_through(scene, instance) { shared::INSTANCE_MASK_CLEAR } else { shared::INSTANCE_MASK_SOLID };
+    shared::Instance { mesh: mesh as u32, material: instance.material, mask, flags, ..Default::default() }
 }
 
 /// The corners of a box, bit 0, 1, 2 of each for the further side in x, y, z. They run counter-clockwise as seen from inside, so that
