@@ -232,8 +232,8 @@ fn light_through_glass_is_counted_once() -> Result<()> {
         anyhow::Ok((mean, error))
     };
     for only in [Only::Direct, Only::All] {
-        let (both, error) = mean(only, Strategy::Power, 256)?;
-        let (alone, more) = mean(only, Strategy::SurfacesOnly, 2048)?;
+        let (both, error) = mean(only, Strategy::Power, 128)?;
+        let (alone, more) = mean(only, Strategy::SurfacesOnly, 1280)?;
         let sigma = (error * error + more * more).map(f64::sqrt);
         println!("{only:?}: {both} by lights and surfaces, {alone} by surfaces alone, {sigma} expected between them");
         ensure!((sigma / both).max_element() < 0.01, "{only:?}: too noisy to tell: {sigma} of {both}");
@@ -319,9 +319,11 @@ fn what_is_denoised_is_finite_and_keeps_its_colours() -> Result<()> {
 #[test]
 fn eight_lights_keep_their_shadows() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
+    // Points: larger lamps are lit from their centres.
     let mut scene = window();
-    for at in 0..7 {
-        let (position, intensity) = (DVec3::new(f64::from(at) - 3.0, 2.5, -0.5), Vec3::splat(2.0));
+    scene.lights.clear();
+    for at in 0..8 {
+        let (position, intensity) = (DVec3::new(f64::from(at) - 3.5, 2.5, -0.5), Vec3::splat(2.0));
         scene.lights.push(Light::Point { position, intensity, range: None });
     }
     let config = config(&["shadows.most_lights=8", "shadows.denoiser=none"])?;
@@ -336,8 +338,8 @@ fn eight_lights_keep_their_shadows() -> Result<()> {
 
     // All eight in the picture: without a sky, it is the truth.
     let options = ReferenceOptions { width: 32, height: 18, only: Only::Direct, ..of_shadows([32, 18]) };
-    let truth = truth(&gpu, &scene, 256, options)?.mean;
-    let changes = ["shadows.most_lights=8", "shadows.rays=8", "shadows.denoiser=none"];
+    let truth = truth(&gpu, &scene, 128, options)?.mean;
+    let changes = ["shadows.most_lights=8"];
     let hard = shadows(&gpu, &scene, &changes, Rays::Software, [32, 18])?;
     let (mut found, mut wanted) = (DVec3::ZERO, DVec3::ZERO);
     for (a, b) in image(&hard, 1)?.iter().zip(&truth) {
@@ -345,6 +347,6 @@ fn eight_lights_keep_their_shadows() -> Result<()> {
     }
     let ratio = found / wanted;
     println!("eight lights: {ratio} of the truth");
-    ensure!((ratio - DVec3::ONE).abs().max_element() < 0.02, "{ratio} of the truth");
+    ensure!((ratio - DVec3::ONE).abs().max_element() < 0.01, "{ratio} of the truth");
     Ok(())
 }
