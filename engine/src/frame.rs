@@ -32,8 +32,6 @@ pub struct View {
     pub origin: DVec3,
     /// The scene has a sky.
     pub has_sky: bool,
-    /// Light may go straight through something in the scene.
-    pub lets_light_through: bool,
 }
 
 /// From where a frame is seen, and which frame it is.
@@ -166,7 +164,6 @@ impl ViewDesc<'_> {
             camera: camera.clone(),
             origin,
             has_sky: scene.sky().is_some(),
-            lets_light_through: scene.lets_light_through(),
         })
     }
 }

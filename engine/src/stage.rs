@@ -47,6 +47,8 @@ pub struct Build<'a> {
     pub gpu: &'a Gpu,
     /// How rays are traced.
     pub rays: Rays,
+    /// Light may go straight through something in the scene: [`ResidentScene::lets_light_through`](crate::scene::ResidentScene).
+    pub lets_light_through: bool,
 }
 
 impl Build<'_> {

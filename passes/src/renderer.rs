@@ -144,16 +144,18 @@ impl Renderer {
         config: &Config,
         options: RenderOptions,
     ) -> Result<Self, RenderError> {
+        let resident = resident_options(&slots.acceleration, config, options.rays)?;
+        let resident = ResidentScene::new(gpu, scene, resident)?;
+        let build = Build { gpu, rays: options.rays, lets_light_through: resident.lets_light_through() };
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
-            stages: Stages::new(&Build { gpu, rays: options.rays }, slots, config)?,
+            stages: Stages::new(&build, slots, config)?,
             slots: slots.clone(),
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene, resident_options(&slots.acceleration, config, options.rays)?)?
-                .shared(),
+            scene: resident.shared(),
             trail: Trail::default(),
             poisons: Vec::new(),
             read_slots: Vec::new(),
@@ -224,7 +226,8 @@ impl Renderer {
     }
 
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
-        let build = Build { gpu: &self.gpu, rays: self.options.rays };
+        let lets_light_through = self.scene.borrow().lets_light_through();
+        let build = Build { gpu: &self.gpu, rays: self.options.rays, lets_light_through };
         let sampling = Sampling::wanted(&self.slots.post, &config)?;
         self.stages.configure(&build, &self.slots, &config)?;
         (self.config, self.sampling) = (config, sampling);

@@ -177,8 +177,11 @@ impl Bench {
         wanted: &[&str],
         first: impl FnOnce(&mut FrameGraph),
     ) -> Result<Ran> {
-        let mut stages =
-            Stages::new(&magpie::stage::Build { gpu: &self.gpu, rays: Rays::Software }, &Slots::default(), config)?;
+        let mut stages = Stages::new(
+            &magpie::stage::Build { gpu: &self.gpu, rays: Rays::Software, lets_light_through: false },
+            &Slots::default(),
+            config,
+        )?;
         let gpu = self.gpu.clone();
         self.run(shot.extent, wanted, |g, imports| {
             first(g);

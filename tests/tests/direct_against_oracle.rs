@@ -122,7 +122,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();
     let mut stages = Stages::new(
-        &magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software },
+        &magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
         &Slots::default(),
         &config(&["shadows.edges=hard"])?,
     )?;

@@ -49,9 +49,10 @@ impl Step<'_> {
 fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
-    let mut gbuffer = Slots::default()
-        .gbuffer
-        .from_config(&Build { gpu: &gpu, rays: magpie::prelude::Rays::Software }, &Config::default())?;
+    let mut gbuffer = Slots::default().gbuffer.from_config(
+        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
+        &Config::default(),
+    )?;
     let desc = step.view();
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids"];
     let ran = bench.run(step.extent, &wanted, |g, imports| {
@@ -247,7 +248,7 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
     let scene = builtin("carousel")?;
     let camera = &scene.cameras[0];
     let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
-    let build = Build { gpu: &gpu, rays: magpie::prelude::Rays::Software };
+    let build = Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false };
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids", "gbuffer.draw:depth"];
     let mut followed = Followed::new();

@@ -112,7 +112,7 @@ impl Effect for Shadows {
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
         let mut out = ShadowOut::default();
-        let groups = self.choice.groups(&view.casters, self.rays.is_tinted(view));
+        let groups = self.choice.groups(&view.casters, self.rays.is_tinted());
         for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };

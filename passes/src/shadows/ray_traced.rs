@@ -25,7 +25,7 @@ pub struct RayTraced {
     samples: u32,
     /// Looks for changes, where a denoiser wants to know of them.
     gradient: Option<RayKernel>,
-    /// Both for one light in colour, if that is asked for.
+    /// Both for one light in colour, if that is asked for and something lets light through.
     tinted: Option<(RayKernel, Option<RayKernel>)>,
     scope: HistoryScope,
     /// A filter follows.
@@ -105,7 +105,7 @@ impl RayTraced {
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
         let adaptive = is_adaptive(settings)? && samples > 0 && !half;
         let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
-        let tinted = if settings.switch("tinted")? {
+        let tinted = if settings.switch("tinted")? && build.lets_light_through {
             let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_TINTED_GRADIENT_RAY)).transpose()?;
             Some((build.ray_kernel(&SHADOWS_TINTED_RAY)?, gradient))
         } else {
@@ -133,8 +133,8 @@ impl RayTraced {
     }
 
     /// Whether rays tell colours: there is something that light goes through.
-    pub fn is_tinted(&self, view: &View) -> bool {
-        self.tinted.is_some() && view.lets_light_through
+    pub fn is_tinted(&self) -> bool {
+        self.tinted.is_some()
     }
 
     /// Visibility of up to four lights, one in each channel, or of one in colour: of maps where there are some and they are sure, else of rays.
