@@ -24,9 +24,8 @@ vec4 reprojected(uint image, ivec2 first, vec4 taps) {
 
 // Over how many frames the mean may go where pixels of the frame before are interpolated. Each time that widens an edge: by f (1 - f) square
 // pixels of variance each way, a sixth in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than twice that.
-vec4 frames_in_motion(ivec2 pixel, vec4 taps) {
-    float between = 1.0 - max(max(taps.x, taps.y), max(taps.z, taps.w));
-    if (between < 0.01) return vec4(LONGEST);
+vec4 frames_in_motion(ivec2 pixel, vec2 was) {
+    if (all(lessThan(abs(was - round(was)), vec2(0.01)))) return vec4(LONGEST);
     vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
     return max(floor(0.5 * width * width), vec4(1.0));
 }
@@ -43,7 +42,8 @@ void main() {
     vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(1.0);
     if (sum > 0.0) {
         taps /= sum;
-        ivec2 first = ivec2(floor(vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size)));
+        vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
+        ivec2 first = ivec2(floor(was));
         frames = round(reprojected(params.previous_frames, first, taps) * LONGEST);
         if (params.gradient != NO_IMAGE) {
             // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
@@ -51,7 +51,7 @@ void main() {
             frames *= vec4(1.0) - load(params.gradient, pixel / int(GRADIENT_STRATUM));
         }
         frames = min(floor(frames) + 1.0, params.longest);
-        if (params.reach != NO_IMAGE) frames = min(frames, frames_in_motion(pixel, taps));
+        if (params.reach != NO_IMAGE) frames = min(frames, frames_in_motion(pixel, was));
         vec4 share = 1.0 / frames;
         vec4 before = reprojected(params.previous_mean, first, taps);
         vec4 apart = sampled - before;

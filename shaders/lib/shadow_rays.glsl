@@ -31,6 +31,9 @@ bool shadow_ray(ViewBuffer view, Surface surface, RayStart start, Incident from,
     return true;
 }
 
+// The flattest light, as a cosine, whose penumbrae are stretched in full: things that it grazes are mostly smaller than that.
+const float FLATTEST = 0.2;
+
 // Width on the screen, pixels, of the penumbra that an edge throws which the light meets `blocker` metres before the surface: that of similar
 // triangles, stretched where the light comes in flat. Seen at an angle it is narrower on the screen.
 float penumbra_pixels(ViewBuffer view, Surface surface, Light light, Incident from, float blocker) {
@@ -42,7 +45,7 @@ float penumbra_pixels(ViewBuffer view, Surface surface, Light light, Incident fr
         width = 2.0 * size * blocker / max(from.distance - blocker, 1e-3 * from.distance);
     }
     float pixel = pixel_spread(view) * distance(surface.position, view.at[0].eye);
-    return width / (pixel * max(dot(surface.geometric_normal, from.direction), 1e-3));
+    return width / (pixel * max(dot(surface.geometric_normal, from.direction), FLATTEST));
 }
 
 // Half of what a light's size fills of the view from a surface: the sine of the angle.
@@ -52,13 +55,12 @@ float light_extent(Light light, LightSample centre) {
     return min(size / max(centre.distance, MIN_LIGHT_DISTANCE), 1.0);
 }
 
-// Width taken for the penumbra of a surface's own horizon, which cuts the light: the edge is wherever the surface bends, or nowhere.
-const float HORIZON_PENUMBRA = 16.0;
-
-// What the horizon alone makes of the penumbra: nothing where the light is all above it or all below.
+// Width taken for the penumbra where the surface's own horizon cuts the light, pixels: it is as wide as the surface bends slowly, the more so
+// the larger the light. Nothing where the light is all above the horizon or all below.
 float horizon_penumbra(Surface surface, Light light, LightSample centre) {
     float height = min(dot(surface.normal, centre.direction), dot(surface.geometric_normal, centre.direction));
-    return abs(height) < light_extent(light, centre) ? HORIZON_PENUMBRA : 0.0;
+    float extent = light_extent(light, centre);
+    return abs(height) < extent ? PENUMBRA_MOST * extent : 0.0;
 }
 
 // 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray. `penumbra` becomes the widest one so far, in

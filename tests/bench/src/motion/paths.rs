@@ -1,6 +1,6 @@
 //! What moves, and how: scripted, the same in every scene.
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
-use magpie::scene::{Animation, Camera, Channel, Interpolation, Node, Property, Scene};
+use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Node, Property, Scene};
 
 /// Seconds between two frames.
 const FRAME: f64 = 1.0 / 60.0;
@@ -83,12 +83,30 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     paths
 }
 
+/// Where a light is and where its -z points to, as a node that it hangs on has to stand.
+fn stand(light: &Light) -> (DVec3, DQuat) {
+    let to = |direction: &Vec3| DQuat::from_rotation_arc(DVec3::NEG_Z, direction.as_dvec3().normalize());
+    match light {
+        Light::Directional { direction, .. } => (DVec3::ZERO, to(direction)),
+        Light::Point { position, .. } => (*position, DQuat::IDENTITY),
+        Light::Spot { position, direction, .. } => (*position, to(direction)),
+        Light::Rectangle { .. } => (DVec3::ZERO, DQuat::IDENTITY), // it keeps its own place, relative to its node
+        Light::Disc { centre, normal, .. } => (*centre, to(normal)),
+        Light::Sphere { centre, .. } => (*centre, DQuat::IDENTITY),
+    }
+}
+
 /// Hangs every light that stands by itself on a node that turns, for so many seconds.
 fn turn_lights(scene: &mut Scene, seconds: f64) {
     let node = scene.nodes.len() as u32;
     scene.nodes.push(Node { name: "turn".to_owned(), ..Node::default() });
     scene.light_nodes.resize(scene.lights.len(), None);
-    scene.light_nodes.iter_mut().for_each(|light| *light = light.or(Some(node)));
+    for (light, hangs_on) in scene.lights.iter().zip(&mut scene.light_nodes).filter(|(_, on)| on.is_none()) {
+        *hangs_on = Some(scene.nodes.len() as u32);
+        let (translation, rotation) = stand(light);
+        let local = Local::Trs { translation, rotation, scale: DVec3::ONE };
+        scene.nodes.push(Node { name: "light".to_owned(), parent: Some(node), local, ..Node::default() });
+    }
     // A quarter of the way at each key, so that turns are far from half a circle.
     let keys: Vec<f64> = (0..=4).map(|k| seconds * f64::from(k) / 4.0).collect();
     let turn = |time: &f64| Quat::from_axis_angle(Vec3::Y, (LIGHT_TURN * time / FRAME) as f32);
