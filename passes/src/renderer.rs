@@ -1,5 +1,6 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::acceleration::resident_options;
+use crate::direct::wants_emitters;
 use crate::frame::{Stages, frame};
 use crate::post::Sampling;
 use crate::read_back::Copies;
@@ -144,6 +145,9 @@ impl Renderer {
         config: &Config,
         options: RenderOptions,
     ) -> Result<Self, RenderError> {
+        let options_of_scene = resident_options(&slots.acceleration, config, options.rays)?;
+        let mut resident = ResidentScene::new(gpu, scene, options_of_scene)?;
+        resident.want_emitters(gpu, wants_emitters(&slots.direct, config)?)?;
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
@@ -152,8 +156,7 @@ impl Renderer {
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
-            scene: ResidentScene::new(gpu, scene, resident_options(&slots.acceleration, config, options.rays)?)?
-                .shared(),
+            scene: resident.shared(),
             trail: Trail::default(),
             poisons: Vec::new(),
             read_slots: Vec::new(),
@@ -226,9 +229,10 @@ impl Renderer {
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
         let build = Build { gpu: &self.gpu, rays: self.options.rays };
         let sampling = Sampling::wanted(&self.slots.post, &config)?;
+        let emitters = wants_emitters(&self.slots.direct, &config)?;
         self.stages.configure(&build, &self.slots, &config)?;
         (self.config, self.sampling) = (config, sampling);
-        Ok(())
+        Ok(self.scene.borrow_mut().want_emitters(&self.gpu, emitters)?)
     }
 
     /// The configuration in use.
