@@ -21,8 +21,8 @@ vec3 visibility(uint light, ivec2 pixel) {
     return vec3(1.0);
 }
 
-// What is reflected of one light.
-vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s) {
+// What is reflected of one light, of which the share `seen` of all its points is seen.
+vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, vec3 seen) {
     Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness);
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
@@ -30,8 +30,11 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
     bool is_small = angle <= SMALL_LAMP;
     bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
     if (is_small && is_small_in_lobe) {
-        return brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness) * centre.irradiance;
+        return brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness) * centre.irradiance * seen;
     }
+    float above = share_above(light, centre, s.position, s.normal);
+    if (above <= 0.0) return vec3(0.0);
+    seen = min(seen / above, vec3(1.0));
     mat3 around = frame_of(s.normal);
     vec3 v = s.to_eye * around;
     // A viewer on the horizon or below counts as a grazing one.
@@ -40,10 +43,14 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
     vec3 sum = vec3(0.0);
     if (!is_small) sum += diffuse_of_lamp(light, centre, s.position, b, around, v);
     else if (l.z > 0.0) sum += bsdf_cosine(b, v, l, LOBE_DIFFUSE) * centre.irradiance;
-    if (is_small_in_lobe) return l.z > 0.0 ? sum + bsdf_cosine(b, v, l, LOBE_SPECULAR) * centre.irradiance : sum;
-    uint first = view.at[0].frame * params.area;
-    uint stream = SEQUENCE_DIRECT + 2u * index;
-    return sum + specular_of_lamp(light, s.position, b, around, v, pixel, first, params.area, stream, view.at[0].seed);
+    if (!is_small_in_lobe) {
+        uint first = view.at[0].frame * params.area;
+        uint stream = SEQUENCE_DIRECT + 2u * index;
+        sum += specular_of_lamp(light, s.position, b, around, v, pixel, first, params.area, stream, view.at[0].seed);
+    } else if (l.z > 0.0) {
+        sum += bsdf_cosine(b, v, l, LOBE_SPECULAR) * centre.irradiance;
+    }
+    return sum * seen;
 }
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
@@ -63,8 +70,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
         // Lights that are out of reach stop here; most of them, in a scene with many.
         if (centre.irradiance == vec3(0.0)) continue;
         vec3 seen = visibility(i, pixel);
-        if (seen == vec3(0.0)) continue;
-        radiance += reflected(view, pixel, i, light, centre, s) * seen;
+        if (seen != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);
     }
     return radiance;
 }

@@ -41,8 +41,11 @@ Arriving arriving_from_ball(float c, float s) {
     // Rounding alone takes it beyond 1.
     float y = clamp(-x * c / sine, -1.0, 1.0);
     float chord = sine * sqrt(1.0 - y * y);
-    float irradiance = max(s * s * (c * acos(y) - x * chord) + atan(chord, x), 0.0);
-    return Arriving(irradiance, irradiance / whole);
+    float irradiance = s * s * (c * acos(y) - x * chord) + atan(chord, x);
+    if (irradiance <= 0.0) return Arriving(0.0, 0.0);
+    // The vector irradiance along the surface: half the integral of u × du around what is seen, as above.
+    float along = s * s * (sine * acos(y) + x * sqrt(1.0 - y * y) * c);
+    return Arriving(irradiance, irradiance / length(vec2(irradiance, along)));
 }
 
 // Share of one edge in the vector irradiance (Lambert 1760; Arvo 1994, "The Irradiance Jacobian for Partially Occluded Polyhedral Sources").
@@ -83,6 +86,39 @@ Arriving arriving_from_polygon(Light light, vec3 to_light, mat3 around) {
     sum += edge_share(left, entered);
     float size = length(sum);
     return sum.z > 0.0 ? Arriving(0.5 * sum.z, sum.z / size) : Arriving(0.0, 0.0);
+}
+
+// Share of a disc of radius 1 that lies above a line, from its centre's height over the line.
+float share_of_disc(float height) {
+    float t = clamp(height, -1.0, 1.0);
+    return 0.5 + (t * sqrt(1.0 - t * t) + asin(t)) / PI;
+}
+
+// Share of a lamp's points that are above the horizon of the normal `n`. Those below count as hidden where visibility is found, and what is
+// reflected of the whole lamp lacks them already.
+float share_above(Light light, LightSample centre, vec3 position, vec3 n) {
+    if (light.kind == LIGHT_RECTANGLE) {
+        float height = dot(light.position - position, n);
+        float a = abs(dot(light.half_u, n));
+        float b = abs(dot(light.half_v, n));
+        if (height >= a + b) return 1.0;
+        // Where it is level along one side, a little slope takes the place of 0 / 0.
+        float least = 1e-3 * (a + b);
+        a = max(a, least);
+        b = max(b, least);
+        vec4 corners = max(vec4(height) + vec4(a + b, a - b, b - a, -a - b), 0.0);
+        corners *= corners;
+        return clamp((corners.x - corners.y - corners.z + corners.w) / (8.0 * a * b), 0.0, 1.0);
+    }
+    if (light.kind == LIGHT_DISC) {
+        float height = dot(light.position - position, n);
+        float slope = light.radius * length(cross(light.direction, n));
+        return height >= slope ? 1.0 : share_of_disc(height / slope);
+    }
+    float c = dot(centre.direction, n);
+    float s = light.kind == LIGHT_DIRECTIONAL ? sin(light.radius) : light.radius / centre.distance;
+    if (c >= s) return 1.0;
+    return share_of_disc(c * sqrt(max(1.0 - s * s, 0.0)) / (s * sqrt(1.0 - c * c)));
 }
 
 // What the diffuse part reflects of the whole lamp. Fresnel's share is that of the mean direction.
