@@ -12,7 +12,7 @@ use magpie_tests::harness::{builtin, config, gpu, render};
 use magpie_tests::made::{add, block, camera, material, plane, scene};
 use std::f32::consts::PI;
 
-const STILL: Shown = Shown { size: [48, 27], time: 0.0 };
+const STILL: Shown = Shown { size: [40, 22], time: 0.0 };
 const RAW: [&str; 3] = ["direct.denoiser=none", "direct.emitter_rays=8", "stages.shadows=off"];
 
 /// Every base colour is 0 or 1, which eight bits hold; the rest of what is seen is smooth.
@@ -116,7 +116,7 @@ fn the_denoiser_helps() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let shown = Shown { size: [96, 54], ..STILL };
     for (what, scene) in [("triangles", panel(true)), ("spheres", balls())] {
-        let truth = truth(&gpu, &scene, shown, 512)?;
+        let truth = truth(&gpu, &scene, shown, 256)?;
         let error = |frames: u32, denoiser: &str| -> Result<f64> {
             let changes = ["direct.emitter_rays=1", "stages.shadows=off", denoiser];
             let last = last_frame(&gpu, &scene, &changes, shown.size, frames)?;
