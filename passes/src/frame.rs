@@ -53,7 +53,7 @@ pub fn frame(
     g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
     let ao = stages.ao.add(g, view, AoIn { scene, gbuffer, reprojected });
     g.slot_image("ao", ao.openness);
-    let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, shadows });
+    let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, reprojected, shadows });
     g.slot_image("direct", Some(direct.radiance.read()));
     let gi = stages.gi.add(g, view, IndirectIn { gbuffer, ao });
     g.slot_image("gi", gi.radiance);

@@ -1,5 +1,6 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
 use crate::acceleration::resident_options;
+use crate::direct::wants_emitters;
 use crate::frame::{Stages, frame};
 use crate::post::Sampling;
 use crate::read_back::Copies;
@@ -144,8 +145,9 @@ impl Renderer {
         config: &Config,
         options: RenderOptions,
     ) -> Result<Self, RenderError> {
-        let resident = resident_options(&slots.acceleration, config, options.rays)?;
-        let resident = ResidentScene::new(gpu, scene, resident)?;
+        let options_of_scene = resident_options(&slots.acceleration, config, options.rays)?;
+        let mut resident = ResidentScene::new(gpu, scene, options_of_scene)?;
+        resident.want_emitters(gpu, wants_emitters(&slots.direct, config)?)?;
         let build = Build { gpu, rays: options.rays, lets_light_through: resident.lets_light_through() };
         Ok(Self {
             gpu: gpu.clone(),
@@ -229,9 +231,10 @@ impl Renderer {
         let lets_light_through = self.scene.borrow().lets_light_through();
         let build = Build { gpu: &self.gpu, rays: self.options.rays, lets_light_through };
         let sampling = Sampling::wanted(&self.slots.post, &config)?;
+        let emitters = wants_emitters(&self.slots.direct, &config)?;
         self.stages.configure(&build, &self.slots, &config)?;
         (self.config, self.sampling) = (config, sampling);
-        Ok(())
+        Ok(self.scene.borrow_mut().want_emitters(&self.gpu, emitters)?)
     }
 
     /// The configuration in use.

@@ -129,6 +129,8 @@ pub struct DirectIn {
     pub scene: SceneHandles,
     /// What is lit.
     pub gbuffer: GBuffer,
+    /// Where it was one frame ago.
+    pub reprojected: Reprojected,
     /// What is in shadow.
     pub shadows: ShadowOut,
 }

@@ -14,12 +14,18 @@ layout(push_constant, scalar) uniform Push { AccumulateParams params; };
 // Up to so many frames what is fed back counts in full.
 const float FEW = 4.0;
 
-vec4 reprojected(uint image, ivec2 first, vec4 taps) {
+vec4 reprojected_colour(uint image, ivec2 first, vec4 taps) {
     vec4 sum = vec4(0.0);
     for (int k = 0; k < 4; k++) {
         if (taps[k] > 0.0) sum += taps[k] * load(image, first + ivec2(k & 1, k >> 1));
     }
     return sum;
+}
+
+// The same of what radiance has one number of for all channels.
+vec4 reprojected(uint image, ivec2 first, vec4 taps) {
+    vec4 value = reprojected_colour(image, first, taps);
+    return params.radiance != 0u ? value.xxxx : value;
 }
 
 // Over how many frames the mean may go where pixels of the frame before are interpolated. Each time that widens an edge: by f (1 - f) square
@@ -57,7 +63,7 @@ void main() {
         vec4 apart = sampled - before;
         mean = before + share * apart;
         variance = (1.0 - share) * (reprojected(params.previous_variance, first, taps) + share * apart * apart);
-        vec4 filtered = reprojected(params.previous_filtered, first, taps);
+        vec4 filtered = reprojected_colour(params.previous_filtered, first, taps);
         vec4 fed = filtered + share * (now - filtered);
         // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
         // Of radiance there is no mean but that.

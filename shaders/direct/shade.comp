@@ -1,12 +1,11 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
-#include "lib/brdf.glsl"
+#include "lib/area_light.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/precision.glsl"
-#include "lib/lights.glsl"
 #include "shared/direct.glsl"
-// Radiance towards the viewer: light of every lamp times what is seen of it, reflected once, and emission.
+// Radiance towards the viewer: light of every lamp times what is seen of it, reflected once, that of emissive surfaces, and emission.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ShadeParams params; };
 
@@ -23,6 +22,38 @@ vec3 visibility(ViewBuffer view, uint light, ivec2 pixel) {
     return vec3(1.0);
 }
 
+// What is reflected of one light, of which the share `seen` of all its points is seen.
+vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, vec3 seen) {
+    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness);
+    float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
+    vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
+    // A lobe is seen flattened from the side: there it is narrower.
+    bool is_small = angle <= SMALL_LAMP;
+    bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
+    if (is_small && is_small_in_lobe) {
+        return brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness) * centre.irradiance * seen;
+    }
+    float above = share_above(light, centre, s.position, s.normal);
+    if (above <= 0.0) return vec3(0.0);
+    seen = min(seen / above, vec3(1.0));
+    mat3 around = frame_of(s.normal);
+    vec3 v = s.to_eye * around;
+    // A viewer on the horizon or below counts as a grazing one.
+    v.z = max(v.z, 1e-4);
+    vec3 l = centre.direction * around;
+    vec3 sum = vec3(0.0);
+    if (!is_small) sum += diffuse_of_lamp(light, centre, s.position, b, around, v);
+    else if (l.z > 0.0) sum += bsdf_cosine(b, v, l, LOBE_DIFFUSE) * centre.irradiance;
+    if (!is_small_in_lobe) {
+        uint first = view.at[0].frame * params.area;
+        uint stream = SEQUENCE_DIRECT + 2u * index;
+        sum += specular_of_lamp(light, s.position, b, around, v, pixel, first, params.area, stream, view.at[0].seed);
+    } else if (l.z > 0.0) {
+        sum += bsdf_cosine(b, v, l, LOBE_SPECULAR) * centre.irradiance;
+    }
+    return sum * seen;
+}
+
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!s.exists) return vec3(0.0);
@@ -30,14 +61,17 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     LightBuffer lights = LightBuffer(scene.at[0].lights);
 
     vec3 radiance = load(params.emission, pixel).rgb;
+    if (params.emitters != NO_EMITTERS) {
+        float n_v = max(dot(s.normal, s.to_eye), 0.0);
+        radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, n_v);
+    }
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
-        LightSample light = sample_light(lights.at[i], s.position);
+        Light light = lights.at[i];
+        LightSample centre = sample_light(light, s.position);
         // Lights that are out of reach stop here; most of them, in a scene with many.
-        if (light.irradiance == vec3(0.0)) continue;
-        light.irradiance *= visibility(view, i, pixel);
-        if (light.irradiance == vec3(0.0)) continue;
-        vec3 reflected = brdf_cosine(s.normal, s.to_eye, light.direction, s.base_colour, s.metalness, s.roughness);
-        radiance += reflected * light.irradiance;
+        if (centre.irradiance == vec3(0.0)) continue;
+        vec3 seen = visibility(view, i, pixel);
+        if (seen != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);
     }
     return radiance;
 }

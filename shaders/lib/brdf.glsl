@@ -108,4 +108,12 @@ vec3 environment_brdf(vec3 f0, float roughness, float n_v) {
     return non_negative(f0 * scale_bias.x + specular_f90(f0) * scale_bias.y);
 }
 
+// Roughly what a surface reflects of light from all over, above 0: light that is to be denoised is divided by it, and multiplied afterwards.
+vec3 reflectance(vec3 base_colour, float metalness, float roughness, float n_v) {
+    // What reflects less has no noise to speak of.
+    const float LEAST = 1e-3;
+    vec3 f0 = specular_f0(base_colour, metalness);
+    return max(diffuse_albedo(f0, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f0, roughness, n_v), vec3(LEAST));
+}
+
 #endif

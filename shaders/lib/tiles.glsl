@@ -6,9 +6,10 @@
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer TileListWrite { uint at[]; };
 
-// A variance of so many channels; the others, which the image lacks, are 0.
+// A variance of so many channels. That of one counts for all, as radiance has it; else those that the image lacks are 0.
 vec4 load_error(uint image, ivec2 pixel, uint channels) {
-    return mix(vec4(0.0), load(image, pixel), greaterThan(uvec4(channels), uvec4(0u, 1u, 2u, 3u)));
+    vec4 error = load(image, pixel);
+    return channels == 1u ? error.xxxx : mix(vec4(0.0), error, greaterThan(uvec4(channels), uvec4(0u, 1u, 2u, 3u)));
 }
 
 uint pack_tile(uvec2 tile) {

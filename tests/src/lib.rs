@@ -1,5 +1,6 @@
 //! Tests of Magpie, in tiers.
 
+pub mod against;
 pub mod bench;
 pub mod chi_square;
 pub mod flip;

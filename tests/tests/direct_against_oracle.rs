@@ -124,7 +124,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let mut stages = Stages::new(
         &magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
         &Slots::default(),
-        &config(&["shadows.edges=hard"])?,
+        &config(&["shadows.edges=hard", "direct.area=0"])?,
     )?;
     let shot = Shot { scene: &resident, camera, extent: EXTENT };
     let wanted = [

@@ -14,6 +14,7 @@ mod environment;
 mod error;
 mod import;
 mod mesh;
+pub mod odds;
 mod origin;
 mod pose;
 mod reach;

@@ -1,31 +1,49 @@
-//! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it.
+//! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it; and light of emissive surfaces.
+mod emitters;
+
 use crate::precision;
 use crate::stages::{DirectIn, DirectOut, SHADOW_GROUPS};
+use emitters::Emitters;
+pub use emitters::wants_emitters;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Settings, Stage, StageError};
+use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::DIRECT_SHADE_COMP;
-use magpie_shaders::direct::{NO_CASTER, ShadeParams};
+use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
 
 /// The slot.
 pub fn stage() -> Stage<DirectIn, DirectOut> {
+    let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
     Stage::new("direct").about("Light straight from the lights, and what surfaces emit themselves.").with(
         "all-lights",
         "Every light is evaluated at every pixel.",
-        &[precision::setting()],
-        |build, settings| Ok(Box::new(AllLights::new(build.gpu, settings)?)),
+        &settings.collect::<Vec<_>>(),
+        |build, settings| Ok(Box::new(AllLights::new(build, settings)?)),
     )
+}
+
+fn area() -> SettingSpec {
+    let about = "Points of each light that has a size, and as many directions of the lobe, by which its highlight is found. Higher: less \
+                 noise in highlights, at a cost that grows as much. 0: every light is a point at its centre.";
+    SettingSpec::among("area", "", about, 4, &[0, 1, 4, 16]).sweep_all()
 }
 
 struct AllLights {
     shade: Kernel,
+    area: u32,
+    /// Where rays go to what emits.
+    emitters: Option<Emitters>,
     format: Format,
 }
 
 impl AllLights {
-    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
-        let shade = gpu.kernel(&DIRECT_SHADE_COMP).map_err(StageError::other)?;
-        Ok(Self { shade, format: precision::format(settings)? })
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+        Ok(Self {
+            shade: build.gpu.kernel(&DIRECT_SHADE_COMP).map_err(StageError::other)?,
+            area: settings.u32("area")?,
+            emitters: Emitters::new(build, settings)?,
+            format: precision::format(settings)?,
+        })
     }
 }
 
@@ -34,13 +52,15 @@ impl Effect for AllLights {
     type Out = DirectOut;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: DirectIn) -> DirectOut {
-        let (kernel, format, block, gbuffer) = (self.shade, self.format, view.block, i.gbuffer);
+        let emitters = self.emitters.as_ref().and_then(|emitters| emitters.add(g, view, i));
+        let (kernel, format, area, block) = (self.shade, self.format, self.area, view.block);
+        let gbuffer = i.gbuffer;
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
             let block = p.read(block);
             i.scene.read(p);
             let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
-            let emission = p.sample(gbuffer.emission);
+            let (emission, emitters) = (p.sample(gbuffer.emission), emitters.map(|image| p.sample(image)));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
             let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
             let is_coloured = |k: usize| i.shadows.groups[k].is_some_and(|group| group.coloured);
@@ -58,6 +78,8 @@ impl Effect for AllLights {
                     emission: c.id(emission),
                     radiance: c.id(target),
                     greatest: format.greatest(),
+                    emitters: emitters.map_or(NO_EMITTERS, |token| c.id(token).0),
+                    area,
                     group_count: groups.iter().flatten().count() as u32,
                     visibility: groups.map(|group| group.map_or(0, |token| c.id(token).0)),
                     casters: channels,

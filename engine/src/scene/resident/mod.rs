@@ -3,6 +3,7 @@ mod block;
 mod deform;
 mod detail;
 mod driver;
+mod emitters;
 mod policy;
 mod rounding;
 mod software;
@@ -13,6 +14,7 @@ mod textures;
 pub use policy::{Culling, Policy};
 pub use state::Moment;
 
+use super::odds::emits;
 use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
@@ -26,6 +28,7 @@ use block::Block;
 use deform::Deformation;
 use detail::Reduced;
 use driver::Driver;
+use emitters::Emission;
 use glam::DVec3;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
@@ -125,6 +128,7 @@ pub struct ResidentScene {
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
     lets_light_through: bool,
+    emission: Emission,
     sky: Option<Sky>,
 }
 
@@ -158,6 +162,9 @@ pub struct SceneHandles {
     pub deformed: Option<Handle<GraphBuffer>>,
     /// Indices of every mesh, one after another.
     pub indices: Handle<GraphBuffer>,
+    /// By what odds emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
+    /// nobody [asked](ResidentScene::want_emitters).
+    pub emitters: Option<Handle<GraphBuffer>>,
     /// The acceleration structure.
     pub tlas: Handle<Tlas>,
     /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.
@@ -342,6 +349,7 @@ impl ResidentScene {
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
             lets_light_through,
+            emission: Emission::new(scene),
             sky,
             textures,
             vertices,
@@ -416,6 +424,7 @@ impl ResidentScene {
         let tables = buffer("scene.tables", &self.tables, g);
         let vertices = buffer("scene.vertices", &self.vertices, g);
         let indices = buffer("scene.indices", &self.indices, g);
+        let emitters = self.emission.buffer.as_ref().map(|b| buffer("scene.emitters", b, g));
         let state = self.state.declare(g, imports)?;
         let mut moved = std::mem::take(&mut self.changed) | (self.policy != *policy);
         // What the camera decides changes with the camera.
@@ -453,7 +462,7 @@ impl ResidentScene {
             }
             Acceleration::Driver(driver) => (driver.declare(g, imports, &frame, |i| now.instance(i))?, [None; 2]),
         };
-        Ok(SceneHandles { state, tables, vertices, deformed, indices, tlas, bottom })
+        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, tlas, bottom })
     }
 
     /// An instance for the top level.
@@ -535,7 +544,7 @@ impl ResidentScene {
     pub fn scene_bytes(&self) -> u64 {
         let textures: u64 = self.textures.iter().map(|t| t.bytes()).sum();
         let deforming = self.deformation.as_ref().map_or(0, Deformation::bytes);
-        let tables = self.tables.bytes() + self.state.memory.bytes();
+        let tables = self.tables.bytes() + self.state.memory.bytes() + self.emission.bytes();
         tables + self.vertices.bytes() + self.indices.bytes() + deforming + textures
     }
 
@@ -545,14 +554,15 @@ impl ResidentScene {
     }
 }
 
-/// What rays see of each mesh that keeps its shape, where that is less than all.
+/// What rays see of each mesh that keeps its shape and does not emit, where that is less than all.
 fn reduce(scene: &Scene, animator: &Animator, detail: f32) -> Vec<Option<Reduced>> {
-    let mut deforms = vec![false; scene.meshes.len()];
+    let mut whole = vec![false; scene.meshes.len()];
     for (index, instance) in scene.instances.iter().enumerate() {
-        deforms[instance.mesh as usize] |= animator.deforms(index);
+        // What emits is sampled triangle by triangle, and must not hide its own light.
+        whole[instance.mesh as usize] |= animator.deforms(index) || emits(&scene.materials[instance.material as usize]);
     }
-    let one = |(mesh, deforms): (&Mesh, bool)| if deforms { None } else { detail::reduce(mesh, detail) };
-    scene.meshes.par_iter().zip(deforms).map(one).collect()
+    let one = |(mesh, whole): (&Mesh, bool)| if whole { None } else { detail::reduce(mesh, detail) };
+    scene.meshes.par_iter().zip(whole).map(one).collect()
 }
 
 /// A mesh of the scene as shaders read it.

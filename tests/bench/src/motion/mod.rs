@@ -203,7 +203,6 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
         let (mut errors, mut means) = (Vec::new(), Vec::new());
         for (moment, truth) in path.moments.iter().zip(&truths) {
             let seen = bench.frame(path, moment)?;
-            if std::env::var_os("MO").is_some() { let b: Vec<u8> = seen.iter().chain(truth).flat_map(|x| (*x as f32).to_le_bytes()).collect(); let _ = std::fs::write(format!("/tmp/mo_{}_{}_{}.bin", path.name, &label[..3], errors.len()), b); }
             let squares: Values = seen.iter().zip(truth).map(|(a, b)| (a - b).powi(2)).collect();
             errors.push(mean(&squares).sqrt());
             means.push(mean(&seen));
