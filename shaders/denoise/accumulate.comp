@@ -28,12 +28,36 @@ vec4 reprojected(uint image, ivec2 first, vec4 taps) {
     return params.radiance != 0u ? value.xxxx : value;
 }
 
-// Over how many frames the mean may go where pixels of the frame before are interpolated. Each time that widens an edge: by f (1 - f) square
-// pixels of variance each way, a sixth in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than twice that.
-vec4 frames_in_motion(ivec2 pixel, vec2 was) {
-    if (all(lessThan(abs(was - round(was)), vec2(0.01)))) return vec4(LONGEST);
-    vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
+// Channels in which what is known may be of another place or time: pixels of the frame before are interpolated, what the channel is about
+// moves by itself, or something has changed around.
+bvec4 unsettled(vec2 was, vec4 forgotten) {
+    bool between = any(greaterThan(abs(was - round(was)), vec2(0.01)));
+    uvec4 moves = uvec4(between ? 15u : params.moved) & uvec4(1u, 2u, 4u, 8u);
+    return bvec4(moves | uvec4(greaterThan(forgotten, vec4(0.0))));
+}
+
+// Over how many frames the mean may go then. Interpolation widens an edge each time: by f (1 - f) square pixels of variance each way, a sixth
+// in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than twice that. Where there is no penumbra there is no noise,
+// and nothing to be gained.
+vec4 most_frames(vec4 width) {
     return max(floor(0.5 * width * width), vec4(1.0));
+}
+
+// In a penumbra narrower than this, pixels, what is lit and what is dark are both near: a mean beyond all samples around is of another time.
+const float NARROW = 4.0;
+const int AROUND = 2;
+
+// Least and greatest of the samples around.
+void samples_around(ivec2 pixel, uvec2 size, inout vec4 least, inout vec4 most) {
+    for (int y = -AROUND; y <= AROUND; y++) {
+        for (int x = -AROUND; x <= AROUND; x++) {
+            ivec2 at = pixel + ivec2(x, y);
+            if (!inside(at, size)) continue;
+            vec4 there = load(params.noisy, at);
+            least = min(least, there);
+            most = max(most, there);
+        }
+    }
 }
 
 void main() {
@@ -51,19 +75,35 @@ void main() {
         vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
         ivec2 first = ivec2(floor(was));
         frames = round(reprojected(params.previous_frames, first, taps) * LONGEST);
+        vec4 forgotten = vec4(0.0);
         if (params.gradient != NO_IMAGE) {
             // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
             // Temporal Filtering", section 3.3).
-            frames *= vec4(1.0) - load(params.gradient, pixel / int(GRADIENT_STRATUM));
+            forgotten = load(params.gradient, pixel / int(GRADIENT_STRATUM));
+            frames *= vec4(1.0) - forgotten;
         }
         frames = min(floor(frames) + 1.0, params.longest);
-        if (params.reach != NO_IMAGE) frames = min(frames, frames_in_motion(pixel, was));
-        vec4 share = 1.0 / frames;
         vec4 before = reprojected(params.previous_mean, first, taps);
+        vec4 filtered = reprojected_colour(params.previous_filtered, first, taps);
+        if (params.reach != NO_IMAGE) {
+            vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
+            bvec4 moves = unsettled(was, forgotten);
+            bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))));
+            if (any(narrow)) {
+                vec4 least = now, most = now;
+                samples_around(pixel, view.at[0].size, least, most);
+                vec4 inside = mix(before, clamp(before, least, most), narrow);
+                // What is known by so much the worse is forgotten by as much.
+                frames = max(floor(frames * (1.0 - abs(inside - before))), vec4(1.0));
+                before = inside;
+                filtered = mix(filtered, clamp(filtered, least, most), narrow);
+            }
+            frames = min(frames, mix(vec4(LONGEST), most_frames(width), moves));
+        }
+        vec4 share = 1.0 / frames;
         vec4 apart = sampled - before;
         mean = before + share * apart;
         variance = (1.0 - share) * (reprojected(params.previous_variance, first, taps) + share * apart * apart);
-        vec4 filtered = reprojected_colour(params.previous_filtered, first, taps);
         vec4 fed = filtered + share * (now - filtered);
         // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
         // Of radiance there is no mean but that.

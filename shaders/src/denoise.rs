@@ -54,6 +54,8 @@ pub struct AccumulateParams {
     pub gradient: u32,
     /// As in [`LevelParams`].
     pub reach: u32,
+    /// Channels of which what they are about moves by itself: a bit for each.
+    pub moved: u32,
     /// The mean, with what was fed back.
     pub accumulated: StorageImage,
     /// Its variance, for the filter.

@@ -1,9 +1,10 @@
 //! Denoised shadows while something moves, frame by frame against the truth of that frame: the camera, a thing, the light; and a light that
 //! is switched.
 use anyhow::{Context, Result, ensure};
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use magpie::gpu::Gpu;
-use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Node, Property, Scene};
+use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Node, Property, Scene};
+use magpie_bench::motion::stand;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{config, gpu};
 use magpie_tests::made::camera;
@@ -14,6 +15,8 @@ mod rig;
 use rig::{SIZE, things};
 
 const FRAME: f64 = 1.0 / 60.0;
+/// Where a node stands that moves a thing from its place.
+const HERE: (DVec3, DQuat) = (DVec3::ZERO, DQuat::IDENTITY);
 
 /// A disc of light aside of the things of the rig.
 fn lamp(radius: f32) -> Light {
@@ -95,11 +98,12 @@ fn stays_below(name: &str, told: &[[f64; 2]]) -> Result<()> {
     Ok(())
 }
 
-/// A node that goes to a place in a second, and back.
-fn swings(scene: &mut Scene, amount: Vec3) -> u32 {
+/// A node that goes by so much in a second, and back.
+fn swings(scene: &mut Scene, (from, rotation): (DVec3, DQuat), amount: Vec3) -> u32 {
     let node = scene.nodes.len() as u32;
-    scene.nodes.push(Node { name: "swing".to_owned(), ..Node::default() });
-    let places = [Vec3::ZERO, amount, Vec3::ZERO];
+    let local = Local::Trs { translation: from, rotation, scale: DVec3::ONE };
+    scene.nodes.push(Node { name: "swing".to_owned(), local, ..Node::default() });
+    let places = [from.as_vec3(), from.as_vec3() + amount, from.as_vec3()];
     scene.animations.push(Animation {
         name: "swing".to_owned(),
         duration: 2.0,
@@ -129,12 +133,12 @@ fn denoised_shadows_are_better_than_a_ray_while_things_move() -> Result<()> {
 
     let moments: Vec<Moment> = (0..frames).map(|k| still(FRAME * f64::from(k))).collect();
     let mut scene = things(&[lamp(0.5)]);
-    let node = swings(&mut scene, Vec3::new(1.5, 0.0, 0.0));
+    let node = swings(&mut scene, HERE, Vec3::new(1.5, 0.0, 0.0));
     scene.instances[1].node = Some(node);
     stays_below("thing", &errors(&gpu, &scene, &moments)?)?;
 
     let mut scene = things(&[lamp(0.5)]);
-    let node = swings(&mut scene, Vec3::new(-2.0, 0.0, 1.0));
+    let node = swings(&mut scene, stand(&lamp(0.5)), Vec3::new(-2.0, 0.0, 1.0));
     scene.light_nodes = vec![Some(node)];
     stays_below("light", &errors(&gpu, &scene, &moments)?)
 }
@@ -166,7 +170,7 @@ fn a_switched_light_is_seen_at_once_with_the_adaptive_history() -> Result<()> {
 fn thirty_frames_after_a_thing_has_left_nothing_is_left_of_its_shadow() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut scene = things(&[lamp(0.5)]);
-    let node = swings(&mut scene, Vec3::new(60.0, 0.0, 0.0));
+    let node = swings(&mut scene, HERE, Vec3::new(60.0, 0.0, 0.0));
     scene.instances[1].node = Some(node);
     let mut run = Run::new(&gpu, &scene, &[])?;
     for _ in 0..40 {

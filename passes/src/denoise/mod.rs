@@ -36,6 +36,8 @@ pub struct DenoiseIn {
     /// How wide, in pixels over [`PENUMBRA_MOST`](magpie_shaders::shadows::PENUMBRA_MOST), what each channel's noise comes from is: nothing
     /// is blurred further than that, and where it is 0 there is no noise.
     pub reach: Option<Handle<Image>>,
+    /// Channels whose picture moves over surfaces that stand still, as the shadows of a light that moves do: a bit for each.
+    pub moved: u32,
 }
 
 /// One of several.

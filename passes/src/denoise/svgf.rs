@@ -173,6 +173,7 @@ impl Svgf {
                     previous_frames: c.id(previous_frames),
                     gradient: gradient.map_or(NO_IMAGE, |t| c.id(t).0),
                     reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
+                    moved: i.moved,
                     accumulated: c.id(target),
                     error: c.id(error_target),
                     mean: c.id(mean),

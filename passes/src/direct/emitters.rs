@@ -73,7 +73,7 @@ impl Emitters {
             })
         });
         let content = Content::Radiance;
-        let i = DenoiseIn { noisy, content, gbuffer, reprojected: i.reprojected, change: None, reach: None };
+        let i = DenoiseIn { noisy, content, gbuffer, reprojected: i.reprojected, change: None, reach: None, moved: 0 };
         Some(self.denoiser.add(g, view, i, ""))
     }
 }

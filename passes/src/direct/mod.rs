@@ -7,19 +7,30 @@ use emitters::Emitters;
 pub use emitters::wants_emitters;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie::stage::{Build, Preset, SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::DIRECT_SHADE_COMP;
 use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
+
+/// From cheap to accurate: points of lights that have a size, and rays to emissive surfaces.
+pub const PRESETS: [Preset; 4] = [
+    Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "1")] },
+    Preset { name: "medium", implementation: "all-lights", settings: &[("area", "1"), ("emitter_rays", "1")] },
+    Preset { name: "high", implementation: "all-lights", settings: &[("area", "4"), ("emitter_rays", "1")] },
+    Preset { name: "ultra", implementation: "all-lights", settings: &[("area", "16"), ("emitter_rays", "4")] },
+];
 
 /// The slot.
 pub fn stage() -> Stage<DirectIn, DirectOut> {
     let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
-    Stage::new("direct").about("Light straight from the lights, and what surfaces emit themselves.").with(
-        "all-lights",
-        "Every light is evaluated at every pixel.",
-        &settings.collect::<Vec<_>>(),
-        |build, settings| Ok(Box::new(AllLights::new(build, settings)?)),
-    )
+    Stage::new("direct")
+        .about("Light straight from the lights, and what surfaces emit themselves.")
+        .with(
+            "all-lights",
+            "Every light is evaluated at every pixel.",
+            &settings.collect::<Vec<_>>(),
+            |build, settings| Ok(Box::new(AllLights::new(build, settings)?)),
+        )
+        .presets(&PRESETS)
 }
 
 fn area() -> SettingSpec {

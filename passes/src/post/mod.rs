@@ -7,11 +7,35 @@ use crate::stages::{PostIn, PostOut};
 use filters::{Sharpen, Upscale};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+use magpie::stage::{Preset, SettingSpec, Settings, Stage, StageError};
 use magpie_shaders::POST_TONE_MAP_COMP;
 use magpie_shaders::post::{CURVE_ACES, CURVE_AGX, CURVE_NONE, ToneMapParams};
 pub use sampling::Sampling;
 use taa::Taa;
+
+/// From cheap to accurate: how many pixels the whole frame renders for its picture, and what makes up for those that it leaves out.
+pub const PRESETS: [Preset; 4] = [
+    Preset {
+        name: "low",
+        implementation: "standard",
+        settings: &[("resolution_scale", "0.5"), ("anti_aliasing", "taa")],
+    },
+    Preset {
+        name: "medium",
+        implementation: "standard",
+        settings: &[("resolution_scale", "0.67"), ("anti_aliasing", "taa")],
+    },
+    Preset {
+        name: "high",
+        implementation: "standard",
+        settings: &[("resolution_scale", "0.8"), ("anti_aliasing", "taa")],
+    },
+    Preset {
+        name: "ultra",
+        implementation: "standard",
+        settings: &[("resolution_scale", "1"), ("anti_aliasing", "taa")],
+    },
+];
 
 /// The slot.
 pub fn stage() -> Stage<PostIn, PostOut> {
@@ -47,12 +71,12 @@ pub fn stage() -> Stage<PostIn, PostOut> {
             (0.0, 1.0),
         ),
     ];
-    Stage::new("post").about("From linear radiance to a display.").with(
-        "standard",
-        "Anti-aliasing, sharpening, exposure, tone curve, sRGB.",
-        &settings,
-        |build, settings| Ok(Box::new(Standard::new(build.gpu, settings)?)),
-    )
+    Stage::new("post")
+        .about("From linear radiance to a display.")
+        .with("standard", "Anti-aliasing, sharpening, exposure, tone curve, sRGB.", &settings, |build, settings| {
+            Ok(Box::new(Standard::new(build.gpu, settings)?))
+        })
+        .presets(&PRESETS)
 }
 
 struct Standard {

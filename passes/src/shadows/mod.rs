@@ -4,7 +4,7 @@ mod maps;
 mod ray_traced;
 mod reach;
 
-use crate::denoise::{Content, DenoiseIn, Denoiser, settings as denoising};
+use crate::denoise::{Content, DenoiseIn, Denoiser, is_adaptive, settings as denoising};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
@@ -72,6 +72,7 @@ struct Shadows {
     reach: Reach,
     maps: MapShadows,
     denoiser: Denoiser,
+    adaptive: bool,
 }
 
 impl Shadows {
@@ -82,6 +83,7 @@ impl Shadows {
             reach: Reach::new(build.gpu)?,
             maps: MapShadows::new(build, settings)?,
             denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
+            adaptive: is_adaptive(settings)?,
         })
     }
 
@@ -101,7 +103,8 @@ impl Shadows {
         let content = Content::Channels(group.channels() as u32);
         let reach = penumbra.map(|penumbra| self.reach.add(g, penumbra, i.gbuffer.depth, name));
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
-        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, change, reach };
+        let moved = if self.adaptive { self.rays.moved(group) } else { 0 };
+        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, change, reach, moved };
         self.denoiser.add(g, view, noisy, name)
     }
 }

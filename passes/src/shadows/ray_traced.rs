@@ -15,6 +15,7 @@ use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{
     SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
 };
+use std::collections::BTreeMap;
 
 /// Traces.
 pub struct RayTraced {
@@ -30,6 +31,8 @@ pub struct RayTraced {
     scope: HistoryScope,
     /// A filter follows.
     filtered: bool,
+    /// Where each light was one frame ago.
+    placed: BTreeMap<u32, Light>,
 }
 
 /// What rays found.
@@ -119,6 +122,7 @@ impl RayTraced {
             tinted,
             scope: HistoryScope::new(),
             filtered: filters(settings)?,
+            placed: BTreeMap::new(),
         })
     }
 
@@ -135,6 +139,21 @@ impl RayTraced {
     /// Whether rays tell colours: there is something that light goes through.
     pub fn is_tinted(&self) -> bool {
         self.tinted.is_some()
+    }
+
+    /// The channels of lights that are not where they were one frame ago: a bit for each.
+    pub fn moved(&mut self, group: &Group) -> u32 {
+        let mut moved = 0;
+        for (channel, caster) in group.lights.iter().enumerate() {
+            let was = self.placed.insert(caster.light, caster.placed);
+            let stands = |was: &Light| {
+                let Light { position, direction, half_u, half_v, .. } = caster.placed;
+                (was.position, was.direction, was.half_u, was.half_v) == (position, direction, half_u, half_v)
+            };
+            let bits = if group.coloured { 0b111 } else { 1 << channel };
+            moved |= if was.as_ref().is_none_or(stands) { 0 } else { bits };
+        }
+        moved
     }
 
     /// Visibility of up to four lights, one in each channel, or of one in colour: of maps where there are some and they are sure, else of rays.

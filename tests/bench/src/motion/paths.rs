@@ -84,7 +84,8 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
 }
 
 /// Where a light is and where its -z points to, as a node that it hangs on has to stand.
-fn stand(light: &Light) -> (DVec3, DQuat) {
+#[must_use]
+pub fn stand(light: &Light) -> (DVec3, DQuat) {
     let to = |direction: &Vec3| DQuat::from_rotation_arc(DVec3::NEG_Z, direction.as_dvec3().normalize());
     match light {
         Light::Directional { direction, .. } => (DVec3::ZERO, to(direction)),

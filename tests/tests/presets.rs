@@ -1,0 +1,157 @@
+//! Presets are what their names promise: from low to ultra each is nearer to the truth than the one before, and takes no less time.
+use anyhow::{Context, Result, ensure};
+use magpie::gpu::Gpu;
+use magpie::scene::Scene;
+use magpie::stage::QUALITIES;
+use magpie_accuracy::metrics::{Picture, flip_ldr, mse};
+use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::harness::{builtin, config, gpu};
+
+const SIZE: [u32; 2] = [128, 72];
+/// Of the last of so many frames errors are told.
+const FRAMES: usize = 8;
+/// Frames of which the median time is taken.
+const TIMED: usize = 7;
+/// A step up may take so much less than the one before: medians of few frames on a busy machine.
+const SLACK: f64 = 0.9;
+
+/// A slot filled by a preset.
+struct Run<'a> {
+    renderer: Renderer,
+    scene: &'a Scene,
+    slot: &'static str,
+    times: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    fn new(gpu: &Gpu, scene: &'a Scene, slot: &'static str, preset: &str, size: [u32; 2]) -> Result<Self> {
+        let options = RenderOptions { width: size[0], height: size[1], ..RenderOptions::default() };
+        let config = config(&[&format!("stages.{slot}={preset}")])?;
+        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, options)?;
+        renderer.read_slots(&[slot])?;
+        Ok(Self { renderer, scene, slot, times: Vec::new() })
+    }
+
+    fn frame(&mut self) -> Result<FrameResult> {
+        let request = FrameRequest { camera: &self.scene.cameras[0], time: 0.0, view: None, read_back: true };
+        self.renderer.frame(request)?.context("a size of zero")
+    }
+
+    /// Notes the time of one more frame, milliseconds: of the slot, of everything where `post` decides how many pixels there are.
+    fn time(&mut self) -> Result<()> {
+        let result = self.frame()?;
+        let is_own = |name: &str| {
+            let of_slot = name.split('.').next() == Some(self.slot) || name.starts_with("denoise.");
+            of_slot || self.slot == "post"
+        };
+        let own = result.sample.passes.iter().filter(|p| is_own(&p.name));
+        self.times.push(own.filter_map(|p| p.gpu_ns).sum::<u64>() as f64 * 1e-6);
+        Ok(())
+    }
+
+    fn ms(&self) -> f64 {
+        let mut times = self.times.clone();
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    }
+}
+
+/// Prints errors and times, and holds them to their order.
+fn in_order(slot: &str, errors: &[f64], runs: &[Run<'_>]) -> Result<()> {
+    for ((name, error), run) in QUALITIES.iter().zip(errors).zip(runs) {
+        println!("{slot}, {name}: error {error:.5}, {:.2} ms", run.ms());
+    }
+    ensure!(errors.iter().all(|e| e.is_finite() && *e > 0.0), "{slot}: {errors:?}");
+    ensure!(errors.windows(2).all(|pair| pair[1] < pair[0]), "{slot}: {errors:?} does not fall");
+    let times: Vec<f64> = runs.iter().map(Run::ms).collect();
+    ensure!(times.windows(2).all(|pair| pair[1] > SLACK * pair[0]), "{slot}: {times:?} falls");
+    ensure!(times[3] > times[0], "{slot}: {times:?}");
+    Ok(())
+}
+
+fn truth(gpu: &Gpu, scene: &Scene, only: Only, samples: u32) -> Result<Estimate> {
+    let [width, height] = SIZE;
+    let pixel = PixelSampling::Centre;
+    let options = ReferenceOptions { width, height, only, pixel, seed: 3, ..ReferenceOptions::default() };
+    let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
+    reference.add(samples)?;
+    Ok(reference.estimate().clone())
+}
+
+/// A slot of which the reference knows the truth: root mean square error after some frames.
+fn slot_in_order(slot: &'static str, only: Only, scene: &str) -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin(scene)?;
+    let truth = truth(&gpu, &scene, only, 256)?;
+    let mut runs = QUALITIES.iter().map(|name| Run::new(&gpu, &scene, slot, name, SIZE)).collect::<Result<Vec<_>>>()?;
+    let mut errors = Vec::new();
+    for run in &mut runs {
+        (1..FRAMES).try_for_each(|_| run.frame().map(drop))?;
+        let result = run.frame()?;
+        let image = result.slots[0].1.as_ref().with_context(|| format!("{slot} gave nothing"))?;
+        let channels = image.format.channels().min(3) as usize;
+        let values = image.values();
+        let squares = values.iter().zip(&truth.mean).map(|(found, wanted)| {
+            (0..channels).map(|c| (f64::from(found[c]) - wanted[c]).powi(2)).sum::<f64>() / channels as f64
+        });
+        errors.push((squares.sum::<f64>() / truth.mean.len() as f64).sqrt());
+    }
+    for _ in 0..TIMED {
+        runs.iter_mut().try_for_each(Run::time)?;
+    }
+    in_order(slot, &errors, &runs)
+}
+
+#[test]
+fn shadows() -> Result<()> {
+    slot_in_order("shadows", Only::Shadows, "courtyard")
+}
+
+#[test]
+fn ao() -> Result<()> {
+    slot_in_order("ao", Only::AmbientOcclusion, "courtyard")
+}
+
+#[test]
+fn direct() -> Result<()> {
+    slot_in_order("direct", Only::Direct, "cornell")
+}
+
+/// Of `post`, what a display shows: FLIP against a picture of four times as many pixels each way, of which each is the mean of sixteen.
+#[test]
+fn post() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("courtyard")?;
+    let mut large = Run::new(&gpu, &scene, "post", "standard", SIZE.map(|n| 4 * n))?;
+    (1..FRAMES).try_for_each(|_| large.frame().map(drop))?;
+    let shown = |result: FrameResult| -> Result<Picture> {
+        let images = result.images.context("nothing was read back")?;
+        Ok(Picture::from_pixels(&images.display.context("no display")?)?)
+    };
+    let wanted = shrunk(&shown(large.frame()?)?, 4);
+    let mut runs =
+        QUALITIES.iter().map(|name| Run::new(&gpu, &scene, "post", name, SIZE)).collect::<Result<Vec<_>>>()?;
+    let mut errors = Vec::new();
+    for run in &mut runs {
+        (1..2 * FRAMES).try_for_each(|_| run.frame().map(drop))?;
+        let found = shown(run.frame()?)?;
+        ensure!(mse(&found, &wanted)? > 0.0, "the same picture");
+        errors.push(flip_ldr(&found, &wanted)?);
+    }
+    for _ in 0..TIMED {
+        runs.iter_mut().try_for_each(Run::time)?;
+    }
+    in_order("post", &errors, &runs)
+}
+
+/// A picture of fewer pixels, each the mean of `by` by `by`.
+fn shrunk(large: &Picture, by: usize) -> Picture {
+    let (width, height) = (large.width / by, large.height / by);
+    let mut pixels = vec![[0.0_f32; 3]; width * height];
+    for (at, pixel) in large.pixels.iter().enumerate() {
+        let (x, y) = (at % large.width / by, at / large.width / by);
+        (0..3).for_each(|c| pixels[y * width + x][c] += pixel[c] / (by * by) as f32);
+    }
+    Picture { width, height, pixels }
+}
