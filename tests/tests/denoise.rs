@@ -92,7 +92,7 @@ impl Effect for Patterned {
             })
         });
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
-        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None };
+        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None, reach: None, moved: 0 };
         let visibility = self.denoiser.add(g, view, i, "");
         let mut out = ShadowOut::default();
         out.groups[0] = Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false });
