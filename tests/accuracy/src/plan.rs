@@ -187,8 +187,17 @@ fn with(
     let mut config = base.clone();
     config.stages.insert(slot.name.clone(), implementation.name.clone());
     if around.stages.get(&slot.name) != Some(&implementation.name) {
-        // Settings of an implementation that is no longer there mean nothing now.
-        config.settings.remove(&slot.name);
+        // What another implementation was set to does not matter here, but for what both of them are asked for and none is measured by,
+        // such as the range of ambient occlusion.
+        let is_asked = |key: &String, value: &Value| {
+            let spec = implementation.settings.iter().find(|s| s.key == *key);
+            spec.is_some_and(|s| s.sweep.is_empty() && s.accept(value).is_ok())
+        };
+        let mut kept = config.settings.remove(&slot.name).unwrap_or_default();
+        kept.retain(|key, value| is_asked(key, value));
+        if !kept.is_empty() {
+            config.settings.insert(slot.name.clone(), kept);
+        }
     }
     if !settings.is_empty() {
         config.settings.entry(slot.name.clone()).or_default().extend(settings.clone());
@@ -351,6 +360,20 @@ mod tests {
         let plan = Plan::new(&with, &base, &["shadows".to_owned()], false).unwrap();
         let high = plan.variants.iter().find(|v| v.presets == ["high".to_owned()]).unwrap();
         assert_eq!(plan.find(&high.setup).unwrap().config.settings["shadows"]["resolution"], Value::from("full"));
+    }
+
+    #[test]
+    fn what_is_asked_for_is_asked_of_every_implementation() {
+        let range = || SettingSpec::float("range", "metres", "About.", 1.0, (0.0, 9.0));
+        let rays = SettingSpec::integer("rays", "", "About.", 1, (1, 16)).sweep([1, 4]);
+        let ao = vec![implementation("screen", vec![range()]), implementation("rays", vec![rays, range()])];
+        let mut base = Config::default();
+        base.set("ao.range=0.25").unwrap();
+        let plan = Plan::new(&Catalogue::new(vec![slot("ao", ao)]), &base, &[], false).unwrap();
+        assert_eq!(plan.variants.len(), 3);
+        for setup in &plan.setups {
+            assert_eq!(setup.config.settings["ao"]["range"], Value::Float(0.25), "{}", setup.label);
+        }
     }
 
     #[test]
