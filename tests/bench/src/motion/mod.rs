@@ -46,7 +46,7 @@ pub enum MotionError {
         /// Which of those that are compared.
         label: String,
         /// What went wrong.
-        source: RenderError,
+        source: Box<RenderError>,
     },
     /// The slot cannot be set as is needed.
     #[error(transparent)]
@@ -127,7 +127,7 @@ impl Bench {
         let config = config(options, changes)?;
         let MotionOptions { size: [width, height], rays, seed, .. } = *options;
         let render = RenderOptions { width, height, seed, rays, check: false };
-        let failed = |source| MotionError::Render { label: label.to_owned(), source };
+        let failed = |source| MotionError::Render { label: label.to_owned(), source: Box::new(source) };
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, render).map_err(failed)?;
         renderer.read_slots(&[&options.slot]).map_err(failed)?;
         Ok(Self { renderer, slot: options.slot.clone(), lights: scene.lights.len() as u32, label: label.to_owned() })
@@ -136,7 +136,7 @@ impl Bench {
     fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, MotionError> {
         (0..self.lights).for_each(|light| self.renderer.dim(light, moment.light));
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
-        let failed = |source| MotionError::Render { label: self.label.clone(), source };
+        let failed = |source| MotionError::Render { label: self.label.clone(), source: Box::new(source) };
         let result = self.renderer.frame(request).map_err(failed)?;
         let image = result.and_then(|r| r.slots.into_iter().next()).and_then(|(_, image)| image);
         let none = || MotionError::NoImage { path: path.name, slot: self.slot.clone() };
