@@ -3,8 +3,9 @@
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
 #include "shared/denoise.glsl"
+#include "shared/shadows.glsl"
 // A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal in the
-// place of the colour's own edges). No history, no variance: one pass.
+// place of the colour's own edges), no further than noise reaches. No history, no variance: one pass.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BilateralParams params; };
 
@@ -19,19 +20,23 @@ void main() {
         return;
     }
     vec2 gradient = depth_gradient(view, pixel, here);
-    int radius = int(params.radius);
     // Two standard deviations to each side.
-    float falloff = 2.0 / float(radius * radius);
+    float falloff = 2.0 / float(params.radius * params.radius);
+    vec4 farthest = vec4(float(params.radius));
+    if (params.reach != NO_IMAGE) farthest = min(farthest, 0.5 * PENUMBRA_MOST * load(params.reach, pixel));
+    // No pixel is nearer than one.
+    int radius = int(max(max(farthest.x, farthest.y), max(farthest.z, farthest.w)));
     // The pixel itself comes first: what is divided by is never less than 1.
     vec4 sum = noisy;
-    float weights = 1.0;
+    vec4 weights = vec4(1.0);
     for (int y = -radius; y <= radius; y++) {
         for (int x = -radius; x <= radius; x++) {
             ivec2 at = pixel + ivec2(x, y);
             if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
             float edges = edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
             if (!(edges > 0.0)) continue;
-            float weight = edges * exp(-falloff * float(x * x + y * y));
+            float square = float(x * x + y * y);
+            vec4 weight = mix(vec4(0.0), vec4(edges * exp(-falloff * square)), lessThanEqual(vec4(square), farthest * farthest));
             weights += weight;
             // A running mean: of equal values it is that value.
             sum += (weight / weights) * (load(params.noisy, at) - sum);

@@ -220,6 +220,8 @@ pub struct BilateralParams {
     pub noisy: SampledImage,
     /// Filtered.
     pub filtered: StorageImage,
+    /// As in [`LevelParams`].
+    pub reach: u32,
     /// Pixels to each side.
     pub radius: u32,
 }

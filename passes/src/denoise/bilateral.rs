@@ -4,7 +4,7 @@ use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::stage::{Settings, StageError};
 use magpie_shaders::DENOISE_BILATERAL_COMP;
-use magpie_shaders::denoise::BilateralParams;
+use magpie_shaders::denoise::{BilateralParams, NO_IMAGE};
 
 /// The denoiser.
 pub struct Bilateral {
@@ -25,6 +25,7 @@ impl Bilateral {
         let (kernel, radius, block) = (self.kernel, self.radius, view.block);
         g.pass(&format!("{}.bilateral{name}", self.effect), Queue::AsyncCompute, |p| {
             let (block, guide, noisy) = (p.read(block), p.sample(i.reprojected.guide), p.sample(i.noisy));
+            let reach = i.reach.map(|h| p.sample(h));
             let (filtered, target) = p.create("filtered", ImageDesc::like(i.content.colour(), i.noisy));
             let extent = p.extent(i.noisy);
             (filtered.read(), move |c: &mut Record<'_>| {
@@ -33,6 +34,7 @@ impl Bilateral {
                     guide: c.id(guide),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
+                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
                     radius,
                 };
                 c.dispatch(kernel, &params, extent);

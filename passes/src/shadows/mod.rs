@@ -18,7 +18,7 @@ pub const PRESETS: [Preset; 4] = [
     Preset {
         name: "low",
         implementation: "shadow-map",
-        settings: &[("filter", "pcf"), ("map_size", "1024"), ("lamp_map_size", "512")],
+        settings: &[("filter", "none"), ("map_size", "1024"), ("lamp_map_size", "512")],
     },
     Preset { name: "medium", implementation: "shadow-map", settings: &[("filter", "pcss")] },
     Preset { name: "high", implementation: "ray-traced", settings: &[("rays", "1"), ("denoiser", "svgf")] },

@@ -57,7 +57,7 @@ pub fn settings() -> Vec<SettingSpec> {
             16,
             &[8, 16, 32, 64],
         )
-        .sweep_all(),
+        .sweep([16_i64, 64]),
         SettingSpec::choice(
             "pattern",
             "Where `pcf` looks. `grid`: at every texel of its box, smooth. `noise`: at `taps` points of a disc, turned for each pixel; \
