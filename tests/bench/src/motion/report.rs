@@ -113,8 +113,13 @@ impl MotionReport {
             Ok(())
         };
         for path in self.paths() {
-            let title = format!("{} while {path} moves: {}", self.slot, self.scene);
-            let title = if path == "switch" { format!("{} after a switch: {}", self.slot, self.scene) } else { title };
+            let when = match path {
+                "camera" => "while the camera moves",
+                "switch" => "after a switch",
+                "lights" => "while lights move",
+                _ => "while things move",
+            };
+            let title = format!("{} {when}: {}", self.slot, self.scene);
             add("", "RMSE", title.clone(), &|c| c.errors.clone(), path)?;
             if path == "switch" {
                 let share = |c: &Course| {
