@@ -1,5 +1,6 @@
 //! Presets are what their names promise: from low to ultra each is nearer to the truth than the one before, and takes no less time.
 use anyhow::{Context, Result, ensure};
+use glam::Vec3;
 use magpie::gpu::Gpu;
 use magpie::scene::Scene;
 use magpie::stage::QUALITIES;
@@ -117,11 +118,13 @@ fn ao() -> Result<()> {
     slot_in_order("ao", Only::AmbientOcclusion, &builtin("courtyard")?)
 }
 
-/// The box with walls that are half metal and shine: highlights are what points of a lamp are for.
+/// The box with walls that are half metal and shine, and of which one glows: highlights are what points of a lamp are for.
 #[test]
 fn direct() -> Result<()> {
     let mut scene = builtin("cornell")?;
     scene.materials.iter_mut().for_each(|m| (m.metalness, m.roughness) = (0.5, 0.4));
+    let glows = scene.materials.iter_mut().find(|m| m.emission == Vec3::ZERO).context("everything shines")?;
+    glows.emission = Vec3::splat(0.5);
     slot_in_order("direct", Only::Direct, &scene)
 }
 

@@ -13,8 +13,8 @@ use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
 
 /// From cheap to accurate: points of lights that have a size, and rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [
-    Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "1")] },
-    Preset { name: "medium", implementation: "all-lights", settings: &[("area", "1"), ("emitter_rays", "1")] },
+    Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "0")] },
+    Preset { name: "medium", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "1")] },
     Preset { name: "high", implementation: "all-lights", settings: &[("area", "4"), ("emitter_rays", "1")] },
     Preset { name: "ultra", implementation: "all-lights", settings: &[("area", "16"), ("emitter_rays", "4")] },
 ];
