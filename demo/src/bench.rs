@@ -28,10 +28,27 @@ impl From<BenchError> for Failure {
     }
 }
 
+/// The file that `--json` names, if it names one.
+fn json_file(wanted: Option<&Option<PathBuf>>) -> Result<Option<Output>, Failure> {
+    wanted.and_then(Option::as_ref).map(|path| Output::plan("--json", path, &["json"])).transpose()
+}
+
+/// Prints the table and writes JSON to the file; `--json` without a file prints JSON in place of the table.
+fn tell(
+    (file, wants_json): (Option<Output>, bool),
+    table: &str,
+    json: impl Fn() -> Result<String, Failure>,
+) -> Result<(), Failure> {
+    if file.is_none() && wants_json {
+        return console::print(&json()?);
+    }
+    console::print(table)?;
+    file.map_or(Ok(()), |file| file.write_text(&json()?))
+}
+
 /// `magpie bench graph`.
 pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
-    let file = arguments.json.as_ref().and_then(Option::as_ref);
-    let file = file.map(|path| Output::plan("--json", path, &["json"])).transpose()?;
+    let file = json_file(arguments.json.as_ref())?;
     let options = if arguments.quick {
         Options::quick()
     } else {
@@ -39,14 +56,7 @@ pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
     };
     let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
     let report = run(&gpu, &options, |next| log::info!("{next}"))?;
-    let json = || report.to_json().map_err(Failure::running);
-    match (file, &arguments.json) {
-        (None, Some(_)) => console::print(&json()?),
-        (file, _) => {
-            console::print(&report.table())?;
-            file.map_or(Ok(()), |file| file.write_text(&json()?))
-        }
-    }
+    tell((file, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
 impl From<RayBenchError> for Failure {
@@ -60,8 +70,7 @@ impl From<RayBenchError> for Failure {
 
 /// `magpie bench rays`.
 pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
-    let json = arguments.json.as_ref().and_then(Option::as_ref);
-    let json = json.map(|path| Output::plan("--json", path, &["json"])).transpose()?;
+    let json = json_file(arguments.json.as_ref())?;
     let csv = arguments.csv.as_ref().map(|path| Output::plan("--csv", path, &["csv"])).transpose()?;
     let outputs: Vec<&Output> = [&json, &csv].into_iter().flatten().collect();
     let inputs: Vec<(&str, &Path)> = arguments.scene.iter().map(|s| ("--scene", s.as_path())).collect();
@@ -92,14 +101,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &rays::charts(&report).map_err(Failure::running)?)?;
     }
-    let text = || report.to_json().map_err(Failure::running);
-    match (json, &arguments.json) {
-        (None, Some(_)) => console::print(&text()?),
-        (file, _) => {
-            console::print(&report.table())?;
-            file.map_or(Ok(()), |file| file.write_text(&text()?))
-        }
-    }
+    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
 /// The folder of `--charts`.
@@ -123,8 +125,7 @@ impl From<MotionError> for Failure {
 
 /// `magpie bench motion`.
 pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
-    let json = arguments.json.as_ref().and_then(Option::as_ref);
-    let json = json.map(|path| Output::plan("--json", path, &["json"])).transpose()?;
+    let json = json_file(arguments.json.as_ref())?;
     keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
     arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
@@ -143,12 +144,5 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &report.charts().map_err(Failure::running)?)?;
     }
-    let text = || report.to_json().map_err(Failure::running);
-    match (json, &arguments.json) {
-        (None, Some(_)) => console::print(&text()?),
-        (file, _) => {
-            console::print(&report.table())?;
-            file.map_or(Ok(()), |file| file.write_text(&text()?))
-        }
-    }
+    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
 }
