@@ -28,19 +28,23 @@ vec4 reprojected(uint image, ivec2 first, vec4 taps) {
     return params.radiance != 0u ? value.xxxx : value;
 }
 
-// Channels in which what is known may be of another place or time: pixels of the frame before are interpolated, what the channel is about
-// moves by itself, or something has changed around.
-bvec4 unsettled(vec2 was, vec4 forgotten) {
-    bool between = any(greaterThan(abs(was - round(was)), vec2(0.01)));
+// Whether pixels of the frame before are interpolated.
+bool is_between(vec2 was) {
+    return any(greaterThan(abs(was - round(was)), vec2(0.01)));
+}
+
+// Channels in which what is known may be of another place or time: pixels are interpolated, what the channel is about moves by itself, or
+// something has changed around.
+bvec4 unsettled(bool between, vec4 forgotten) {
     uvec4 moves = uvec4(between ? 15u : params.moved) & uvec4(1u, 2u, 4u, 8u);
     return bvec4(moves | uvec4(greaterThan(forgotten, vec4(0.0))));
 }
 
 // Over how many frames the mean may go then. Interpolation widens an edge each time: by f (1 - f) square pixels of variance each way, a sixth
-// in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than twice that. Where there is no penumbra there is no noise,
-// and nothing to be gained.
-vec4 most_frames(vec4 width) {
-    return max(floor(0.5 * width * width), vec4(1.0));
+// in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than three times that. Where there is no penumbra there is no
+// noise, and nothing to be gained; where nothing is interpolated, nothing is widened either, and a second frame halves the noise.
+vec4 most_frames(vec4 width, bool between) {
+    return max(floor(width * width), vec4(between ? 1.0 : 2.0));
 }
 
 // In a penumbra narrower than this, pixels, what is lit and what is dark are both near: a mean beyond all samples around is of another time.
@@ -87,7 +91,8 @@ void main() {
         vec4 filtered = reprojected_colour(params.previous_filtered, first, taps);
         if (params.reach != NO_IMAGE) {
             vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
-            bvec4 moves = unsettled(was, forgotten);
+            bool between = is_between(was);
+            bvec4 moves = unsettled(between, forgotten);
             bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))));
             if (any(narrow)) {
                 vec4 least = now, most = now;
@@ -98,7 +103,7 @@ void main() {
                 before = inside;
                 filtered = mix(filtered, clamp(filtered, least, most), narrow);
             }
-            frames = min(frames, mix(vec4(LONGEST), most_frames(width), moves));
+            frames = min(frames, mix(vec4(LONGEST), most_frames(width, between), moves));
         }
         vec4 share = 1.0 / frames;
         vec4 apart = sampled - before;

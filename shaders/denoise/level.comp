@@ -6,11 +6,12 @@
 #include "lib/tiles.glsl"
 #include "shared/shadows.glsl"
 // One level of the edge-avoiding à-trous wavelet filter (Dammertz et al. 2010), guided by depth, normal and variance (Schied et al. 2017,
-// section 4.4): 5x5 taps of a cubic B-spline, `step` pixels apart.
+// section 4.4): 3x3 taps of a linear B-spline, `step` pixels apart. The 5x5 of a cubic one, as there, take 2.5 times as long for the same
+// error.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { LevelParams params; };
 
-const float SPLINE[3] = float[](3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0);
+const float SPLINE[2] = float[](1.0 / 2.0, 1.0 / 4.0);
 // Beside the standard deviation: what two values may differ by in any case, so that no weight is 0 over 0.
 const float LEAST_DIFFERENCE = 1e-6;
 
@@ -45,8 +46,8 @@ void main() {
     if (params.reach != NO_IMAGE) farthest = 0.5 * PENUMBRA_MOST * load(params.reach, pixel);
     vec4 apart = params.sigma * sqrt(blurred) + LEAST_DIFFERENCE;
     vec4 sum = vec4(0.0), errors = vec4(0.0), weights = vec4(0.0);
-    for (int y = -2; y <= 2; y++) {
-        for (int x = -2; x <= 2; x++) {
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
             ivec2 offset = ivec2(x, y) * int(params.step);
             ivec2 at = pixel + offset;
             if (!inside(at, view.at[0].size)) continue;

@@ -45,8 +45,9 @@ void main() {
                 mean += apart * (weight / weights);
             }
         }
-        // That of the means over the frames so far, which is what is filtered.
-        error = mix(error, squares / weights, short_one);
+        // That of the means over the frames so far, which is what is filtered. It is itself a guess from few, noisy pixels: the fewer
+        // frames, the more is allowed for.
+        error = mix(error, squares / weights * (ENOUGH / max(frames, vec4(1.0))), short_one);
     }
     // No penumbra, no noise: what differs around are edges.
     if (params.reach != NO_IMAGE) error = mix(vec4(0.0), error, greaterThan(load(params.reach, pixel), vec4(0.0)));

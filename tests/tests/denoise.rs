@@ -10,8 +10,9 @@ use magpie::prelude::*;
 use magpie::scene::Scene;
 use magpie::stage::{Build, SettingSpec, Settings, StageError};
 use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
-use magpie_passes::stages::{ShadowGroup, ShadowIn, ShadowOut};
+use magpie_passes::stages::{GBuffer, ShadowGroup, ShadowIn, ShadowOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_shaders::shadows::PENUMBRA_MOST;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sun};
@@ -19,7 +20,7 @@ use magpie_tests::made::{add, camera, material, plane, scene, sun};
 const SIZE: [u32; 2] = [96, 54];
 
 /// `low + (high - low) * x`, where x is 1 (kind 0), a number of each pixel's own (1), one of each pixel and frame (2), or that on
-/// instances with odd numbers and its negative on the others (3).
+/// instances with odd numbers and its negative on the others (3), or in the left half of the picture, beside `low` in the right one (4).
 const PATTERN: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -31,6 +32,7 @@ void main() {
     if (any(greaterThanEqual(uvec2(p), size))) return;
     Random random = random_of(uint(p.y) * size.x + uint(p.x), kind == 1u ? 0u : frame, 7u);
     vec4 x = kind == 0u ? vec4(1.0) : random4(random);
+    if (kind == 4u && uint(p.x) >= size.x / 2u) x = vec4(0.0);
     if (kind == 3u) x = mix(vec4(low), vec4(high), x) * ((load_uint(ids, p).x & 1u) == 0u ? -1.0 : 1.0);
     else x = mix(vec4(low), vec4(high), x);
     store(result, p, x);
@@ -57,6 +59,8 @@ struct Patterned {
     kind: u32,
     low: f32,
     high: f32,
+    /// Pixels; none below 0.
+    reach: f32,
 }
 
 impl Patterned {
@@ -70,6 +74,22 @@ impl Patterned {
             kind: settings.u32("kind")?,
             low: settings.f32("low")?,
             high: settings.f32("high")?,
+            reach: settings.f32("reach")?,
+        })
+    }
+
+    /// A pass that draws a pattern.
+    fn draw(&self, g: &mut FrameGraph, gbuffer: GBuffer, name: &str, params: Params) -> Handle<Image> {
+        let pattern = self.pattern;
+        g.pass(name, Queue::Graphics, |p| {
+            let ids = p.sample(gbuffer.ids);
+            let (made, target) = p.create("made", ImageDesc::like(Format::Rgba32Float, gbuffer.depth));
+            let extent = p.extent(gbuffer.depth);
+            (made.read(), move |c: &mut Record<'_>| {
+                let size = [extent.width, extent.height];
+                let params = Params { ids: c.id(ids), result: c.id(target), size, ..params };
+                c.dispatch(pattern, &params, extent);
+            })
         })
     }
 }
@@ -79,20 +99,15 @@ impl Effect for Patterned {
     type Out = ShadowOut;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
-        let Self { pattern, kind, low, high, .. } = *self;
-        let frame = view.frame;
-        let noisy = g.pass("shadows.pattern", Queue::Graphics, |p| {
-            let ids = p.sample(i.gbuffer.ids);
-            let (made, target) = p.create("made", ImageDesc::like(Format::Rgba32Float, i.gbuffer.depth));
-            let extent = p.extent(i.gbuffer.depth);
-            (made.read(), move |c: &mut Record<'_>| {
-                let size = [extent.width, extent.height];
-                let params = Params { ids: c.id(ids), result: c.id(target), size, kind, frame, low, high };
-                c.dispatch(pattern, &params, extent);
-            })
-        });
+        let Self { kind, low, high, reach, .. } = *self;
+        let params = Params { kind, low, high, frame: view.frame, ..Params::zeroed() };
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
-        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None, reach: None, moved: 0 };
+        let noisy = self.draw(g, gbuffer, "shadows.pattern", params);
+        let width = reach / PENUMBRA_MOST;
+        let reach = (reach >= 0.0).then(|| {
+            self.draw(g, gbuffer, "shadows.pattern_reach", Params { kind: 0, low: 0.0, high: width, ..params })
+        });
+        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None, reach, moved: 0 };
         let visibility = self.denoiser.add(g, view, i, "");
         let mut out = ShadowOut::default();
         out.groups[0] = Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false });
@@ -106,9 +121,10 @@ fn slots() -> Slots {
     let mut settings = denoise::settings();
     settings.extend([
         SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, (0, 4)),
-        SettingSpec::integer("kind", "", "Which pattern.", 0, (0, 3)),
+        SettingSpec::integer("kind", "", "Which pattern.", 0, (0, 4)),
         float("low", 0.0),
         float("high", 1.0),
+        float("reach", -1.0),
     ]);
     slots.shadows.register("pattern", "A pattern, denoised.", &settings, |build, settings| {
         Ok(Box::new(Patterned::new(build, settings)?))
@@ -174,15 +190,17 @@ const IDS: (&str, &str) = ("gbuffer.draw", "ids");
 
 #[test]
 fn constant_input_stays_constant() -> Result<()> {
-    for scene in [builtin("courtyard")?, boards()] {
+    for (scene, values) in [(builtin("courtyard")?, &[0.3_f32][..]), (boards(), &[0.3, 1e6])] {
         for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
-            for value in [0.3_f32, 1e6] {
-                for channels in ["channels=1", "channels=0"] {
+            for &value in values {
+                for (channels, reach) in
+                    [("channels=1", "reach=-1"), ("channels=0", "reach=-1"), ("channels=1", "reach=6")]
+                {
                     let (low, high) = (format!("low={value}"), format!("high={value}"));
-                    let config = patterned(&[denoiser, &low, &high, channels])?;
+                    let config = patterned(&[denoiser, &low, &high, channels, reach])?;
                     let Some(found) = images(&scene, &config, 2, &[output])? else { return Ok(()) };
                     let worst = found[0].values().iter().map(|v| (v[0] / value - 1.0).abs()).fold(0.0, f32::max);
-                    ensure!(worst < 1e-5, "{denoiser} {channels}: {value} becomes another by {worst:e} of it");
+                    ensure!(worst < 1e-5, "{denoiser} {channels} {reach}: {value} becomes another by {worst:e} of it");
                 }
             }
         }
@@ -192,29 +210,65 @@ fn constant_input_stays_constant() -> Result<()> {
 
 #[test]
 fn what_does_not_vary_over_frames_is_not_touched() -> Result<()> {
-    // Each pixel has a number of its own, in all frames. Two frames long the history is at the most; from the fourth frame on variances
-    // are known, and are 0.
-    let config = patterned(&["kind=1", "channels=4", "history=8"])?;
-    let Some(found) = images(&boards(), &config, 16, &[PATTERN_MADE, SVGF, IDS])? else { return Ok(()) };
-    let [made, filtered, ids] = [0, 1, 2].map(|k| found[k].values());
-    let mut surfaces = 0;
-    for ((made, filtered), ids) in made.iter().zip(&filtered).zip(&ids) {
-        if ids[0] > 0.0 {
-            ensure!(made == filtered, "{made:?} became {filtered:?}");
-            surfaces += 1;
+    // Each pixel has a number of its own, in all frames. From the fourth frame on variances are known, and are 0.
+    let pattern = ["kind=1", "channels=4", "history=8"];
+    let Some(given) = images(&boards(), &patterned(&pattern)?, 1, &[PATTERN_MADE, IDS])? else { return Ok(()) };
+    let [made, ids] = [0, 1].map(|k| given[k].values());
+    for reach in ["reach=-1", "reach=16"] {
+        let config = patterned(&[&pattern[..], &[reach]].concat())?;
+        let Some(found) = images(&boards(), &config, 16, &[SVGF])? else { return Ok(()) };
+        let filtered = found[0].values();
+        let mut surfaces = 0;
+        for ((made, filtered), ids) in made.iter().zip(&filtered).zip(&ids) {
+            if ids[0] > 0.0 {
+                ensure!(made == filtered, "{reach}: {made:?} became {filtered:?}");
+                surfaces += 1;
+            }
         }
+        ensure!(surfaces > 2000, "{surfaces} pixels show a surface");
     }
-    ensure!(surfaces > 2000, "{surfaces} pixels show a surface");
+    Ok(())
+}
+
+#[test]
+fn no_noise_goes_further_than_its_reach() -> Result<()> {
+    // Noise on the left, nothing on the right: what lies further than the reach from the middle stays nothing, to the last bit; what lies
+    // beside it does not.
+    let floor = {
+        let mut s = scene("floor", camera(Vec3::new(0.0, 4.0, 0.01), Vec3::ZERO));
+        add(&mut s, plane(20.0), material([0.5; 3], 0.0, 0.8), Affine3A::IDENTITY);
+        s.lights.push(sun(Vec3::Y));
+        s
+    };
+    let [width, middle] = [SIZE[0] as usize, SIZE[0] as usize / 2];
+    for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+        let mut farthest = Vec::new();
+        for reach in [0, 6, 24] {
+            let config = patterned(&[denoiser, "kind=4", "low=0", "radius=16", "sigma=16", &format!("reach={reach}")])?;
+            let Some(found) = images(&floor, &config, 1, &[output])? else { return Ok(()) };
+            let values = found[0].values();
+            let far = (0..values.len()).filter(|at| values[*at][0] != 0.0).map(|at| at % width + 1).max();
+            let beyond = far.context("nothing is left")?.saturating_sub(middle);
+            ensure!(beyond <= reach, "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was");
+            farthest.push(beyond);
+        }
+        ensure!(farthest[0] == 0 && farthest[1] > 0 && farthest[2] > farthest[1], "{denoiser}: {farthest:?}");
+    }
     Ok(())
 }
 
 #[test]
 fn surfaces_do_not_mix() -> Result<()> {
     // On one of two neighbours numbers from 0.5 to 1.5, on the other their negatives: nothing between -0.5 and 0.5 can come of either.
-    for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
-        let config = patterned(&[denoiser, "kind=3", "low=0.5", "high=1.5", "channels=1", "sigma=16"])?;
-        let Some(found) = images(&boards(), &config, 6, &[output, IDS])? else { return Ok(()) };
-        let (filtered, ids) = (found[0].values(), found[1].values());
+    let Some(ids) = images(&boards(), &patterned(&[])?, 1, &[IDS])? else { return Ok(()) };
+    let ids = ids[0].values();
+    for (denoiser, output, reach) in
+        [("svgf", SVGF, "reach=-1"), ("bilateral", BILATERAL, "reach=-1"), ("svgf", SVGF, "reach=24")]
+    {
+        let denoiser = &format!("denoiser={denoiser}");
+        let config = patterned(&[denoiser, "kind=3", "low=0.5", "high=1.5", "channels=1", "sigma=16", reach])?;
+        let Some(found) = images(&boards(), &config, 6, &[output])? else { return Ok(()) };
+        let filtered = found[0].values();
         let (mut smooth, mut surfaces) = (0, 0);
         for (filtered, ids) in filtered.iter().zip(&ids) {
             if ids[0] > 0.0 {
@@ -238,8 +292,10 @@ fn nothing_becomes_nan() -> Result<()> {
     for scene in [empty, boards()] {
         for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
             for (kind, high) in [("kind=0", "high=0"), ("kind=2", "high=1e6"), ("kind=1", "high=1e6")] {
-                for channels in ["channels=0", "channels=2"] {
-                    let config = patterned(&[denoiser, kind, "low=0", high, channels])?;
+                for (channels, reach) in
+                    [("channels=0", "reach=-1"), ("channels=2", "reach=-1"), ("channels=2", "reach=2")]
+                {
+                    let config = patterned(&[denoiser, kind, "low=0", high, channels, reach])?;
                     if images(&scene, &config, 5, &[output])?.is_none() {
                         return Ok(());
                     }

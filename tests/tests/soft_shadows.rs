@@ -7,6 +7,7 @@ use magpie_accuracy::metrics::RELMSE_EPSILON;
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
+use std::env;
 
 #[allow(dead_code, reason = "shared with the tests of maps")]
 #[path = "shadow_maps/rig.rs"]
@@ -43,10 +44,13 @@ fn truth(gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], samples: u32) -> R
 #[test]
 fn rays_converge_to_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
+    // The noise of the truth is known, and is taken off unless there is time for a truth without it.
+    let full = env::var_os("MAGPIE_FULL").is_some();
+    let (samples, frames, most_noise) = if full { (32768, 1024, 5e-5) } else { (4096, 128, 2e-4) };
     for (name, size, channels) in [("cornell", [48, 48], 1), ("courtyard", [48, 27], 2)] {
         let scene = builtin(name)?;
-        let truth = truth(&gpu, &scene, size, 4096)?;
-        let found = mean(&gpu, &scene, size, 128)?;
+        let truth = truth(&gpu, &scene, size, samples)?;
+        let found = mean(&gpu, &scene, size, frames)?;
         let (mut error, mut floor, mut white, mut counted, mut others) = (0.0, 0.0, 0.0, 0.0, 0);
         let errors = truth.standard_error();
         let mut worst: f64 = 0.0;
@@ -68,11 +72,11 @@ fn rays_converge_to_the_reference() -> Result<()> {
         let [error, floor, white] = [error, floor, white].map(|sum: f64| sum / counted);
         ensure!(others * 100 <= found.len(), "{name}: {others} pixels are off by more than 0.05");
         println!(
-            "{name}: relMSE {error:.2e}, of which {floor:.1e} is noise of the truth; of white {white:.1}; worst {worst:.3?}"
+            "{name}: relMSE {error:.2e}, of which {floor:.1e} is noise of the truth; {others} pixels show another surface; of white {white:.1}; worst {worst:.3?}"
         );
-        // The noise of the truth is known, and taken off.
-        ensure!(floor < 2e-4, "{name}: the truth is too noisy to tell: {floor:.1e}");
-        ensure!(error - floor < 1e-4 && white > 0.1, "{name}: relMSE {error:.2e}, noise of the truth {floor:.1e}");
+        ensure!(floor < most_noise, "{name}: the truth is too noisy to tell: {floor:.1e}");
+        let taken_off = if full { 0.0 } else { floor };
+        ensure!(error - taken_off < 1e-4 && white > 0.1, "{name}: relMSE {error:.2e}, noise of the truth {floor:.1e}");
     }
     Ok(())
 }

@@ -26,7 +26,7 @@ pub fn settings() -> Vec<SettingSpec> {
                       of the rays, small folds suffer.";
     let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8])];
     // What hides a surface from ambient light goes with it, mostly: nobody looks for changes.
-    settings.extend(denoise::settings().into_iter().filter(|s| s.key != "adaptive"));
+    settings.extend(denoise::settings());
     settings.push(super::range());
     settings.push(SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all());
     settings

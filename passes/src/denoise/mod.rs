@@ -55,7 +55,7 @@ pub fn filters(settings: &Settings) -> Result<bool, StageError> {
     Ok(settings.choice("denoiser")? != "none")
 }
 
-/// Whether the denoiser asks an effect what has changed.
+/// Whether the denoiser asks an effect that has [`adaptive`] what has changed.
 pub fn is_adaptive(settings: &Settings) -> Result<bool, StageError> {
     Ok(settings.choice("denoiser")? == "svgf" && settings.switch("adaptive")?)
 }
@@ -78,17 +78,10 @@ pub fn settings() -> Vec<SettingSpec> {
             32,
             (1, 255),
         ),
-        SettingSpec::switch(
-            "adaptive",
-            "Of `svgf` at full resolution: rays in one pixel of nine find what has changed since the frame before, where history is \
-             forgotten: moved shadows and switched lights are seen at once, for a ninth of a ray a pixel and some noise.",
-            true,
-        )
-        .sweep_all(),
         SettingSpec::integer(
             "levels",
             "",
-            "Of `svgf`: how often the filter doubles its reach, from 2 pixels on. Higher: smoother wide penumbrae, more time.",
+            "Of `svgf`: how often the filter doubles its reach, from 1 pixel on. Higher: smoother wide penumbrae, more time.",
             4,
             (1, 6),
         ),
@@ -96,11 +89,22 @@ pub fn settings() -> Vec<SettingSpec> {
             "sigma",
             "standard deviations",
             "Of `svgf`: how far two values may be apart to be averaged with a weight of 1/e. Higher: smoother, and shadows lose detail.",
-            1.5,
+            2.0,
             (0.1, 16.0),
         ),
         SettingSpec::integer("radius", "pixels", "Of `bilateral`: how far it blurs to each side.", 4, (1, 16)),
     ]
+}
+
+/// What an effect that looks for changes takes over as well.
+pub fn adaptive() -> SettingSpec {
+    SettingSpec::switch(
+        "adaptive",
+        "Of `svgf` at full resolution: rays in one pixel of nine find what has changed since the frame before, where history is \
+         forgotten: moved shadows and switched lights are seen at once, for a ninth of a ray a pixel and some noise.",
+        true,
+    )
+    .sweep_all()
 }
 
 impl Denoiser {

@@ -21,8 +21,7 @@ pub fn settings() -> Vec<SettingSpec> {
     let rays = "Rays of a pixel to emissive surfaces, where the scene has any that no light stands for. Higher: less noise, at a cost that \
                 grows as much. 0: they light nothing.";
     let mut settings = vec![SettingSpec::among(RAYS, "", rays, 1, &[0, 1, 2, 4, 8]).sweep_all()];
-    // Nobody looks for changes.
-    settings.extend(denoise::settings().into_iter().filter(|s| s.key != "adaptive"));
+    settings.extend(denoise::settings());
     settings
 }
 

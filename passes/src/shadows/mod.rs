@@ -4,7 +4,7 @@ mod maps;
 mod ray_traced;
 mod reach;
 
-use crate::denoise::{Content, DenoiseIn, Denoiser, is_adaptive, settings as denoising};
+use crate::denoise::{self, Content, DenoiseIn, Denoiser, is_adaptive};
 use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
@@ -59,7 +59,8 @@ fn settings(measured: Technique) -> Vec<SettingSpec> {
         spec
     };
     // What trades accuracy for time most comes first: the report crosses that.
-    let rays = std::iter::once(ray_traced::rays()).chain(denoising()).chain(ray_traced::settings());
+    let denoising = denoise::settings().into_iter().chain([denoise::adaptive()]);
+    let rays = std::iter::once(ray_traced::rays()).chain(denoising).chain(ray_traced::settings());
     let rays = rays.map(|s| of(Technique::Rays, s));
     let maps = maps::settings().into_iter().map(|s| of(Technique::Map, s));
     rays.chain(maps).chain(choice::settings()).collect()

@@ -75,15 +75,11 @@ impl Colour {
     }
 }
 
-/// A number as axes show it.
+/// A number as axes show it: three digits that count, so that no two ticks read the same.
 fn number(value: &f64) -> String {
-    let text = match value.abs() {
-        v if v >= 10.0 => return format!("{value:.0}"),
-        v if v >= 1.0 => format!("{value:.1}"),
-        v if v >= 0.01 => format!("{value:.2}"),
-        _ => format!("{value:.4}"),
-    };
-    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    let decimals = (2.0 - value.abs().max(1e-6).log10().floor()).clamp(0.0, 6.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 impl Chart {
@@ -192,8 +188,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
-        let shown: Vec<String> = [0.0, 1000.0, 23.4, 2.5, 3.0, 0.1, 0.25, 0.0005].iter().map(number).collect();
-        assert_eq!(shown, ["0", "1000", "23", "2.5", "3", "0.1", "0.25", "0.0005"]);
+    fn numbers_are_short_and_ticks_apart() {
+        let shown: Vec<String> = [0.0, 1000.0, 20.0, 23.4, 2.5, 0.1, 0.25, 0.045, 0.0005].iter().map(number).collect();
+        assert_eq!(shown, ["0", "1000", "20", "23.4", "2.5", "0.1", "0.25", "0.045", "0.0005"]);
     }
 }
