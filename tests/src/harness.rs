@@ -1,21 +1,94 @@
-//! What GPU tests share: one device with the validation layers on, scenes, renders and goldens.
-use anyhow::{Context, Result, bail, ensure};
+//! What GPU tests share: devices with the validation layers on, scenes, renders and goldens.
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use magpie::config::Config;
 use magpie::gpu::{Gpu, GpuOptions};
 use magpie::pixels::Pixels;
 use magpie::scene::{Scene, supply_missing};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
-use std::env;
+use std::cell::Cell;
+use std::num::NonZero;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
+use std::{env, thread};
 
-/// A device with validation, or `None` when the caller asked for no GPU (`MAGPIE_NO_GPU`). No device at all is a failure.
-pub fn gpu() -> Result<Option<Gpu>> {
+/// A device with validation that a test has to itself, or `None` when the caller asked for no GPU (`MAGPIE_NO_GPU`). No device at all is
+/// a failure.
+pub fn gpu() -> Result<Option<Lent>> {
     if env::var_os("MAGPIE_NO_GPU").is_some() {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
         return Ok(None);
     }
+    let devices =
+        DEVICES.get_or_init(|| open().map(|free| Devices { free: Mutex::new(free), came_back: Condvar::new() }));
+    let devices = devices.as_ref().map_err(|e| anyhow!("{e:#}"))?;
+    Ok(Some(Lent { gpu: devices.lend(), devices }))
+}
+
+/// The devices of this process: as many as tests run at once, four at the most, all opened before the first is used, none closed before
+/// the process ends.
+/// The validation layer looks every call's device up in a map that it changes, without a lock, when a device comes or goes: whoever calls
+/// meanwhile, on another thread and another device, may crash (Vulkan-ValidationLayers, issue 4391).
+static DEVICES: OnceLock<Result<Devices>> = OnceLock::new();
+
+struct Devices {
+    free: Mutex<Vec<Gpu>>,
+    came_back: Condvar,
+}
+
+fn open() -> Result<Vec<Gpu>> {
     let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: true, ..GpuOptions::default() };
-    Ok(Some(Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out")?))
+    let count = thread::available_parallelism().map_or(1, NonZero::get).min(4);
+    (0..count)
+        .map(|_| Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out"))
+        .collect()
+}
+
+thread_local! {
+    static BORROWS: Cell<bool> = const { Cell::new(false) };
+}
+
+impl Devices {
+    /// Waits for a free device.
+    fn lend(&self) -> Gpu {
+        assert!(!BORROWS.replace(true), "a test that takes a second device may wait forever for it");
+        let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            match free.pop() {
+                Some(gpu) => return gpu,
+                None => free = self.came_back.wait(free).unwrap_or_else(PoisonError::into_inner),
+            }
+        }
+    }
+}
+
+/// A device, until this is dropped; the next test gets it then. A message of the validation layers that nobody asked for is a failure of
+/// the test that leaves it behind.
+pub struct Lent {
+    gpu: Gpu,
+    devices: &'static Devices,
+}
+
+impl Deref for Lent {
+    type Target = Gpu;
+
+    fn deref(&self) -> &Gpu {
+        &self.gpu
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        let left = self.gpu.wait_idle().and_then(|()| self.gpu.check_validation());
+        BORROWS.set(false);
+        self.devices.free.lock().unwrap_or_else(PoisonError::into_inner).push(self.gpu.clone());
+        self.devices.came_back.notify_one();
+        if let Err(error) = left
+            && !thread::panicking()
+        {
+            panic!("left behind: {error}");
+        }
+    }
 }
 
 /// A built-in scene with everything supplied.

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
-use magpie::gpu::{Gpu, Kernel};
+use magpie::gpu::Kernel;
 use magpie::graph::{HistoryScope, Switches};
 use magpie::measure::Memory;
 use magpie::prelude::*;
@@ -12,7 +12,7 @@ use magpie::stage::{BoxedEffect, Build, SettingSpec, Settings, StageError};
 use magpie_passes::stages::{PostIn, PostOut};
 use magpie_passes::{FrameRequest, ReadBack, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
-use magpie_tests::harness::{builtin, gpu};
+use magpie_tests::harness::{Lent, builtin, gpu};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const SIZE: [u32; 2] = [96, 54];
@@ -96,9 +96,10 @@ fn trail(build: &Build<'_>, settings: &Settings, told: Told) -> Result<Trail, St
 
 /// A renderer with its scene. Messages of the validation layers fail a frame.
 struct Run {
-    gpu: Gpu,
     scene: Scene,
     renderer: Renderer,
+    /// Given back after the renderer is gone.
+    gpu: Lent,
 }
 
 impl Run {
@@ -108,7 +109,7 @@ impl Run {
         let options =
             RenderOptions { width: SIZE[0], height: SIZE[1], seed: 1, check: false, ..RenderOptions::default() };
         let renderer = Renderer::new(&gpu, &scene, slots, config, options)?;
-        Ok(Some(Self { gpu, scene, renderer }))
+        Ok(Some(Self { scene, renderer, gpu }))
     }
 
     fn frame(&mut self, read_back: bool) -> Result<Option<ReadBack>> {

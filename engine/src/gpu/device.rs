@@ -21,7 +21,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub struct GpuOptions {
     /// Index or part of the name; the best accepted device when `None`.
     pub device: Option<String>,
-    /// Turn the validation layers on, synchronization validation included.
+    /// Turn the validation layers on, synchronization validation included. Up to 1.3.239 at least, they may crash when a device is opened or
+    /// closed while another thread uses one (Vulkan-ValidationLayers, issue 4391).
     pub validation: bool,
     /// Ways to trace that the driver has and that are left turned off, as if it had not.
     pub without_rays: Vec<Rays>,
