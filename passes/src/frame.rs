@@ -48,7 +48,7 @@ pub fn frame(
     let scene = stages.acceleration.add(g, view, scene)?;
     stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
-    let reprojected = stages.reprojection.add(g, view, gbuffer); // for denoisers, and culled when there are none
+    let reprojected = stages.reprojection.add(g, view, (scene, gbuffer)); // for denoisers, and culled when there are none
     let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer, reprojected });
     g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
     let ao = stages.ao.add(g, view, AoIn { scene, gbuffer, reprojected });

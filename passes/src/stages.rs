@@ -40,9 +40,9 @@ pub struct GBuffer {
 /// The surfaces that are seen, and where they were one frame ago, as denoisers read them.
 #[derive(Clone, Copy, Debug)]
 pub struct Reprojected {
-    /// View depth, shading normal and instance in two words.
+    /// View depth, geometric normal and instance in two words.
     pub guide: Handle<Image>,
-    /// Shares of the four pixels around where a surface was seen; zeros where it was not.
+    /// Which four pixels showed the surface, and their shares, in one word; 0 where none did.
     pub taps: Handle<Image>,
 }
 

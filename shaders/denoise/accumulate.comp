@@ -3,8 +3,8 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
-#include "shared/denoise.glsl"
-#include "shared/shadows.glsl"
+#include "lib/reach.glsl"
+#include "lib/taps.glsl"
 // The mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather than two moments: the
 // difference of moments loses the digits of small variances (Welford 1962; for weights that fade: Finch 2009, "Incremental calculation
 // of weighted mean and variance", equations 138 and 143).
@@ -14,17 +14,17 @@ layout(push_constant, scalar) uniform Push { AccumulateParams params; };
 // Up to so many frames what is fed back counts in full.
 const float FEW = 4.0;
 
-vec4 reprojected_colour(uint image, ivec2 first, vec4 taps) {
+vec4 reprojected_colour(uint image, Taps taps) {
     vec4 sum = vec4(0.0);
     for (int k = 0; k < 4; k++) {
-        if (taps[k] > 0.0) sum += taps[k] * load(image, first + ivec2(k & 1, k >> 1));
+        if (taps.shares[k] > 0.0) sum += taps.shares[k] * load(image, taps.first + ivec2(k & 1, k >> 1));
     }
     return sum;
 }
 
 // The same of what radiance has one number of for all channels.
-vec4 reprojected(uint image, ivec2 first, vec4 taps) {
-    vec4 value = reprojected_colour(image, first, taps);
+vec4 reprojected(uint image, Taps taps) {
+    vec4 value = reprojected_colour(image, taps);
     return params.radiance != 0u ? value.xxxx : value;
 }
 
@@ -71,14 +71,12 @@ void main() {
     vec4 now = load(params.noisy, pixel);
     vec4 sampled = params.radiance != 0u ? vec4(luminance(now.rgb)) : now;
 
-    vec4 taps = load(params.taps, pixel);
-    float sum = taps.x + taps.y + taps.z + taps.w;
+    vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
+    Taps taps = load_taps(params.taps, pixel, was);
     vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(1.0);
-    if (sum > 0.0) {
-        taps /= sum;
-        vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
-        ivec2 first = ivec2(floor(was));
-        frames = round(reprojected(params.previous_frames, first, taps) * LONGEST);
+    bool between = is_between(was) || taps.beside;
+    if (taps.any) {
+        frames = round(reprojected(params.previous_frames, taps) * LONGEST);
         vec4 forgotten = vec4(0.0);
         if (params.gradient != NO_IMAGE) {
             // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
@@ -87,11 +85,10 @@ void main() {
             frames *= vec4(1.0) - forgotten;
         }
         frames = min(floor(frames) + 1.0, params.longest);
-        vec4 before = reprojected(params.previous_mean, first, taps);
-        vec4 filtered = reprojected_colour(params.previous_filtered, first, taps);
+        vec4 before = reprojected(params.previous_mean, taps);
+        vec4 filtered = reprojected_colour(params.previous_filtered, taps);
         if (params.reach != NO_IMAGE) {
-            vec4 width = load(params.reach, pixel) * PENUMBRA_MOST;
-            bool between = is_between(was);
+            vec4 width = penumbra_around(params.reach, pixel);
             bvec4 moves = unsettled(between, forgotten);
             bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))));
             if (any(narrow)) {
@@ -104,11 +101,15 @@ void main() {
                 filtered = mix(filtered, clamp(filtered, least, most), narrow);
             }
             frames = min(frames, mix(vec4(LONGEST), most_frames(width, between), moves));
+            if (is_jittered(view)) {
+                vec4 most = most_frames(averaged_width(view, width), true);
+                frames = min(frames, mix(vec4(LONGEST), most, greaterThan(width, vec4(0.0))));
+            }
         }
         vec4 share = 1.0 / frames;
         vec4 apart = sampled - before;
         mean = before + share * apart;
-        variance = (1.0 - share) * (reprojected(params.previous_variance, first, taps) + share * apart * apart);
+        variance = (1.0 - share) * (reprojected(params.previous_variance, taps) + share * apart * apart);
         vec4 fed = filtered + share * (now - filtered);
         // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
         // Of radiance there is no mean but that.
@@ -117,10 +118,11 @@ void main() {
         accumulated = plain + helped * (fed - plain);
     }
     store(params.accumulated, pixel, accumulated);
-    // The variance of a mean is that of one of its samples over their number, were they independent. Points of a scrambled sequence are
-    // stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997, "Scrambled net variance for integrals of
-    // smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
-    store(params.error, pixel, variance / (frames * sqrt(frames)));
+    // The variance of a mean is that of one of its samples over their number, where they are independent, as those of different pixels are.
+    // Points of one pixel's scrambled sequence are stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997,
+    // "Scrambled net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
+    vec4 independent = between ? vec4(1.0) : sqrt(frames);
+    store(params.error, pixel, variance / (frames * independent));
     store(params.mean, pixel, mean);
     store(params.variance, pixel, variance);
     store(params.frames, pixel, frames / LONGEST);

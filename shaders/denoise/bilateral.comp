@@ -2,8 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
-#include "shared/denoise.glsl"
-#include "shared/shadows.glsl"
+#include "lib/reach.glsl"
 // A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal in the
 // place of the colour's own edges), no further than noise reaches. No history, no variance: one pass.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -14,7 +13,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     vec4 noisy = load(params.noisy, pixel);
-    Guide here = load_guide(params.guide, pixel);
+    Guide here = load_guide(params.guide, params.normals, pixel);
     if (!is_surface(here)) {
         store(params.filtered, pixel, noisy);
         return;
@@ -23,7 +22,7 @@ void main() {
     // Two standard deviations to each side.
     float falloff = 2.0 / float(params.radius * params.radius);
     vec4 farthest = vec4(float(params.radius));
-    if (params.reach != NO_IMAGE) farthest = min(farthest, 0.5 * PENUMBRA_MOST * load(params.reach, pixel));
+    if (params.reach != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, penumbra_around(params.reach, pixel)));
     // No pixel is nearer than one.
     int radius = int(max(max(farthest.x, farthest.y), max(farthest.z, farthest.w)));
     // The pixel itself comes first: what is divided by is never less than 1.
@@ -33,7 +32,7 @@ void main() {
         for (int x = -radius; x <= radius; x++) {
             ivec2 at = pixel + ivec2(x, y);
             if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
-            float edges = edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+            float edges = edge_weight(here, gradient, load_guide(params.guide, params.normals, at), vec2(x, y));
             if (!(edges > 0.0)) continue;
             float square = float(x * x + y * y);
             vec4 weight = mix(vec4(0.0), vec4(edges * exp(-falloff * square)), lessThanEqual(vec4(square), farthest * farthest));

@@ -3,8 +3,8 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/guide.glsl"
+#include "lib/reach.glsl"
 #include "lib/tiles.glsl"
-#include "shared/shadows.glsl"
 // One level of the edge-avoiding à-trous wavelet filter (Dammertz et al. 2010), guided by depth, normal and variance (Schied et al. 2017,
 // section 4.4): 3x3 taps of a linear B-spline, `step` pixels apart. The 5x5 of a cubic one, as there, take 2.5 times as long for the same
 // error.
@@ -32,7 +32,7 @@ void main() {
     if (!inside(pixel, view.at[0].size)) return;
     vec4 colour = load(params.colour, pixel);
     vec4 blurred = load_error(params.blurred, pixel, params.channels);
-    Guide here = load_guide(params.guide, pixel);
+    Guide here = load_guide(params.guide, params.normals, pixel);
     // Where nothing varies, nothing changes, to the last bit.
     if (!is_surface(here) || blurred == vec4(0.0)) {
         store(params.filtered, pixel, colour);
@@ -42,8 +42,10 @@ void main() {
     vec2 gradient = depth_gradient(view, pixel, here);
     vec4 value = compared(colour);
     vec4 farthest = vec4(1e9);
-    // Half to each side. Nearer than one pixel there is nothing to blur with.
-    if (params.reach != NO_IMAGE) farthest = 0.5 * PENUMBRA_MOST * load(params.reach, pixel);
+    // Half to each side, by this level and those before it together: they have gone all but one of this one's steps already.
+    if (params.reach != NO_IMAGE) {
+        farthest = 0.5 * averaged_width(view, penumbra_around(params.reach, pixel)) / (2.0 - 1.0 / float(params.step));
+    }
     vec4 apart = params.sigma * sqrt(blurred) + LEAST_DIFFERENCE;
     vec4 sum = vec4(0.0), errors = vec4(0.0), weights = vec4(0.0);
     for (int y = -1; y <= 1; y++) {
@@ -52,7 +54,7 @@ void main() {
             ivec2 at = pixel + offset;
             if (!inside(at, view.at[0].size)) continue;
             vec2 edges = offset == ivec2(0) ? vec2(0.0, 1.0)
-                : edge_terms(here, gradient, load_guide(params.guide, at), vec2(offset));
+                : edge_terms(here, gradient, load_guide(params.guide, params.normals, at), vec2(offset));
             if (!(edges.y > 0.0)) continue;
             vec4 there = load(params.colour, at);
             vec4 weight = (SPLINE[abs(x)] * SPLINE[abs(y)] * edges.y) * falloff(edges.x + abs(compared(there) - value) / apart);

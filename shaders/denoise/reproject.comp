@@ -3,13 +3,13 @@
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
 #include "lib/reprojection.glsl"
-#include "shared/denoise.glsl"
+#include "lib/taps.glsl"
 // Where each surface was seen one frame ago: the four pixels around that place, each left out where it showed something else, by depth,
 // normal or instance. All denoisers read the same answer.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ReprojectParams params; };
 
-// Least cosine between the normal that is seen and the one that was.
+// Least cosine between the geometric normal that is seen and the one that was.
 const float ALIKE = 0.9;
 // How far a depth may be from what it should have been, over it, beside what one pixel's step along the surface makes.
 const float DEPTH_TOLERANCE = 0.01;
@@ -22,40 +22,61 @@ float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
     return (view.at[0].previous_clip_from_world * vec4(before, 1.0)).w;
 }
 
+// What is known of a surface one frame ago.
+struct Before {
+    float depth;     // of its point, along the view
+    vec2 gradient;   // as of depth_gradient
+    vec2 sampled;    // pixel coordinates of its point, among those of the samples
+};
+
+// Bilinear shares of the four pixels around `at` that showed the surface.
+vec4 shares_of(ViewBuffer view, Before before, Guide here, vec2 at) {
+    vec2 first = floor(at);
+    vec2 f = at - first;
+    vec4 bilinear = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
+    float tolerance = abs(before.gradient.x) + abs(before.gradient.y) + DEPTH_TOLERANCE * before.depth;
+    vec4 shares = vec4(0.0);
+    for (int k = 0; k < 4; k++) {
+        // A thousandth of a pixel is no place of its own.
+        if (bilinear[k] < 1e-3) continue;
+        ivec2 tap = ivec2(first) + ivec2(k & 1, k >> 1);
+        if (!inside(tap, view.at[0].size)) continue;
+        Guide there = load_guide(params.previous_guide, tap);
+        if (!is_surface(there) || there.instance != here.instance) continue;
+        float expected = before.depth + dot(before.gradient, vec2(tap) - before.sampled);
+        if (abs(there.depth - expected) > tolerance || dot(there.plane, here.plane) < ALIKE) continue;
+        shares[k] = bilinear[k];
+    }
+    return shares;
+}
+
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     Surface surface = load_geometry(view, pixel, params.depth, params.normal);
     uint instance = load_uint(params.ids, pixel).x;
-    Guide here = Guide(0.0, vec3(0.0, 0.0, 1.0), instance & 0xffu);
+    Guide here = Guide(0.0, vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), instance & 0xffu);
     if (surface.exists) {
         here.depth = view_depth(view, load(params.depth, pixel).r);
-        here.normal = surface.normal;
+        here.plane = surface.geometric_normal;
     }
     store_uint(params.guide, pixel, uvec4(pack_guide(here), 0u, 0u));
 
-    vec4 taps = vec4(0.0);
+    uint taps = 0u;
     if (params.valid != 0u && surface.exists) {
+        // Motion knows of no jitter, so that what stands still stays at its pixel. The samples of the two frames lie aside of that, each by
+        // its own jitter: a point of a silhouette may have been sampled by the next pixel, where this one showed what is behind.
         vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
-        vec2 first = floor(was);
-        vec2 f = was - first;
-        vec4 bilinear = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
-        vec2 gradient = depth_gradient(view, pixel, here);
-        float expected = view_depth_before(view, instance - 1u, surface.position);
-        float tolerance = abs(gradient.x) + abs(gradient.y) + DEPTH_TOLERANCE * expected;
-        for (int k = 0; k < 4; k++) {
-            // A thousandth of a pixel is no place of its own.
-            if (bilinear[k] < 1e-3) continue;
-            ivec2 tap = ivec2(first) + ivec2(k & 1, k >> 1);
-            if (!inside(tap, view.at[0].size)) continue;
-            Guide there = load_guide(params.previous_guide, tap);
-            if (!is_surface(there) || there.instance != here.instance) continue;
-            if (abs(there.depth - expected) > tolerance || dot(there.normal, here.normal) < ALIKE) continue;
-            taps[k] = bilinear[k];
+        vec2 sampled = was + view.at[0].jitter - view.at[0].previous_jitter;
+        Before before = Before(view_depth_before(view, instance - 1u, surface.position), depth_gradient(view, pixel, here), sampled);
+        vec4 shares = shares_of(view, before, here, was);
+        ivec2 offset = ivec2(0);
+        if (shares == vec4(0.0) && view.at[0].jitter != view.at[0].previous_jitter) {
+            shares = shares_of(view, before, here, sampled);
+            offset = ivec2(floor(sampled)) - ivec2(floor(was));
         }
-        float sum = taps.x + taps.y + taps.z + taps.w;
-        taps = sum > 0.0 ? taps / sum : vec4(0.0);
+        if (shares != vec4(0.0)) taps = pack_taps(shares, offset);
     }
-    store(params.taps, pixel, taps);
+    store_uint(params.taps, pixel, uvec4(taps));
 }

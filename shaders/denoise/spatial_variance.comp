@@ -3,7 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/guide.glsl"
-#include "shared/denoise.glsl"
+#include "lib/reach.glsl"
 // Where too few frames were seen to know a variance, that of the 7x7 pixels around on the same surface takes its place (Schied et al. 2017,
 // section 4.2).
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -20,9 +20,13 @@ void main() {
     if (!inside(pixel, view.at[0].size)) return;
     vec4 error = load(params.error, pixel);
     vec4 frames = round(load(params.frames, pixel) * LONGEST);
-    Guide here = load_guide(params.guide, pixel);
+    Guide here = load_guide(params.guide, params.normals, pixel);
     // Channels that the images lack read as 0 frames.
     bvec4 short_one = bvec4(uvec4(lessThan(frames, vec4(ENOUGH))) & uvec4(greaterThan(uvec4(params.channels), uvec4(0u, 1u, 2u, 3u))));
+    // Where nothing is averaged nothing is noise: what differs around are edges.
+    bvec4 noisy = bvec4(true);
+    if (params.reach != NO_IMAGE) noisy = greaterThan(averaged_width(view, penumbra_around(params.reach, pixel)), vec4(0.0));
+    short_one = bvec4(uvec4(short_one) & uvec4(noisy));
     if (is_surface(here) && any(short_one)) {
         vec2 gradient = depth_gradient(view, pixel, here);
         // The pixel itself comes first: what is divided by is never less than 1.
@@ -33,7 +37,7 @@ void main() {
             for (int x = -RADIUS; x <= RADIUS; x++) {
                 ivec2 at = pixel + ivec2(x, y);
                 if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
-                float weight = edge_weight(here, gradient, load_guide(params.guide, at), vec2(x, y));
+                float weight = edge_weight(here, gradient, load_guide(params.guide, params.normals, at), vec2(x, y));
                 if (!(weight > 0.0)) continue;
                 vec4 there = load(params.accumulated, at);
                 vec4 value = params.radiance != 0u ? vec4(luminance(there.rgb)) : there;
@@ -49,7 +53,5 @@ void main() {
         // frames, the more is allowed for.
         error = mix(error, squares / weights * (ENOUGH / max(frames, vec4(1.0))), short_one);
     }
-    // No penumbra, no noise: what differs around are edges.
-    if (params.reach != NO_IMAGE) error = mix(vec4(0.0), error, greaterThan(load(params.reach, pixel), vec4(0.0)));
-    store(params.variance, pixel, error);
+    store(params.variance, pixel, mix(vec4(0.0), error, noisy));
 }

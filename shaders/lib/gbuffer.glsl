@@ -48,11 +48,10 @@ vec3 world_position(ViewBuffer view, ivec2 pixel, float depth) {
     return position;
 }
 
-// Position and normals.
-Surface load_geometry(ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image) {
+// The background.
+Surface no_surface() {
     Surface s;
-    float depth = load(depth_image, pixel).r;
-    s.exists = depth > 0.0;
+    s.exists = false;
     s.position = vec3(0.0);
     s.to_eye = vec3(0.0);
     s.normal = vec3(0.0);
@@ -61,6 +60,14 @@ Surface load_geometry(ViewBuffer view, ivec2 pixel, uint depth_image, uint norma
     s.occlusion = 1.0;
     s.metalness = 0.0;
     s.roughness = 1.0;
+    return s;
+}
+
+// Position and normals.
+Surface load_geometry(ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image) {
+    Surface s = no_surface();
+    float depth = load(depth_image, pixel).r;
+    s.exists = depth > 0.0;
     if (!s.exists) return s;
     s.position = world_position(view, pixel, depth);
     s.to_eye = -normalize(pixel_ray(view, pixel));

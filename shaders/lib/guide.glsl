@@ -3,17 +3,19 @@
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/octahedral.glsl"
-// What denoisers tell surfaces apart by, in two words for each pixel: view depth, and 12 bits each of an octahedral shading normal over the
+#include "shared/denoise.glsl"
+// What denoisers tell surfaces apart by, in two words for each pixel: view depth, and 12 bits each of an octahedral geometric normal over the
 // lower 8 bits of the instance's number. It is free of noise.
 
 struct Guide {
     float depth;    // along the view, metres; 0 on the background
-    vec3 normal;    // shading normal, unit
+    vec3 plane;     // geometric normal, unit: how depth goes on
+    vec3 normal;    // the normal that the light depends on, unit: that, or the shading normal
     uint instance;  // lower 8 bits
 };
 
 uvec2 pack_guide(Guide g) {
-    uvec2 n = uvec2(round((octahedral_encode(g.normal) * 0.5 + 0.5) * 4095.0));
+    uvec2 n = uvec2(round((octahedral_encode(g.plane) * 0.5 + 0.5) * 4095.0));
     return uvec2(floatBitsToUint(g.depth), n.x | (n.y << 12u) | (g.instance << 24u));
 }
 
@@ -21,13 +23,22 @@ Guide unpack_guide(uvec2 words) {
     Guide g;
     g.depth = uintBitsToFloat(words.x);
     vec2 n = vec2(words.y & 4095u, (words.y >> 12u) & 4095u) / 4095.0;
-    g.normal = octahedral_decode(n * 2.0 - 1.0);
+    g.plane = octahedral_decode(n * 2.0 - 1.0);
+    g.normal = g.plane;
     g.instance = words.y >> 24u;
     return g;
 }
 
 Guide load_guide(uint image, ivec2 pixel) {
     return unpack_guide(load_uint(image, pixel).xy);
+}
+
+// Of light that depends on the shading normal, which `normals` of the G-buffer has; NO_IMAGE for light that depends on the plane alone, as
+// visibility does.
+Guide load_guide(uint image, uint normals, ivec2 pixel) {
+    Guide g = load_guide(image, pixel);
+    if (normals != NO_IMAGE) g.normal = octahedral_decode(load(normals, pixel).xy);
+    return g;
 }
 
 bool is_surface(Guide g) {
@@ -44,8 +55,8 @@ float view_depth(ViewBuffer view, float depth) {
 vec2 depth_gradient(ViewBuffer view, ivec2 pixel, Guide g) {
     mat4 m = view.at[0].world_from_clip;
     vec2 size = vec2(view.at[0].size);
-    float facing = dot(g.normal, pixel_ray(view, pixel));
-    vec2 change = vec2(dot(g.normal, m[0].xyz) * 2.0 / size.x, dot(g.normal, m[1].xyz) * 2.0 / size.y);
+    float facing = dot(g.plane, pixel_ray(view, pixel));
+    vec2 change = vec2(dot(g.plane, m[0].xyz) * 2.0 / size.x, dot(g.plane, m[1].xyz) * 2.0 / size.y);
     // Edge on, depth does anything from one pixel to the next.
     float least = 1e-3 * length(pixel_ray(view, pixel));
     return -g.depth * change / (abs(facing) < least ? (facing < 0.0 ? -least : least) : facing);

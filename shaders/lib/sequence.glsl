@@ -7,9 +7,9 @@
 
 // What `sequence2` draws for: different numbers, independent points.
 const uint SEQUENCE_AO = 0u;
-const uint SEQUENCE_SHADOWS = 16u;   // and one for each of four lights after it
-const uint SEQUENCE_EMITTERS = 24u;  // and two after it
-const uint SEQUENCE_DIRECT = 32u;    // and two for each light after it
+const uint SEQUENCE_EMITTERS = 24u;           // and two after it
+const uint SEQUENCE_DIRECT = 32u;             // and two for each light of the scene after it
+const uint SEQUENCE_SHADOWS = 0x80000000u;    // and one for each light of the scene after it
 
 // A permutation of the words in which each bit depends on the bits below it only (Laine and Karras 2011, "Stratified Sampling for
 // Stochastic Transparency"), with the constants of Vegdahl 2021, "Building a Better LK Hash". Owen scrambling of a word read backwards.

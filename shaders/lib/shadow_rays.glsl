@@ -11,6 +11,20 @@
 
 uint rays_traced = 0u;
 
+// A surface that light falls on.
+struct Receiver {
+    Surface surface;
+    RayStart start;
+    float pixel;  // width of a pixel there, metres
+};
+
+// What a pixel shows: its surface, and `ids` of the G-buffer.
+Receiver receiver_of(ViewBuffer view, ivec2 pixel, Surface surface, uvec2 ids) {
+    vec3 eye = view.at[0].eye;
+    RayStart start = seen_start(SceneBuffer(view.at[0].scene), ids, eye, pixel_ray(view, pixel), surface.position);
+    return Receiver(surface, start, pixel_spread(view) * distance(surface.position, eye));
+}
+
 // Which lights, and how many points of each.
 struct ShadowRays {
     uvec4 lights;
@@ -20,14 +34,14 @@ struct ShadowRays {
 };
 
 // The ray to a point of a light. False where that cannot light the surface anyway.
-bool shadow_ray(ViewBuffer view, Surface surface, RayStart start, Incident from, out Ray ray) {
+bool shadow_ray(Receiver at, Incident from, out Ray ray) {
     ray = make_ray(vec3(0.0), 0.0, vec3(0.0), 0.0);
+    Surface surface = at.surface;
     if (dot(surface.normal, from.direction) <= 0.0 || dot(surface.geometric_normal, from.direction) <= 0.0) return false;
-    ray = from.distance >= INFINITELY_FAR ? surface_ray(start, from.direction, INFINITELY_FAR)
-        : surface_ray_to(start, start.position + from.distance * from.direction);
+    ray = from.distance >= INFINITELY_FAR ? surface_ray(at.start, from.direction, INFINITELY_FAR)
+        : surface_ray_to(at.start, at.start.position + from.distance * from.direction);
     // A point has no size: the ray stays as wide as the pixel is at the surface.
-    float width = pixel_spread(view) * distance(surface.position, view.at[0].eye);
-    ray = with_cone(ray, width, 0.0);
+    ray = with_cone(ray, at.pixel, 0.0);
     return true;
 }
 
@@ -36,7 +50,7 @@ const float FLATTEST = 0.2;
 
 // Width on the screen, pixels, of the penumbra that an edge throws which the light meets `blocker` metres before the surface: that of similar
 // triangles, stretched where the light comes in flat. Seen at an angle it is narrower on the screen.
-float penumbra_pixels(ViewBuffer view, Surface surface, Light light, Incident from, float blocker) {
+float penumbra_pixels(Receiver at, Light light, Incident from, float blocker) {
     float width;
     if (light.kind == LIGHT_DIRECTIONAL) {
         width = 2.0 * tan(light.radius) * blocker;
@@ -44,8 +58,7 @@ float penumbra_pixels(ViewBuffer view, Surface surface, Light light, Incident fr
         float size = light.kind == LIGHT_RECTANGLE ? max(length(light.half_u), length(light.half_v)) : light.radius;
         width = 2.0 * size * blocker / max(from.distance - blocker, 1e-3 * from.distance);
     }
-    float pixel = pixel_spread(view) * distance(surface.position, view.at[0].eye);
-    return width / (pixel * max(dot(surface.geometric_normal, from.direction), FLATTEST));
+    return width / (at.pixel * max(dot(at.surface.geometric_normal, from.direction), FLATTEST));
 }
 
 // Half of what a light's size fills of the view from a surface: the sine of the angle.
@@ -65,13 +78,13 @@ float horizon_penumbra(Surface surface, Light light, LightSample centre) {
 
 // 1 where nothing hides this point of the light. What it cannot light anyway is 0 without a ray. `penumbra` becomes the widest one so far, in
 // pixels.
-float visibility(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Light light, Incident from, inout float penumbra) {
+float visibility(SceneBuffer scene, Receiver at, Light light, Incident from, inout float penumbra) {
     Ray ray;
-    if (!shadow_ray(view, surface, start, from, ray)) return 0.0;
+    if (!shadow_ray(at, from, ray)) return 0.0;
     rays_traced++;
     float t;
     if (!trace_any_at(scene, ray, t)) return 1.0;
-    penumbra = max(penumbra, penumbra_pixels(view, surface, light, from, t * length(ray.direction)));
+    penumbra = max(penumbra, penumbra_pixels(at, light, from, t * length(ray.direction)));
     return 0.0;
 }
 
@@ -81,30 +94,28 @@ vec4 encode_penumbra(vec4 pixels) {
 }
 
 // The share of each light that is seen, by the points that `drawn_at` had or has in frame `frame`, and the width of penumbrae, pixels.
-vec4 visibilities(
-    ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, ShadowRays rays, ivec2 drawn_at, uint frame, out vec4 penumbra
-) {
+vec4 visibilities(ViewBuffer view, Receiver at, ShadowRays rays, ivec2 drawn_at, uint frame, out vec4 penumbra) {
     penumbra = vec4(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
-    RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
+    vec3 position = at.start.position;
     vec4 seen = vec4(0.0);
     for (uint k = 0u; k < rays.count; k++) {
         if ((rays.wanted & (1u << k)) == 0u) continue;
         Light light = LightBuffer(scene.at[0].lights).at[rays.lights[k]];
-        LightSample centre = sample_light(light, start.position);
+        LightSample centre = sample_light(light, position);
         // Outside of its cone, its range or its front.
         if (centre.irradiance == vec3(0.0)) continue;
         if (rays.samples == 0u || !has_size(light)) {
             Incident from = Incident(centre.direction, centre.distance, centre.irradiance, 0.0);
             float none = 0.0;  // of a point
-            seen[k] = visibility(view, scene, surface, start, light, from, none);
+            seen[k] = visibility(scene, at, light, from, none);
             continue;
         }
-        penumbra[k] = horizon_penumbra(surface, light, centre);
+        penumbra[k] = horizon_penumbra(at.surface, light, centre);
         for (uint i = 0u; i < rays.samples; i++) {
-            vec2 u = sequence2(drawn_at, frame * rays.samples + i, SEQUENCE_SHADOWS + k, view.at[0].seed);
+            vec2 u = sequence2(drawn_at, frame * rays.samples + i, SEQUENCE_SHADOWS + rays.lights[k], view.at[0].seed);
             Incident from;
-            if (sample_sized_light(light, start.position, u, from)) seen[k] += visibility(view, scene, surface, start, light, from, penumbra[k]);
+            if (sample_sized_light(light, position, u, from)) seen[k] += visibility(scene, at, light, from, penumbra[k]);
         }
         seen[k] /= float(rays.samples);
     }

@@ -10,37 +10,36 @@ const uint MOST_SHEETS = 16u;
 // Closest-hit and any-hit rays.
 uvec2 tinted_traced = uvec2(0u);
 
-vec3 tinted_point(ViewBuffer view, SceneBuffer scene, Surface surface, RayStart start, Light light, Incident from, inout float penumbra) {
+vec3 tinted_point(SceneBuffer scene, Receiver at, Light light, Incident from, inout float penumbra) {
     Ray ray;
-    if (!shadow_ray(view, surface, start, from, ray)) return vec3(0.0);
+    if (!shadow_ray(at, from, ray)) return vec3(0.0);
     float farthest;
     vec3 share = light_through(scene, ray, MOST_SHEETS, tinted_traced, farthest);
-    if (farthest > 0.0) penumbra = max(penumbra, penumbra_pixels(view, surface, light, from, farthest));
+    if (farthest > 0.0) penumbra = max(penumbra, penumbra_pixels(at, light, from, farthest));
     return share;
 }
 
 // The share of a light that is seen, in each colour, by the points that `drawn_at` had or has in frame `frame`, and the width of its
 // penumbrae, pixels.
-vec3 tinted_visibility(ViewBuffer view, Surface surface, uvec2 ids, ivec2 pixel, uint index, uint samples, ivec2 drawn_at, uint frame,
-    out float penumbra) {
+vec3 tinted_visibility(ViewBuffer view, Receiver at, uint index, uint samples, ivec2 drawn_at, uint frame, out float penumbra) {
     penumbra = 0.0;
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
-    RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
+    vec3 position = at.start.position;
     Light light = LightBuffer(scene.at[0].lights).at[index];
-    LightSample centre = sample_light(light, start.position);
+    LightSample centre = sample_light(light, position);
     // Outside of its cone, its range or its front.
     if (centre.irradiance == vec3(0.0)) return vec3(0.0);
     if (samples == 0u || !has_size(light)) {
         Incident from = Incident(centre.direction, centre.distance, centre.irradiance, 0.0);
         float none = 0.0;  // of a point
-        return tinted_point(view, scene, surface, start, light, from, none);
+        return tinted_point(scene, at, light, from, none);
     }
     vec3 seen = vec3(0.0);
-    penumbra = horizon_penumbra(surface, light, centre);
+    penumbra = horizon_penumbra(at.surface, light, centre);
     for (uint i = 0u; i < samples; i++) {
-        vec2 u = sequence2(drawn_at, frame * samples + i, SEQUENCE_SHADOWS + index % MOST_CASTERS, view.at[0].seed);
+        vec2 u = sequence2(drawn_at, frame * samples + i, SEQUENCE_SHADOWS + index, view.at[0].seed);
         Incident from;
-        if (sample_sized_light(light, start.position, u, from)) seen += tinted_point(view, scene, surface, start, light, from, penumbra);
+        if (sample_sized_light(light, position, u, from)) seen += tinted_point(scene, at, light, from, penumbra);
     }
     return seen / float(samples);
 }

@@ -23,8 +23,7 @@ pub struct ReprojectParams {
     pub previous_guide: SampledImage,
     /// The guide: RG32 uint.
     pub guide: StorageImage,
-    /// Shares of the four pixels around where the surface was: upper left, upper right, lower left, lower right. They sum to 1, or to
-    /// 0 where it was not seen.
+    /// Where the surface was seen, as `lib/taps.glsl` packs it: R32 uint, 0 where it was not.
     pub taps: StorageImage,
     /// 0 where there is no frame before.
     pub valid: u32,
@@ -107,6 +106,8 @@ pub struct SpatialVarianceParams {
     pub tiles: Address,
     /// RG32 uint.
     pub guide: SampledImage,
+    /// The G-buffer's, where light depends on the shading normal; or [`NO_IMAGE`].
+    pub normals: u32,
     /// What `accumulate.comp` gave.
     pub accumulated: SampledImage,
     /// Its variance.
@@ -186,6 +187,8 @@ pub struct LevelParams {
     pub list: Address,
     /// RG32 uint.
     pub guide: SampledImage,
+    /// As in [`SpatialVarianceParams`].
+    pub normals: u32,
     /// What is filtered.
     pub colour: SampledImage,
     /// Its variance.
@@ -216,6 +219,8 @@ pub struct BilateralParams {
     pub view: Address,
     /// RG32 uint.
     pub guide: SampledImage,
+    /// As in [`SpatialVarianceParams`].
+    pub normals: u32,
     /// What is filtered.
     pub noisy: SampledImage,
     /// Filtered.

@@ -57,12 +57,16 @@ pub struct GradientParams {
     pub ids: SampledImage,
     /// Texture coordinates now minus one frame ago.
     pub motion: SampledImage,
-    /// Zeros where the surface was not seen one frame ago.
-    pub taps: SampledImage,
-    /// What `trace.ray` found then.
+    /// The surfaces that the frame before remembered, one in nine pixels: RG32 uint, two texels beside each other for each.
+    pub previous: SampledImage,
+    /// What `trace.ray` found then, of every pixel.
     pub previous_visibility: SampledImage,
+    /// The surfaces to remember: as `previous`.
+    pub next: StorageImage,
     /// Difference of each channel, 0 to 1, a third as large.
     pub change: StorageImage,
+    /// 0 where there is no frame before.
+    pub valid: u32,
     /// As in [`TraceParams`].
     pub samples: u32,
     /// How many lights.

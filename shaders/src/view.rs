@@ -20,10 +20,16 @@ pub struct View {
     pub steady_clip_from_world: [[f32; 4]; 4],
     /// Clip from world one frame ago, without jitter.
     pub previous_clip_from_world: [[f32; 4]; 4],
+    /// World from clip one frame ago, with that frame's jitter.
+    pub previous_world_from_clip: [[f32; 4]; 4],
     /// Eye in the world, metres.
     pub eye: [f32; 3],
+    /// Eye one frame ago.
+    pub previous_eye: [f32; 3],
     /// Where pixels are sampled: pixels from their centres, right and down.
     pub jitter: [f32; 2],
+    /// The same one frame ago.
+    pub previous_jitter: [f32; 2],
     /// Width and height of the picture that is made in the end, pixels; [`View::size`] where that is not scaled.
     pub output_size: [u32; 2],
     /// Mip levels that textures are read finer by than the pixels of [`View::size`] ask for: log2 of those over the output's, 0 or less.

@@ -107,7 +107,8 @@ impl Effect for Patterned {
         let reach = (reach >= 0.0).then(|| {
             self.draw(g, gbuffer, "shadows.pattern_reach", Params { kind: 0, low: 0.0, high: width, ..params })
         });
-        let i = DenoiseIn { noisy, content: self.content, gbuffer, reprojected, change: None, reach, moved: 0 };
+        let (content, change) = (self.content, None);
+        let i = DenoiseIn { noisy, content, gbuffer, reprojected, shading: false, change, reach, moved: 0 };
         let visibility = self.denoiser.add(g, view, i, "");
         let mut out = ShadowOut::default();
         out.groups[0] = Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false });

@@ -79,7 +79,7 @@ impl Effect for RayTraced {
         };
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
         let content = Content::Channels(1);
-        let i = DenoiseIn { noisy, content, gbuffer, reprojected, change: None, reach: None, moved: 0 };
+        let i = DenoiseIn { noisy, content, gbuffer, reprojected, shading: true, change: None, reach: None, moved: 0 };
         AoOut { openness: Some(self.denoiser.add(g, view, i, "")), bent_normal: None }
     }
 }

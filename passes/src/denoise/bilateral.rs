@@ -26,12 +26,14 @@ impl Bilateral {
         g.pass(&format!("{}.bilateral{name}", self.effect), Queue::AsyncCompute, |p| {
             let (block, guide, noisy) = (p.read(block), p.sample(i.reprojected.guide), p.sample(i.noisy));
             let reach = i.reach.map(|h| p.sample(h));
+            let normals = i.normals().map(|h| p.sample(h));
             let (filtered, target) = p.create("filtered", ImageDesc::like(i.content.colour(), i.noisy));
             let extent = p.extent(i.noisy);
             (filtered.read(), move |c: &mut Record<'_>| {
                 let params = BilateralParams {
                     view: c.id(block),
                     guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
                     reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),

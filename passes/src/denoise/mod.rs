@@ -31,6 +31,8 @@ pub struct DenoiseIn {
     pub gbuffer: GBuffer,
     /// Where they were one frame ago.
     pub reprojected: Reprojected,
+    /// It depends on the shading normal, as openness and what is reflected do; visibility depends on the surface's plane alone.
+    pub shading: bool,
     /// How much of it has changed since then, 0 to 1, found in one pixel of nine; a third as large. History is forgotten there.
     pub change: Option<Handle<Image>>,
     /// How wide, in pixels over [`PENUMBRA_MOST`](magpie_shaders::shadows::PENUMBRA_MOST), what each channel's noise comes from is: nothing
@@ -38,6 +40,13 @@ pub struct DenoiseIn {
     pub reach: Option<Handle<Image>>,
     /// Channels whose picture moves over surfaces that stand still, as the shadows of a light that moves do: a bit for each.
     pub moved: u32,
+}
+
+impl DenoiseIn {
+    /// The shading normals, where they count.
+    fn normals(&self) -> Option<Handle<Image>> {
+        self.shading.then_some(self.gbuffer.normal)
+    }
 }
 
 /// One of several.

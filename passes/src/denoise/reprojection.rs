@@ -1,5 +1,5 @@
 //! Where the surfaces that are seen were one frame ago.
-use crate::stages::{GBuffer, Reprojected};
+use crate::stages::{GBuffer, Reprojected, SceneHandles};
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
@@ -22,20 +22,21 @@ impl Reprojection {
 }
 
 impl Effect for Reprojection {
-    type In = GBuffer;
+    type In = (SceneHandles, GBuffer);
     type Out = Reprojected;
 
-    fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBuffer) -> Reprojected {
+    fn add(&mut self, g: &mut FrameGraph, view: &View, (scene, i): (SceneHandles, GBuffer)) -> Reprojected {
         let (kernel, block) = (self.kernel, view.block);
         let History { previous, next, valid } =
             g.history(&self.scope, "guide", ImageDesc::like(Format::Rg32Uint, i.depth));
         g.pass("denoise.reproject", Queue::AsyncCompute, |p| {
+            scene.read(p);
             let block = p.read(block);
             let (depth, normal) = (p.sample(i.depth), p.sample(i.normal));
             let (ids, motion) = (p.sample(i.ids), p.sample(i.motion));
             let previous = p.sample(previous);
             let (next, guide) = p.write(next);
-            let (taps, target) = p.create("taps", ImageDesc::like(Format::Rgba8Unorm, i.depth));
+            let (taps, target) = p.create("taps", ImageDesc::like(Format::R32Uint, i.depth));
             let extent = p.extent(i.depth);
             (Reprojected { guide: next.read(), taps: taps.read() }, move |c: &mut Record<'_>| {
                 let params = ReprojectParams {

@@ -44,6 +44,7 @@ struct Kernels {
 struct Work<'a> {
     view: &'a View,
     guide: Handle<Image>,
+    normals: Option<Handle<Image>>,
     tiles: Handle<Buffer>,
     content: Content,
     reach: Option<Handle<Image>>,
@@ -105,7 +106,8 @@ impl Svgf {
         let (error, tiles) = self.spatial_variance(g, view, i, &accumulated, &pass("spatial_variance"));
         let images = [accumulated.colour, error, next];
         let (mut turns, tiles) = self.classify(g, i.content, images, tiles, &pass("classify"));
-        let work = Work { view, guide: i.reprojected.guide, tiles, content: i.content, reach: i.reach };
+        let (guide, normals) = (i.reprojected.guide, i.normals());
+        let work = Work { view, guide, normals, tiles, content: i.content, reach: i.reach };
         for level in 0..self.levels {
             turns = self.blur_variance(g, work, turns, &pass(&format!("blur_variance_{level}")));
             turns = self.level(g, work, turns, level, &pass(&format!("level_{level}")));
@@ -199,7 +201,7 @@ impl Svgf {
         g.pass(pass, Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
             let [accumulated, error, frames] = [from.colour.read(), from.error, from.frames].map(|h| p.sample(h));
-            let reach = i.reach.map(|h| p.sample(h));
+            let (reach, normals) = (i.reach.map(|h| p.sample(h)), i.normals().map(|h| p.sample(h)));
             let (variance, target) = p.create("variance", ImageDesc::like(i.content.variance(), i.noisy));
             let extent = p.extent(i.noisy);
             let most = extent.width.div_ceil(TILE) * extent.height.div_ceil(TILE);
@@ -210,6 +212,7 @@ impl Svgf {
                     view: c.id(block),
                     tiles: c.id(cleared),
                     guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
                     accumulated: c.id(accumulated),
                     error: c.id(error),
                     frames: c.id(frames),
@@ -285,6 +288,7 @@ impl Svgf {
         let (kernel, sigma, block, content) = (self.kernels.level, self.sigma, work.view.block, work.content);
         g.pass(pass, Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(work.guide));
+            let normals = work.normals.map(|h| p.sample(h));
             let (list, groups) = (p.read(work.tiles), p.indirect(work.tiles));
             let (colour, error) = (p.sample(turns.colour.read()), p.sample(turns.error.read()));
             let (blurred, reach) = (p.sample(turns.blurred.read()), work.reach.map(|h| p.sample(h)));
@@ -310,6 +314,7 @@ impl Svgf {
                     view: c.id(block),
                     list: c.id(list).offset(size_of::<Tiles>() as u64),
                     guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
                     colour: c.id(colour),
                     error: c.id(error),
                     blurred: c.id(blurred),

@@ -72,7 +72,16 @@ impl Emitters {
             })
         });
         let content = Content::Radiance;
-        let i = DenoiseIn { noisy, content, gbuffer, reprojected: i.reprojected, change: None, reach: None, moved: 0 };
+        let i = DenoiseIn {
+            noisy,
+            content,
+            gbuffer,
+            reprojected: i.reprojected,
+            shading: true,
+            change: None,
+            reach: None,
+            moved: 0,
+        };
         Some(self.denoiser.add(g, view, i, ""))
     }
 }

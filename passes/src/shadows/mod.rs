@@ -105,7 +105,8 @@ impl Shadows {
         let reach = penumbra.map(|penumbra| self.reach.add(g, penumbra, i.gbuffer.depth, name));
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
         let moved = if self.adaptive { self.rays.moved(group) } else { 0 };
-        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, change, reach, moved };
+        let shading = false;
+        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, shading, change, reach, moved };
         self.denoiser.add(g, view, noisy, name)
     }
 }

@@ -15,7 +15,6 @@ use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{
     SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
 };
-use std::collections::BTreeMap;
 
 /// Traces.
 pub struct RayTraced {
@@ -31,8 +30,6 @@ pub struct RayTraced {
     scope: HistoryScope,
     /// A filter follows.
     filtered: bool,
-    /// Where each light was one frame ago.
-    placed: BTreeMap<u32, Light>,
 }
 
 /// What rays found.
@@ -122,7 +119,6 @@ impl RayTraced {
             tinted,
             scope: HistoryScope::new(),
             filtered: filters(settings)?,
-            placed: BTreeMap::new(),
         })
     }
 
@@ -142,18 +138,10 @@ impl RayTraced {
     }
 
     /// The channels of lights that are not where they were one frame ago: a bit for each.
-    pub fn moved(&mut self, group: &Group) -> u32 {
-        let mut moved = 0;
-        for (channel, caster) in group.lights.iter().enumerate() {
-            let was = self.placed.insert(caster.light, caster.placed);
-            let stands = |was: &Light| {
-                let Light { position, direction, half_u, half_v, .. } = caster.placed;
-                (was.position, was.direction, was.half_u, was.half_v) == (position, direction, half_u, half_v)
-            };
-            let bits = if group.coloured { 0b111 } else { 1 << channel };
-            moved |= if was.as_ref().is_none_or(stands) { 0 } else { bits };
-        }
-        moved
+    pub fn moved(&self, group: &Group) -> u32 {
+        let bits = |channel: usize| if group.coloured { 0b111 } else { 1 << channel };
+        let moved = group.lights.iter().enumerate().filter(|(_, caster)| caster.moved);
+        moved.map(|(channel, _)| bits(channel)).fold(0, |all, bits| all | bits)
     }
 
     /// Visibility of up to four lights, one in each channel, or of one in colour: of maps where there are some and they are sure, else of rays.
@@ -170,15 +158,14 @@ impl RayTraced {
         let (kernel, gradient) = tinted.unwrap_or((self.trace, self.gradient));
         // What maps say is no ray's answer to compare with.
         let wanted = self.is_noisy(lights) && maps.is_none();
-        let history = gradient.filter(|_| wanted).map(|kernel| {
-            let desc = ImageDesc::like(format(group.channels()), i.gbuffer.depth);
-            (kernel, g.history(&self.scope, format!("visibility{name}"), desc))
-        });
-        let (gradient, next) = match history {
-            Some((kernel, History { previous, next, valid })) => (valid.then_some((kernel, previous)), Some(next)),
+        let (change, next) = match gradient.filter(|_| wanted) {
+            Some(kernel) => {
+                let desc = ImageDesc::like(format(group.channels()), i.gbuffer.depth);
+                let History { previous, next, valid } = g.history(&self.scope, format!("visibility{name}"), desc);
+                (Some(self.changes(g, view, kernel, i, (previous, valid), group, name)), Some(next))
+            }
             None => (None, None),
         };
-        let change = gradient.map(|(kernel, previous)| self.changes(g, view, kernel, i, previous, group, name));
         // A map has looked at every pixel already.
         let upsample_kernel = self.upsample.filter(|_| maps.is_none());
         let (samples, block) = (self.samples, view.block);
@@ -224,7 +211,7 @@ impl RayTraced {
         Traced { visibility, change, penumbra }
     }
 
-    /// Rays to where those of the frame before went.
+    /// Rays to where those of the frame before went, from where its surfaces are.
     #[allow(clippy::too_many_arguments, reason = "what a pass reads")]
     fn changes(
         &self,
@@ -232,20 +219,24 @@ impl RayTraced {
         view: &View,
         kernel: RayKernel,
         i: ShadowIn,
-        previous: Handle<Image>,
+        (visibility, valid): (Handle<Image>, bool),
         group: &Group,
         name: &str,
     ) -> Handle<Image> {
         let (samples, block) = (self.samples, view.block);
         let (count, lights) = (group.lights.len() as u32, indices(&group.lights));
         let format = format(group.channels());
+        let Extent { width, height } = g.extent(i.gbuffer.depth);
+        let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
+        let surfaces = ImageDesc::fixed(Format::Rg32Uint, Extent::new(2 * extent.width, extent.height));
+        let surfaces = g.history(&self.scope, format!("gradient_surfaces{name}"), surfaces);
+        let valid = valid && surfaces.valid;
         g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
             let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
             let (ids, motion) = (p.sample(i.gbuffer.ids), p.sample(i.gbuffer.motion));
-            let (taps, previous) = (p.sample(i.reprojected.taps), p.sample(previous));
-            let Extent { width, height } = p.extent(i.gbuffer.depth);
-            let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
+            let (visibility, previous) = (p.sample(visibility), p.sample(surfaces.previous));
+            let (_, next) = p.write(surfaces.next);
             let (change, target) = p.create("change", ImageDesc::fixed(format, extent));
             (change.read(), move |c: &mut Record<'_>| {
                 let params = GradientParams {
@@ -255,9 +246,11 @@ impl RayTraced {
                     normal: c.id(normal),
                     ids: c.id(ids),
                     motion: c.id(motion),
-                    taps: c.id(taps),
-                    previous_visibility: c.id(previous),
+                    previous: c.id(previous),
+                    previous_visibility: c.id(visibility),
+                    next: c.id(next),
                     change: c.id(target),
+                    valid: valid.into(),
                     samples,
                     count,
                     lights,

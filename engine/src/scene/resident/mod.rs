@@ -50,6 +50,8 @@ pub struct Caster {
     pub light: u32,
     /// What shaders read of it: its place counted from the origin of the frame.
     pub placed: shared::Light,
+    /// It is not where it was in the frame before, wherever that was counted from.
+    pub moved: bool,
 }
 
 /// Why a scene could not be brought to the device.
@@ -511,8 +513,11 @@ impl ResidentScene {
     /// was gone to. The one that matters most comes first: directional lights in the order of the scene, then lamps by power, as they
     /// are at rest, so that none changes its place while it moves.
     pub fn casters(&self) -> Vec<Caster> {
-        let placed = |light: &u32| self.state.light(*light as usize);
-        self.casters.iter().map(|light| Caster { light: *light, placed: placed(light) }).collect()
+        let caster = |light: u32| {
+            let index = light as usize;
+            Caster { light, placed: self.state.light(index), moved: self.state.light_moved(index) }
+        };
+        self.casters.iter().map(|light| caster(*light)).collect()
     }
 
     /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.

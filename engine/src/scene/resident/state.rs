@@ -31,6 +31,8 @@ pub(super) struct State {
     /// Of each instance, the count of moments at which it moved or changed its shape last.
     pub changed: Vec<u64>,
     moments: u64,
+    /// Of each light, whether it moved with the newest moment.
+    moved_lights: Vec<bool>,
     pub origin: DVec3,
     /// What the strength of each light is multiplied with.
     factors: Vec<f32>,
@@ -70,6 +72,7 @@ impl State {
             animator,
             previous: pose.instances.clone(),
             changed: vec![0; pose.instances.len()],
+            moved_lights: Vec::new(),
             moments: 0,
             factors: vec![1.0; pose.lights.len()],
             pose,
@@ -115,6 +118,7 @@ impl State {
                 *changed = self.moments;
             }
         }
+        self.moved_lights = before.lights.iter().zip(&now.lights).map(|(before, now)| before != now).collect();
         let before = before.instances;
         let changed = before != self.pose.instances;
         self.previous = if moment.cut { self.pose.instances.clone() } else { before };
@@ -125,6 +129,11 @@ impl State {
     pub fn light(&self, index: usize) -> shared::Light {
         let placed = light(&self.pose.lights[index], self.origin);
         shared::Light { intensity: placed.intensity.map(|x| x * self.factors[index]), ..placed }
+    }
+
+    /// Whether a light is not where it was in the moment before.
+    pub fn light_moved(&self, index: usize) -> bool {
+        self.moved_lights.get(index).copied().unwrap_or(false)
     }
 
     /// Multiplies the strength of a light, from the next frame on. Nothing where there is no such light.

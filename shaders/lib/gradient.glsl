@@ -1,0 +1,85 @@
+#ifndef LIB_GRADIENT_GLSL
+#define LIB_GRADIENT_GLSL
+#include "lib/octahedral.glsl"
+#include "lib/random.glsl"
+#include "lib/shadow_rays.glsl"
+#include "shared/denoise.glsl"
+// Gradient samples: one pixel out of each square of GRADIENT_STRATUM is remembered with the surface that it showed, and its rays are traced
+// again in the next frame, from where that surface is by then (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
+// Adaptive Temporal Filtering", section 3.1). Where nothing has changed they find what they found before, whatever the noise, the jitter
+// of the pixels and the movement of the camera.
+
+// The pixel of a square that is remembered in a frame: another one in each.
+ivec2 gradient_pixel(ViewBuffer view, ivec2 square, uint frame) {
+    uint turn = hash4(uvec4(square, frame, view.at[0].seed)).x % (GRADIENT_STRATUM * GRADIENT_STRATUM);
+    return square * int(GRADIENT_STRATUM) + ivec2(turn % GRADIENT_STRATUM, turn / GRADIENT_STRATUM);
+}
+
+// Keeps what the pixel of a square shows, in two texels of two words: reversed depth and shading normal, instance + 1 and primitive. Zeros for
+// the background.
+void remember(ViewBuffer view, ivec2 square, uint kept, uint depth, uint normal, uint ids) {
+    ivec2 pixel = gradient_pixel(view, square, view.at[0].frame);
+    uvec4 words = uvec4(0u);
+    if (inside(pixel, view.at[0].size)) {
+        words = uvec4(floatBitsToUint(load(depth, pixel).r), packSnorm2x16(load(normal, pixel).xy), load_uint(ids, pixel).xy);
+    }
+    store_uint(kept, ivec2(2 * square.x, square.y), words.xyyy);
+    store_uint(kept, ivec2(2 * square.x + 1, square.y), words.zwww);
+}
+
+// A point, a direction and a normal of an instance, from where they were one frame ago to where they are.
+struct Carried {
+    vec3 point;
+    vec3 direction;
+    vec3 normal;
+};
+
+Carried carry(Instance instance, Carried was) {
+    if (instance.world_from_object == instance.previous_world_from_object) return was;
+    mat3 rows = mat3(instance.previous_world_from_object[0].xyz, instance.previous_world_from_object[1].xyz, instance.previous_world_from_object[2].xyz);
+    vec3 shift = vec3(instance.previous_world_from_object[0].w, instance.previous_world_from_object[1].w, instance.previous_world_from_object[2].w);
+    mat3 object_from_world = inverse(transpose(rows));
+    Carried now;
+    now.point = transform_point(instance.world_from_object, object_from_world * (was.point - shift));
+    now.direction = transform_vector(instance.world_from_object, object_from_world * was.direction);
+    now.normal = safe_normalize(transform_normal(instance.object_from_world, rows * was.normal), was.normal);
+    return now;
+}
+
+// The surface that the frame before kept of a square, where it is now, and the pixel that showed it. False where there was none.
+bool remembered(ViewBuffer view, uint kept, ivec2 square, out ivec2 pixel, out Receiver at) {
+    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    pixel = gradient_pixel(view, square, view.at[0].frame - 1u);
+    if (!inside(pixel, view.at[0].size)) return false;
+    uvec2 seen = load_uint(kept, ivec2(2 * square.x, square.y)).xy;
+    uvec2 ids = load_uint(kept, ivec2(2 * square.x + 1, square.y)).xy;
+    float depth = uintBitsToFloat(seen.x);
+    if (!(depth > 0.0) || ids.x - 1u >= scene.at[0].instance_count) return false;
+    mat4 m = view.at[0].previous_world_from_clip;
+    vec2 size = vec2(view.at[0].size);
+    precise vec2 ndc = (vec2(pixel) + 0.5) / size * 2.0 - 1.0;
+    precise vec3 along = m[0].xyz * ndc.x + m[1].xyz * ndc.y + m[3].xyz;
+    precise vec3 offset = along / (depth * m[2].w);
+
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[ids.x - 1u];
+    Carried now = carry(instance, Carried(view.at[0].previous_eye, along, octahedral_decode(unpackSnorm2x16(seen.y))));
+    at.surface = no_surface();
+    at.surface.exists = true;
+    at.surface.position = carry(instance, Carried(view.at[0].previous_eye + offset, along, vec3(0.0))).point;
+    at.surface.to_eye = -normalize(now.direction);
+    at.surface.normal = now.normal;
+    at.start = seen_start(scene, ids, now.point, now.direction, at.surface.position);
+    at.surface.geometric_normal = at.start.normal;
+    at.pixel = 2.0 * length(m[1].xyz) / size.y * length(offset);
+    return true;
+}
+
+// The square of the frame before that shows what this one does, by the motion of its middle.
+ivec2 square_before(ViewBuffer view, ivec2 square, uint motion) {
+    ivec2 size = ivec2(view.at[0].size);
+    ivec2 middle = min(square * int(GRADIENT_STRATUM) + int(GRADIENT_STRATUM / 2u), size - 1);
+    vec2 was = vec2(middle) - load(motion, middle).xy * vec2(size);
+    return ivec2(floor(was / float(GRADIENT_STRATUM)));
+}
+
+#endif

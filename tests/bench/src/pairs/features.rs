@@ -1,0 +1,168 @@
+//! The features that meet in a frame. A new effect joins with a line of [`FEATURES`].
+use glam::{DVec3, Vec3};
+use magpie::config::{Config, ConfigError};
+use magpie::graph::Switches;
+use magpie::prelude::Rays;
+use magpie::scene::{Light, Scene};
+use magpie_passes::Slots;
+
+/// What can be on or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Feature {
+    /// For the table and for `--only`.
+    pub name: &'static str,
+    /// Of the configuration, without those that its effects lack.
+    pub settings: &'static [&'static str],
+    /// How rays are traced.
+    pub rays: Option<Rays>,
+    /// Queues that the frame is planned for.
+    pub queues: bool,
+    /// Lamps are added to the scene.
+    pub lights: bool,
+}
+
+impl Feature {
+    /// The frame as the configuration has it.
+    pub const NONE: Self = Self { name: "", settings: &[], rays: None, queues: false, lights: false };
+
+    const fn set(name: &'static str, settings: &'static [&'static str]) -> Self {
+        Self { name, settings, ..Self::NONE }
+    }
+
+    const fn traced(name: &'static str, rays: Rays) -> Self {
+        Self { name, rays: Some(rays), ..Self::NONE }
+    }
+}
+
+/// Every feature. Ambient occlusion by rays is among them, as its noise is the denoisers' other customer.
+pub const FEATURES: [Feature; 14] = [
+    Feature::set("taa", &["post.anti_aliasing=taa"]),
+    Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
+    Feature::set("half shadows", &["shadows.resolution=half"]),
+    Feature::set("half ao", &["stages.ao=ray-traced", "ao.resolution=half"]),
+    Feature::set("svgf", &["shadows.denoiser=svgf", "ao.denoiser=svgf"]),
+    Feature::set("bilateral", &["shadows.denoiser=bilateral", "ao.denoiser=bilateral"]),
+    Feature::set("no denoiser", &["shadows.denoiser=none", "ao.denoiser=none"]),
+    Feature::set("fixed history", &["shadows.adaptive=false"]),
+    Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
+    Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
+    Feature { queues: true, ..Feature::set("three queues", &[]) },
+    Feature::traced("software", Rays::Software),
+    Feature::traced("query", Rays::Query),
+    Feature::traced("pipeline", Rays::Pipeline),
+];
+
+/// A setting of the slot `post` decides where pixels are sampled, and so which truth a picture is compared with.
+const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
+/// Many rays, no denoiser, every pixel.
+const TRUE: [&str; 6] = [
+    "shadows.rays=8",
+    "shadows.denoiser=none",
+    "shadows.resolution=full",
+    "ao.denoiser=none",
+    "ao.resolution=full",
+    "post.resolution_scale=1",
+];
+
+/// The configuration with changes, of which those of settings that the slot's implementation lacks are left out.
+fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, ConfigError> {
+    let catalogue = Slots::default().catalogue();
+    let mut config = config.clone();
+    let changes: Vec<&str> = changes.into_iter().collect();
+    // Which implementation there is decides which settings there are.
+    let stages = changes.iter().filter(|change| change.starts_with("stages."));
+    stages.clone().try_for_each(|change| config.set(change))?;
+    for change in changes.iter().filter(|change| !change.starts_with("stages.")) {
+        let mut with = config.clone();
+        with.set(change)?;
+        if catalogue.check(&with, "bench pairs").is_ok() {
+            config = with;
+        }
+    }
+    catalogue.check(&config, "bench pairs")?;
+    Ok(config)
+}
+
+/// Without noise, sampled at the centres of pixels or all over them.
+pub fn settle(config: &Config, anti_aliased: bool) -> Result<Config, ConfigError> {
+    let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
+    change(config, TRUE.into_iter().chain([sampled]))
+}
+
+/// Two features in one frame; `None` where they want different things of the same setting.
+pub fn combine(
+    config: &Config,
+    rays: Rays,
+    [first, second]: [&Feature; 2],
+) -> Result<Option<(Config, Rays, Switches)>, ConfigError> {
+    let key = |setting: &&str| setting.split_once('=').map_or(**setting, |(key, _)| key).to_owned();
+    let opposed = first.settings.iter().any(|a| second.settings.iter().any(|b| key(&a) == key(&b) && a != b));
+    let ways = first.rays.is_some() && second.rays.is_some() && first.rays != second.rays;
+    if opposed || ways {
+        return Ok(None);
+    }
+    let config = change(config, first.settings.iter().chain(second.settings).copied())?;
+    let mut switches = Switches::default();
+    if first.queues || second.queues {
+        switches.set("queues=3");
+    }
+    Ok(Some((config, first.rays.or(second.rays).unwrap_or(rays), switches)))
+}
+
+/// The scene with six lamps around what its camera looks at, each about a third as bright there as the sun.
+pub fn light_up(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let Some(camera) = scene.cameras.first() else { return scene };
+    let forward = -camera.world_from_camera.matrix3.z_axis;
+    // The near plane is at a thousandth of the distance to what the camera looks at.
+    let away = 1e3 * f64::from(camera.near);
+    let centre = camera.eye() + forward * away;
+    let sun = scene.lights.iter().find_map(|light| match light {
+        Light::Directional { illuminance, .. } => Some(illuminance.max_element()),
+        _ => None,
+    });
+    let radius = 0.03 * away;
+    for k in 0..6 {
+        let angle = f64::from(k) * std::f64::consts::TAU / 6.0;
+        let place = centre + DVec3::new(0.5 * angle.cos(), 0.5, 0.5 * angle.sin()) * away;
+        let distance = 0.5 * std::f64::consts::SQRT_2 * away;
+        let radiance = 0.3 * f64::from(sun.unwrap_or(10.0)) * (distance / radius).powi(2) / std::f64::consts::PI;
+        let colour = Vec3::new(1.0, 0.6 + 0.08 * k as f32, 0.4 + 0.12 * k as f32);
+        scene.lights.push(Light::Sphere { centre: place, radius: radius as f32, radiance: colour * radiance as f32 });
+    }
+    scene.light_nodes.resize(scene.lights.len(), None);
+    scene
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn feature(name: &str) -> &'static Feature {
+        FEATURES.iter().find(|f| f.name == name).unwrap()
+    }
+
+    #[test]
+    fn what_excludes_each_other_is_no_pair() {
+        let pair = |a, b| combine(&Config::default(), Rays::Software, [feature(a), feature(b)]).unwrap().is_some();
+        assert!(!pair("svgf", "bilateral") && !pair("software", "query"));
+        assert!(pair("taa", "upsampling") && pair("taa", "svgf") && pair("six lamps", "three queues"));
+    }
+
+    #[test]
+    fn every_feature_changes_something_or_is_the_default() {
+        let plain = combine(&Config::default(), Rays::Software, [&Feature::NONE; 2]).unwrap().unwrap();
+        for feature in &FEATURES {
+            let (config, rays, switches) =
+                combine(&Config::default(), Rays::Software, [feature, &Feature::NONE]).unwrap().unwrap();
+            let changes = config != plain.0 || rays != plain.1 || switches != plain.2;
+            assert!(changes || feature.name == "software", "{}", feature.name);
+            // What it says is taken, not left out for want of such a setting; AO has its settings where rays are traced.
+            for setting in feature.settings.iter().filter(|s| !s.starts_with("ao.")) {
+                let mut with = config.clone();
+                with.set(setting).unwrap();
+                assert_eq!(with, config, "{}", feature.name);
+            }
+        }
+    }
+}

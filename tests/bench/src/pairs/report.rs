@@ -1,0 +1,133 @@
+//! The table of pairs: as text, Markdown and JSON.
+use super::{Cell, PairsOptions, SUSPICIOUS};
+use magpie::gpu::Gpu;
+use magpie::scene::Scene;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// A run.
+#[derive(Clone, Debug, Serialize)]
+pub struct PairsReport {
+    /// Of Magpie.
+    pub magpie: &'static str,
+    /// The source.
+    pub commit: String,
+    /// Name of the device.
+    pub device: String,
+    /// Its driver.
+    pub driver: String,
+    /// The scene.
+    pub scene: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Names of the features, in the order of the table.
+    pub features: Vec<&'static str>,
+    /// Nothing on, each feature alone (with itself), and every pair that can be.
+    pub cells: Vec<Cell>,
+}
+
+impl PairsReport {
+    pub(super) fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        options: &PairsOptions,
+        features: Vec<&'static str>,
+        cells: Vec<Cell>,
+    ) -> Self {
+        let report = gpu.report();
+        Self {
+            magpie: env!("CARGO_PKG_VERSION"),
+            commit: options.commit.clone(),
+            device: report.name.clone(),
+            driver: report.driver.clone(),
+            scene: scene.name.clone(),
+            size: options.size,
+            features,
+            cells,
+        }
+    }
+
+    /// As JSON.
+    ///
+    /// # Errors
+    /// What the serialiser refuses.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+
+    fn cell(&self, a: &str, b: &str) -> Option<&Cell> {
+        self.cells.iter().find(|c| c.features == [a, b] || c.features == [b, a])
+    }
+
+    /// The pairs whose error is [`SUSPICIOUS`] times that of the worse of their features, or no number: features, and the ratios still and moving.
+    #[must_use]
+    pub fn suspicious(&self) -> Vec<([&'static str; 2], [f64; 2])> {
+        let mut found = Vec::new();
+        for pair in self.cells.iter().filter(|c| c.features[0] != c.features[1]) {
+            let alone = pair.features.map(|f| self.cell(f, f));
+            let worse = |of: &dyn Fn(&Cell) -> f64| alone.iter().flatten().map(|c| of(c)).fold(0.0, f64::max);
+            let ratios = [pair.still / worse(&|c| c.still), pair.moving / worse(&|c| c.moving)];
+            if !ratios.iter().all(|r| *r <= SUSPICIOUS) {
+                found.push((pair.features, ratios));
+            }
+        }
+        found
+    }
+
+    /// A Markdown table: still / moving, thousandths. A star where a pair is suspicious, a dash where two features exclude each other.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let suspicious = self.suspicious();
+        let told = |cell: Option<&Cell>| {
+            cell.map_or("-".to_owned(), |cell| {
+                let star = if suspicious.iter().any(|(pair, _)| *pair == cell.features) { " *" } else { "" };
+                format!("{:.1} / {:.1}{star}", 1e3 * cell.still, 1e3 * cell.moving)
+            })
+        };
+        let mut text = format!("| | alone | {} |\n|---|---|", self.features.join(" | "));
+        text.push_str(&"---|".repeat(self.features.len()));
+        let _ = write!(text, "\n| nothing | {} |{}", told(self.cell("", "")), " |".repeat(self.features.len()));
+        for (at, row) in self.features.iter().enumerate() {
+            let _ = write!(text, "\n| {row} | {} |", told(self.cell(row, row)));
+            for (column, name) in self.features.iter().enumerate() {
+                let _ = match column.cmp(&at) {
+                    std::cmp::Ordering::Less => write!(text, " {} |", told(self.cell(row, name))),
+                    _ => write!(text, " |"),
+                };
+            }
+        }
+        text.push('\n');
+        for ([a, b], [still, moving]) in &suspicious {
+            let _ = writeln!(text, "* {a} with {b}: {still:.2} still, {moving:.2} moving, times the worse of the two");
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(pair: [f64; 2]) -> PairsReport {
+        let cell = |a, b, [still, moving]: [f64; 2]| Cell { features: [a, b], still, moving };
+        let cells = vec![
+            cell("", "", [0.01, 0.02]),
+            cell("a", "a", [0.01, 0.03]),
+            cell("a", "b", pair),
+            cell("b", "b", [0.02, 0.02]),
+        ];
+        let text = String::new;
+        let (magpie, size, features) = ("", [1, 1], vec!["a", "b"]);
+        PairsReport { magpie, commit: text(), device: text(), driver: text(), scene: text(), size, features, cells }
+    }
+
+    #[test]
+    fn a_pair_worse_than_both_is_told() {
+        assert!(report([0.02, 0.03]).suspicious().is_empty());
+        assert_eq!(report([0.03, 0.03]).suspicious().len(), 1);
+        assert_eq!(report([0.02, 0.04]).suspicious()[0].0, ["a", "b"]);
+        assert_eq!(report([f64::NAN, 0.02]).suspicious().len(), 1);
+        let table = report([0.03, 0.03]).table();
+        assert!(table.contains("| b | 20.0 / 20.0 | 30.0 / 30.0 * |") && table.contains("1.50 still, 1.00 moving"), "{table}");
+    }
+}
