@@ -31,6 +31,8 @@ pub struct ToneMapParams {
 pub struct TaaParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Counter of samples and histories that are not finite.
+    pub not_finite: Address,
     /// Linear radiance of this frame.
     pub colour: SampledImage,
     /// Reversed depth.

@@ -31,6 +31,7 @@ impl Bilateral {
             (filtered.read(), move |c: &mut Record<'_>| {
                 let params = BilateralParams {
                     view: c.id(block),
+                    not_finite: c.not_finite(),
                     guide: c.id(guide),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
