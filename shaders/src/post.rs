@@ -13,6 +13,8 @@ pub const CURVE_ACES: u32 = 2;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ToneMapParams {
+    /// Counter of pixels that are not finite.
+    pub not_finite: Address,
     /// Linear radiance.
     pub colour: SampledImage,
     /// Display-referred image, RGBA8, sRGB-encoded by the shader.
