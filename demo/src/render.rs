@@ -118,6 +118,10 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         console::print(&format!("{}\n", Gains::of(&last.plan)))?;
     }
     console::print(&format!("{}\n", report.acceleration))?;
+    for left_out in recorder.not_finite() {
+        let ask = if arguments.check { "" } else { "; --check names where they arose" };
+        console::print(&format!("{left_out}{ask}\n"))?;
+    }
     let mut findings = session.origins();
     findings.extend(session.close()?);
     tell_findings(&findings)

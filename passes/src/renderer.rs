@@ -370,6 +370,10 @@ impl Renderer {
 
         let declare_ns = start.elapsed().as_nanos() as u64;
         let Executed { declaration, plan, mut sample } = self.executor.run(g, &imports.borrow())?;
+        if sample.passes.iter().any(|p| p.not_finite > 0) {
+            // It may stand in what is made from the scene only where that moves: all of that is made anew.
+            self.scene.borrow_mut().forget();
+        }
         if self.options.check {
             self.gpu.check_validation()?;
         }

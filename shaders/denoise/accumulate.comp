@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/reach.glsl"
 #include "lib/taps.glsl"
 // The mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather than two moments: the
@@ -58,6 +59,7 @@ void samples_around(ivec2 pixel, uvec2 size, inout vec4 least, inout vec4 most) 
             ivec2 at = pixel + ivec2(x, y);
             if (!inside(at, size)) continue;
             vec4 there = load(params.noisy, at);
+            if (!is_finite(there)) continue;
             least = min(least, there);
             most = max(most, there);
         }
@@ -69,11 +71,13 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     vec4 now = load(params.noisy, pixel);
+    bool taken = is_taken(params.not_finite, now);
+    if (!taken) now = finite_beside(params.noisy, pixel, view.at[0].size);
     vec4 sampled = params.radiance != 0u ? vec4(luminance(now.rgb)) : now;
 
     vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
     Taps taps = load_taps(params.taps, pixel, was);
-    vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(1.0);
+    vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
     bool between = is_between(was) || taps.beside;
     if (taps.any) {
         frames = round(reprojected(params.previous_frames, taps) * LONGEST);
@@ -84,9 +88,11 @@ void main() {
             forgotten = load(params.gradient, pixel / int(GRADIENT_STRATUM));
             frames *= vec4(1.0) - forgotten;
         }
-        frames = min(floor(frames) + 1.0, params.longest);
+        frames = min(floor(frames) + (taken ? 1.0 : 0.0), params.longest);
         vec4 before = reprojected(params.previous_mean, taps);
         vec4 filtered = reprojected_colour(params.previous_filtered, taps);
+        vec4 spread = reprojected(params.previous_variance, taps);
+        bool known = is_taken(params.not_finite, before + filtered + spread);
         if (params.reach != NO_IMAGE) {
             vec4 width = penumbra_around(params.reach, pixel);
             bvec4 moves = unsettled(between, forgotten);
@@ -106,23 +112,26 @@ void main() {
                 frames = min(frames, mix(vec4(LONGEST), most, greaterThan(width, vec4(0.0))));
             }
         }
-        vec4 share = 1.0 / frames;
+        vec4 share = taken ? 1.0 / frames : vec4(0.0);
         vec4 apart = sampled - before;
         mean = before + share * apart;
-        variance = (1.0 - share) * (reprojected(params.previous_variance, taps) + share * apart * apart);
+        variance = (1.0 - share) * (spread + share * apart * apart);
         vec4 fed = filtered + share * (now - filtered);
         // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
         // Of radiance there is no mean but that.
         vec4 plain = params.radiance != 0u ? fed : mean;
         vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
         accumulated = plain + helped * (fed - plain);
+        if (!known) {
+            accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
+        }
     }
     store(params.accumulated, pixel, accumulated);
     // The variance of a mean is that of one of its samples over their number, where they are independent, as those of different pixels are.
     // Points of one pixel's scrambled sequence are stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997,
     // "Scrambled net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
     vec4 independent = between ? vec4(1.0) : sqrt(frames);
-    store(params.error, pixel, variance / (frames * independent));
+    store(params.error, pixel, variance / max(frames * independent, vec4(1.0)));
     store(params.mean, pixel, mean);
     store(params.variance, pixel, variance);
     store(params.frames, pixel, frames / LONGEST);

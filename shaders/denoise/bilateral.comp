@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/reach.glsl"
 // A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal in the
 // place of the colour's own edges), no further than noise reaches. No history, no variance: one pass.
@@ -13,6 +14,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     vec4 noisy = load(params.noisy, pixel);
+    if (!is_taken(params.not_finite, noisy)) noisy = finite_beside(params.noisy, pixel, view.at[0].size);
     Guide here = load_guide(params.guide, params.normals, pixel);
     if (!is_surface(here)) {
         store(params.filtered, pixel, noisy);
@@ -33,12 +35,13 @@ void main() {
             ivec2 at = pixel + ivec2(x, y);
             if (ivec2(x, y) == ivec2(0) || !inside(at, view.at[0].size)) continue;
             float edges = edge_weight(here, gradient, load_guide(params.guide, params.normals, at), vec2(x, y));
-            if (!(edges > 0.0)) continue;
+            vec4 there = load(params.noisy, at);
+            if (!(edges > 0.0) || !is_finite(there)) continue;
             float square = float(x * x + y * y);
             vec4 weight = mix(vec4(0.0), vec4(edges * exp(-falloff * square)), lessThanEqual(vec4(square), farthest * farthest));
             weights += weight;
             // A running mean: of equal values it is that value.
-            sum += (weight / weights) * (load(params.noisy, at) - sum);
+            sum += (weight / weights) * (there - sum);
         }
     }
     store(params.filtered, pixel, sum);

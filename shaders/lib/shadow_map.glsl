@@ -2,6 +2,7 @@
 #define LIB_SHADOW_MAP_GLSL
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "shared/shadow_map.glsl"
 // What shadow maps say of a point of a surface. Depth is reversed in all of them: 1 nearest to the light (parallel light) or at the
 // near plane (a lamp), 0 furthest away. Places in a layer are -1 to 1 in x and y, as in clip space.
@@ -41,9 +42,14 @@ struct MapPoint {
     float height;   // of the plane over the origin of the layer, metres
 };
 
+// Where texels that are not finite are counted, which has the map drawn anew.
+uvec2 map_not_finite;
+
 float stored_depth(MapSheet sheet, ivec2 texel, int layer) {
     ivec2 p = clamp(texel, ivec2(0), ivec2(int(sheet.side) - 1));
-    return sheet.is_array ? load_layer(sheet.image, p, layer).r : load(sheet.image, p).r;
+    float depth = sheet.is_array ? load_layer(sheet.image, p, layer).r : load(sheet.image, p).r;
+    // Such a texel shows nothing.
+    return is_taken(map_not_finite, vec3(depth)) ? depth : 0.0;
 }
 
 float map_side(uint image, bool is_array) {

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/resample.glsl"
 #include "shared/post.glsl"
@@ -63,6 +64,7 @@ struct Around {
     uint instances;   // as instance_bit
     uint instance;    // of the centre, + 1
     float depth;      // of the centre
+    bool seen;        // any colour: some are finite
 };
 
 Around look_around(ViewBuffer view, vec2 at) {
@@ -70,19 +72,24 @@ Around look_around(ViewBuffer view, vec2 at) {
     ivec2 last = ivec2(view.at[0].size) - 1;
     around.centre = clamp(ivec2(floor(at)), ivec2(0), last);
     vec3 sum = vec3(0.0), squares = vec3(0.0), smooth_sum = vec3(0.0);
-    float smooth_weights = 0.0, closest_depth = -1.0, farthest_depth = 2.0;
+    float smooth_weights = 0.0, count = 0.0, closest_depth = -1.0, farthest_depth = 2.0;
     around.instances = 0u;
+    around.closest = around.centre;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             ivec2 pixel = clamp(around.centre + ivec2(x, y), ivec2(0), last);
-            vec3 colour = tone_compress(ycocg_of(load(params.colour, pixel).rgb), params.exposure);
-            sum += colour;
-            squares += colour * colour;
-            // A Gaussian like the window of Blackman and Harris, two pixels wide.
-            vec2 off = vec2(pixel) + 0.5 - at;
-            float weight = exp(-2.29 * dot(off, off));
-            smooth_sum += weight * colour;
-            smooth_weights += weight;
+            vec3 colour = load(params.colour, pixel).rgb;
+            if (is_finite(colour)) {
+                colour = tone_compress(ycocg_of(colour), params.exposure);
+                sum += colour;
+                squares += colour * colour;
+                count += 1.0;
+                // A Gaussian like the window of Blackman and Harris, two pixels wide.
+                vec2 off = vec2(pixel) + 0.5 - at;
+                float weight = exp(-2.29 * dot(off, off));
+                smooth_sum += weight * colour;
+                smooth_weights += weight;
+            }
             float depth = load(params.depth, pixel).r;
             uint instance = load_uint(params.ids, pixel).r;
             if (depth > closest_depth) {
@@ -97,9 +104,11 @@ Around look_around(ViewBuffer view, vec2 at) {
             }
         }
     }
-    around.mean = sum / 9.0;
-    around.deviation = sqrt(non_negative(squares / 9.0 - around.mean * around.mean));
-    around.smooth_mean = smooth_sum / smooth_weights;
+    around.seen = count > 0.0;
+    count = max(count, 1.0);
+    around.mean = sum / count;
+    around.deviation = sqrt(non_negative(squares / count - around.mean * around.mean));
+    around.smooth_mean = around.seen ? smooth_sum / smooth_weights : vec3(0.0);
     around.depth_least = depth_code(farthest_depth);
     around.depth_most = depth_code(closest_depth);
     return around;
@@ -148,6 +157,10 @@ void main() {
     Around around = look_around(view, at);
     float weight = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
     vec3 now = load(params.colour, around.centre).rgb;
+    if (!is_taken(params.not_finite, now)) {
+        now = vec3(0.0);
+        weight = 0.0;
+    }
     if (weight < 1.0) {
         now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, weight);
     }
@@ -155,6 +168,7 @@ void main() {
     // Where that was. Edges move with what is in front.
     float closest_depth = load(params.depth, around.closest).r;
     vec2 motion = motion_of(view, around.closest, closest_depth, load(params.motion, around.closest).xy);
+    if (!is_taken(params.not_finite, vec3(motion, 0.0))) motion = vec2(2.0);  // from nowhere on the screen
     vec2 before = (vec2(pixel) + 0.5) / size - motion;
     float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);
 
@@ -171,12 +185,16 @@ void main() {
             moments = load(params.moments, pixel_before);
             history = still > 0.99 ? load(params.picture, pixel_before).rgb
                                    : catmull_rom(params.picture, params.sampler_id, before, size);
+            if (!is_taken(params.not_finite, vec4(history, dot(moments, vec4(1.0))))) {
+                moments = vec4(0.0);
+                history = vec3(0.0);
+            }
         }
     }
 
     float samples = moments.w, luma = around.mean.x;
     bool changed = false;
-    if (samples > 0.0) {
+    if (samples > 0.0 && around.seen) {
         float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
         float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
         bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
@@ -191,13 +209,15 @@ void main() {
     // The mean goes on. A short one is weighted by tone, so that bright samples do not flicker; the mean of what stands still is plain.
     float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
     float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
-    vec3 picture = (own_share * now + old_share * history) / (own_share + old_share);
+    float shares = own_share + old_share;
+    vec3 picture = shares > 0.0 ? (own_share * now + old_share * history) / shares : now;
     float share = 1.0 / (1.0 + samples), off = luma - moments.x;
     vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off * off), 0.0, samples + weight);
     next.z = mix(moments.z, luma, max(share, FAST));
     // Of what moves, has changed, or has just come into sight, nothing is known yet.
     vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
     next = mix(fresh, next, samples > 0.0 && !changed ? still : 0.0);
+    if (!around.seen) next = vec4(moments.xyz, samples);
 
     store(params.next_picture, pixel, vec4(picture, 1.0));
     store(params.next_moments, pixel, next);

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "shared/post.glsl"
 // Radiance to display values: exposure, curve, sRGB encoding.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -11,7 +12,9 @@ layout(push_constant, scalar) uniform Push { ToneMapParams params; };
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, params.size)) return;
-    vec3 colour = load(params.colour, pixel).rgb * params.exposure;
+    vec3 radiance = load(params.colour, pixel).rgb;
+    // Eight bits hold no NaN. Such a pixel is black, and counted.
+    vec3 colour = is_taken(params.not_finite, radiance) ? radiance * params.exposure : vec3(0.0);
     vec3 display = clamp(colour, 0.0, 1.0);
     if (params.curve == CURVE_AGX) display = agx(colour);
     if (params.curve == CURVE_ACES) display = aces(colour);

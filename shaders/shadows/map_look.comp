@@ -171,6 +171,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     Surface surface = load_geometry(view, pixel, params.depth, params.normal);
+    map_not_finite = params.not_finite;
     vec4 visibility = vec4(0.0);
     uint unsure = 0u;
     LightBuffer lights = LightBuffer(SceneBuffer(view.at[0].scene).at[0].lights);

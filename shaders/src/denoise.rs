@@ -35,6 +35,8 @@ pub struct ReprojectParams {
 pub struct AccumulateParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Counter of samples and histories that are not finite.
+    pub not_finite: Address,
     /// What is to be denoised.
     pub noisy: SampledImage,
     /// Texture coordinates now minus one frame ago.
@@ -217,6 +219,8 @@ pub struct LevelParams {
 pub struct BilateralParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Counter of samples that are not finite.
+    pub not_finite: Address,
     /// RG32 uint.
     pub guide: SampledImage,
     /// As in [`SpatialVarianceParams`].

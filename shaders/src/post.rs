@@ -13,6 +13,8 @@ pub const CURVE_ACES: u32 = 2;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ToneMapParams {
+    /// Counter of pixels that are not finite.
+    pub not_finite: Address,
     /// Linear radiance.
     pub colour: SampledImage,
     /// Display-referred image, RGBA8, sRGB-encoded by the shader.
@@ -31,6 +33,8 @@ pub struct ToneMapParams {
 pub struct TaaParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Counter of samples and histories that are not finite.
+    pub not_finite: Address,
     /// Linear radiance of this frame.
     pub colour: SampledImage,
     /// Reversed depth.

@@ -82,6 +82,8 @@ pub struct MapLight {
 pub struct MapParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Counter of texels that are not finite.
+    pub not_finite: Address,
     /// [`MapLight`] table.
     pub lights: Address,
     /// [`MapLayer`] table.

@@ -232,6 +232,12 @@ impl Pages {
         self.entries.values().filter(|e| e.declared)
     }
 
+    /// Something that is not finite was met in a kept image: none of its layers holds what it should.
+    pub fn distrust(&mut self, slot: u32) {
+        let layers = self.entries.values_mut().filter(|e| e.slot == slot && e.keeping == Keeping::Layers);
+        layers.for_each(|entry| entry.held.fill(None));
+    }
+
     /// The frame ran: `written` says which slots it wrote. What it did not declare is forgotten.
     pub fn end(&mut self, written: impl Fn(u32) -> bool) {
         let free = &mut self.free;
@@ -344,6 +350,24 @@ mod tests {
         assert_eq!(frame(110, false), (150, 100));
         assert_eq!(frame(400, false), (400, 150));
         assert_eq!(frame(10, false), (400, 400));
+    }
+
+    #[test]
+    fn distrusted_layers_are_stale_until_they_are_made_again() {
+        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let mut frame = |distrusted: bool| {
+            pages.begin();
+            let (slot, stale) = pages.declare_layers(&scope, "map".into(), image(8), &[7, 9]).unwrap();
+            pages.end(|_| !stale.is_empty());
+            if distrusted {
+                pages.distrust(slot);
+            }
+            stale
+        };
+        assert_eq!(frame(false), [0, 1]);
+        assert_eq!(frame(true), [0; 0]);
+        assert_eq!(frame(false), [0, 1]);
+        assert_eq!(frame(false), [0; 0]);
     }
 
     #[test]

@@ -96,7 +96,7 @@ pub struct Record<'a> {
     pub(super) physical: &'a [Physical],
     pub(super) pass: u32,
     pub(super) name: &'a str,
-    pub(super) rays: Address,
+    pub(super) counters: Address,
     pub(super) recorded: Recorded,
 }
 
@@ -163,7 +163,13 @@ impl Record<'_> {
 
     /// Where shaders of this pass count the rays that they trace: closest-hit, then any-hit.
     pub fn rays(&self) -> Address {
-        self.rays
+        self.counters
+    }
+
+    /// Where shaders of this pass count the values that they left out because they are not finite, one `uint`: `is_taken` of
+    /// `lib/not_finite.glsl`.
+    pub fn not_finite(&self) -> Address {
+        self.counters.offset(8)
     }
 
     /// One thread per pixel of `extent`, in the kernel's own workgroups.

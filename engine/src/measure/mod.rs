@@ -11,7 +11,7 @@ mod trace;
 
 use serde::Serialize;
 
-pub use recorder::{MeasureError, Recorder};
+pub use recorder::{MeasureError, NotFinite, Recorder};
 pub use report::{CSV_COLUMNS, Device, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run};
 pub use statistics::{Spread, median, nearest_rank};
 pub use table::pass_table;
@@ -42,6 +42,8 @@ pub struct PassTime {
     pub rays_closest: u64,
     /// Rays that looked for any hit.
     pub rays_any: u64,
+    /// Values that were not finite, and that its shaders left out of what they keep or average.
+    pub not_finite: u64,
     /// Thread that recorded it: 0 is the one that ran the frame.
     pub thread: u32,
     /// What its shaders did; none where nobody asked, or it only copies.

@@ -1,5 +1,7 @@
 //! Collects frames and reduces them to a report.
 
+use std::collections::BTreeMap;
+
 use super::{
     FrameSample, PassTime, Statistics,
     report::{FrameReport, GraphReport, Median, PassReport, Rays, Report, Run},
@@ -25,21 +27,71 @@ pub struct Recorder {
     warmup: usize,
     seen: usize,
     frames: Vec<FrameSample>,
+    not_finite: Vec<NotFinite>,
+}
+
+/// Values that are not finite, and that a pass left out of what it keeps or averages; over all frames, the warm-up included.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotFinite {
+    /// The pass that met them. They arose there or before.
+    pub pass: String,
+    /// How many.
+    pub values: u64,
+    /// The first frame with any, from 0.
+    pub first_frame: usize,
+    /// In how many frames there were any.
+    pub frames: usize,
+}
+
+impl std::fmt::Display for NotFinite {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { pass, values, first_frame, frames } = self;
+        let are = if *values == 1 { "value that was" } else { "values that were" };
+        write!(f, "{pass} left out {values} {are} not finite, in frame {first_frame}")?;
+        match frames - 1 {
+            0 => Ok(()),
+            1 => write!(f, " and 1 more"),
+            more => write!(f, " and {more} more"),
+        }
+    }
 }
 
 impl Recorder {
     /// Leaves out the first `warmup` frames.
     #[must_use]
     pub fn new(warmup: usize) -> Self {
-        Self { warmup, seen: 0, frames: Vec::new() }
+        Self { warmup, seen: 0, frames: Vec::new(), not_finite: Vec::new() }
     }
 
     /// Takes the next frame.
     pub fn push(&mut self, frame: FrameSample) {
+        self.count_not_finite(&frame);
         self.seen += 1;
         if self.seen > self.warmup {
             self.frames.push(frame);
         }
+    }
+
+    fn count_not_finite(&mut self, frame: &FrameSample) {
+        let mut counted = BTreeMap::<&str, u64>::new(); // several passes may have one name
+        for pass in frame.passes.iter().filter(|p| p.not_finite > 0) {
+            *counted.entry(&pass.name).or_default() += pass.not_finite;
+        }
+        for (name, values) in counted {
+            if let Some(known) = self.not_finite.iter_mut().find(|n| n.pass == name) {
+                known.values += values;
+                known.frames += 1;
+            } else {
+                let (pass, first_frame) = (name.to_owned(), self.seen);
+                self.not_finite.push(NotFinite { pass, values, first_frame, frames: 1 });
+            }
+        }
+    }
+
+    /// What passes left out because it was not finite, in the order in which they first did. The frames of the warm-up count too.
+    #[must_use]
+    pub fn not_finite(&self) -> &[NotFinite] {
+        &self.not_finite
     }
 
     /// The frames after the warm-up.
@@ -126,6 +178,7 @@ impl Column<'_> {
             gpu_ms: Spread::of(self.samples.iter().filter_map(|p| p.gpu_ns).collect(), 1e6),
             cpu_us: of(|p| p.cpu_ns) / 1e3,
             rays: Rays { closest: of(|p| p.rays_closest).round() as u64, any: of(|p| p.rays_any).round() as u64 },
+            not_finite: self.samples.iter().map(|p| p.not_finite).sum(),
             draws: of(|p| u64::from(p.draws)).round() as u64,
             dispatches: of(|p| u64::from(p.dispatches)).round() as u64,
             statistics: statistics(&self.samples),

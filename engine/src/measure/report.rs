@@ -104,6 +104,8 @@ pub struct PassReport {
     pub cpu_us: f64,
     /// Rays per frame.
     pub rays: Rays,
+    /// Values that were not finite and that it left out, in all these frames together: one bad frame is not to be lost in a median.
+    pub not_finite: u64,
     /// Draw calls per frame.
     pub draws: u64,
     /// Dispatches per frame.
@@ -136,7 +138,7 @@ pub struct Report {
 }
 
 /// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` are of the whole frame, the same in every row.
-pub const CSV_COLUMNS: [&str; 25] = [
+pub const CSV_COLUMNS: [&str; 26] = [
     "name",
     "stage",
     "queue",
@@ -148,6 +150,7 @@ pub const CSV_COLUMNS: [&str; 25] = [
     "cpu_us",
     "rays.closest",
     "rays.any",
+    "not_finite",
     "draws",
     "dispatches",
     "statistics.input_vertices",
@@ -195,6 +198,7 @@ impl Report {
                 pass.cpu_us.to_string(),
                 pass.rays.closest.to_string(),
                 pass.rays.any.to_string(),
+                pass.not_finite.to_string(),
                 pass.draws.to_string(),
                 pass.dispatches.to_string(),
                 counted(|s| s.input_vertices),

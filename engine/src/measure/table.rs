@@ -4,7 +4,8 @@ use super::Report;
 
 const RIGHT_FROM: usize = 2;
 
-/// One row per pass, then the total: GPU time, share of the frame, CPU time, rays, draws and dispatches. Columns that are
+/// One row per pass, then the total: GPU time, share of the frame, CPU time, rays, values that were not finite (of all frames
+/// together), draws and dispatches. Columns that are
 /// zero in every row are left out. Where several queues ran, a line says what they saved by working at the same time.
 #[must_use]
 pub fn pass_table(report: &Report) -> String {
@@ -18,6 +19,7 @@ pub fn pass_table(report: &Report) -> String {
         "share",
         "CPU us",
         "rays",
+        "not finite",
         "draws",
         "dispatches",
         "triangles",
@@ -41,6 +43,7 @@ pub fn pass_table(report: &Report) -> String {
             share(median),
             format!("{:.1}", pass.cpu_us),
             count(pass.rays.closest + pass.rays.any),
+            count(pass.not_finite),
             pass.draws.to_string(),
             pass.dispatches.to_string(),
             count(pass.statistics.map_or(0, |s| s.clipping_primitives)),
@@ -60,6 +63,7 @@ pub fn pass_table(report: &Report) -> String {
         share(passes_ms),
         format!("{:.1}", report.passes.iter().map(|p| p.cpu_us).sum::<f64>()),
         count(sum(|p| p.rays.closest + p.rays.any)),
+        count(sum(|p| p.not_finite)),
         sum(|p| p.draws).to_string(),
         sum(|p| p.dispatches).to_string(),
         count(sum(|p| p.statistics.map_or(0, |s| s.clipping_primitives))),

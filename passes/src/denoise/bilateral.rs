@@ -32,6 +32,7 @@ impl Bilateral {
             (filtered.read(), move |c: &mut Record<'_>| {
                 let params = BilateralParams {
                     view: c.id(block),
+                    not_finite: c.not_finite(),
                     guide: c.id(guide),
                     normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
                     noisy: c.id(noisy),

@@ -166,6 +166,7 @@ impl Svgf {
             (out, move |c: &mut Record<'_>| {
                 let params = AccumulateParams {
                     view: c.id(block),
+                    not_finite: c.not_finite(),
                     noisy: c.id(noisy),
                     motion: c.id(motion),
                     taps: c.id(taps),

@@ -116,6 +116,7 @@ impl Standard {
             let extent = p.extent(radiance);
             (display.read(), move |c: &mut Record<'_>| {
                 let params = ToneMapParams {
+                    not_finite: c.not_finite(),
                     colour: c.id(colour),
                     display: c.id(target),
                     size: [extent.width, extent.height],

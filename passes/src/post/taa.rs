@@ -45,6 +45,7 @@ impl Taa {
             (picture.read(), move |c: &mut Record<'_>| {
                 let params = TaaParams {
                     view: c.id(block),
+                    not_finite: c.not_finite(),
                     colour: c.id(colour),
                     depth: c.id(depth),
                     motion: c.id(motion),

@@ -43,7 +43,7 @@ pub(super) struct Frame<'a> {
     pub declaration: &'a Declaration,
     pub plan: &'a Plan,
     pub bound: &'a Bound,
-    /// Has room for the rays of every pass.
+    /// Has room for what every pass counts.
     pub counters: &'a Clock,
     /// What is spoilt on purpose; hardly ever anything.
     pub spoils: &'a [Spoil],
@@ -306,9 +306,9 @@ impl Unit<'_> {
         if let Some(clock) = clock {
             clock.begin_counting(encoder, position as u32);
         }
-        let rays = frame.counters.rays(position as u32);
+        let counters = frame.counters.counters(position as u32);
         let physical = &bound.physical;
-        let mut scope = Record { encoder, physical, pass, name, rays, recorded: Recorded::default() };
+        let mut scope = Record { encoder, physical, pass, name, counters, recorded: Recorded::default() };
         if let Some(record) = self.records[position - self.positions.start].take() {
             record(&mut scope);
         }

@@ -11,6 +11,7 @@ use super::super::{
     record::{BufferRange, Physical},
 };
 use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier, ImageInfo, ImageUse};
+use crate::measure::PassTime;
 
 /// By slot.
 #[derive(Default)]
@@ -121,6 +122,20 @@ impl Kept {
             }
         }
         book.open().end(|slot| written.contains(&slot));
+    }
+
+    /// Kept images that were read by passes which met values that are not finite are made anew in the next frame: else one bad value
+    /// stays for as long as nothing that they show changes. `passes` are by position; none where nothing was measured.
+    pub fn distrust(&self, book: &Book, declaration: &Declaration, plan: &Plan, passes: &[PassTime]) {
+        for (&pass, _) in plan.order.iter().zip(passes).filter(|(_, counted)| counted.not_finite > 0) {
+            for u in declaration.uses_of(pass).iter().filter(|u| u.reads.is_some()) {
+                if let Origin::Imported { key: ImportKey::Kept(slot), .. } =
+                    declaration.resources[u.resource as usize].origin
+                {
+                    book.open().distrust(slot);
+                }
+            }
+        }
     }
 }
 

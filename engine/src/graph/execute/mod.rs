@@ -7,7 +7,7 @@
 //! | `bind` | objects behind the resources of a plan, and its barriers in the device's words |
 //! | `keep` | what outlives the frame: histories and kept buffers |
 //! | `commands` | command buffers, on several threads where that pays, and their submission |
-//! | `time` | GPU times, counts of rays and invocations |
+//! | `time` | GPU times, counts of rays, of values that are not finite, and of invocations |
 //! | `spoil` | spoils outputs on purpose, for tests |
 //! | `crumbs` | how far a lost device came |
 
@@ -120,7 +120,8 @@ impl Imports {
 pub struct ExecuteOptions {
     /// Steps of the graph that are taken.
     pub switches: Switches,
-    /// Take GPU times and ray counts of every pass, and CPU times of its recording.
+    /// Take GPU times and counts of every pass, and CPU times of its recording. Without it nobody learns of values that are not
+    /// finite, so that what is kept for long is not made anew after one.
     pub measure: bool,
     /// Count what the shaders of every pass did, where the device can; only while measuring. It costs time.
     pub statistics: bool,
@@ -344,6 +345,7 @@ impl Executor {
         }
         if own {
             self.kept.end(&self.book, &declaration, &plan);
+            self.kept.distrust(&self.book, &declaration, &plan, &sample.passes);
         }
         sample.memory = Memory {
             transient_bytes: self.pool.bytes(),

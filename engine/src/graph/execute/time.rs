@@ -1,4 +1,4 @@
-//! GPU times of passes, the rays that they count, and the invocations of their shaders.
+//! GPU times of passes, what their shaders count (rays, values that are not finite), and how often these ran.
 
 use std::time::Instant;
 
@@ -10,14 +10,15 @@ use crate::{
 use magpie_shaders::Address;
 
 const FIRST_PASSES: u32 = 64;
-const RAY_BYTES: u64 = 8;
+/// Of the counters of a pass: closest-hit rays, any-hit rays, values that are not finite.
+const COUNTER_BYTES: u64 = 12;
 
-/// Timestamps and ray counters of one frame.
+/// Timestamps and counters of one frame.
 pub(super) struct Clock {
     gpu: Gpu,
     timestamps: Timestamps,
-    /// Two words per pass, closest-hit and any-hit rays: where shaders count, and where the host reads.
-    rays: [gpu::Buffer; 2],
+    /// [`COUNTER_BYTES`] per pass: where shaders count, and where the host reads.
+    counters: [gpu::Buffer; 2],
     /// Counters of invocations, in frames that want them.
     statistics: Option<Statistics>,
     begun: Instant,
@@ -28,7 +29,7 @@ impl Clock {
         Ok(Self {
             gpu: gpu.clone(),
             timestamps: Timestamps::new(gpu, stamps(FIRST_PASSES))?,
-            rays: ray_counters(gpu, FIRST_PASSES)?,
+            counters: counters(gpu, FIRST_PASSES)?,
             statistics: None,
             begun: Instant::now(),
         })
@@ -39,7 +40,7 @@ impl Clock {
         if self.timestamps.capacity() < stamps(passes) {
             let room = passes.next_power_of_two();
             self.timestamps = Timestamps::new(&self.gpu, stamps(room))?;
-            self.rays = ray_counters(&self.gpu, room)?;
+            self.counters = counters(&self.gpu, room)?;
         }
         self.timestamps.reset();
         match &self.statistics {
@@ -50,13 +51,13 @@ impl Clock {
         Ok(())
     }
 
-    /// Where the pass at a position counts its rays.
-    pub fn rays(&self, position: u32) -> Address {
-        self.rays[0].address().offset(u64::from(position) * RAY_BYTES)
+    /// Where the pass at a position counts: rays, then values that are not finite.
+    pub fn counters(&self, position: u32) -> Address {
+        self.counters[0].address().offset(u64::from(position) * COUNTER_BYTES)
     }
 
     pub fn open_frame(&self, encoder: &mut CommandEncoder) {
-        encoder.clear_buffer(&self.rays[0]);
+        encoder.clear_buffer(&self.counters[0]);
         encoder.full_barrier();
         encoder.timestamp(&self.timestamps, 0);
     }
@@ -82,7 +83,7 @@ impl Clock {
 
     /// Everything before must be done and visible.
     pub fn close_frame(&self, encoder: &mut CommandEncoder) {
-        let [counters, counted] = &self.rays;
+        let [counters, counted] = &self.counters;
         encoder.copy_buffer(counters, 0, counted, 0, counters.bytes());
         encoder.full_barrier();
     }
@@ -96,17 +97,18 @@ impl Clock {
         sample: &mut FrameSample,
     ) -> Result<(), GpuError> {
         let stamps = self.timestamps.read(stamps(passes.len() as u32))?;
-        let counters = self.rays[1].contents();
+        let counters = self.counters[1].contents();
         for (position, time) in passes.iter_mut().enumerate() {
             let (begin, end) = (stamps[1 + 2 * position], stamps[2 + 2 * position]);
             time.gpu_ns = Some(end.saturating_sub(begin));
             time.gpu_start_ns = Some(begin.saturating_sub(stamps[0]));
             let word = |at: usize| {
-                let first = position * RAY_BYTES as usize + at;
+                let first = position * COUNTER_BYTES as usize + at;
                 let bytes = counters.get(first..first + 4);
                 bytes.and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
+            time.not_finite = word(8).into();
         }
         if let Some(statistics) = &self.statistics {
             for (pass, position) in passes.iter_mut().zip(0..) {
@@ -149,8 +151,8 @@ fn stamps(passes: u32) -> u32 {
     1 + 2 * passes
 }
 
-fn ray_counters(gpu: &Gpu, passes: u32) -> Result<[gpu::Buffer; 2], GpuError> {
-    let bytes = u64::from(passes) * RAY_BYTES;
+fn counters(gpu: &Gpu, passes: u32) -> Result<[gpu::Buffer; 2], GpuError> {
+    let bytes = u64::from(passes) * COUNTER_BYTES;
     let make = |name, memory| gpu::Buffer::new(gpu, name, bytes, memory, BufferUse::Storage);
-    Ok([make("ray counters", BufferMemory::Device)?, make("ray counts", BufferMemory::ReadBack)?])
+    Ok([make("counters", BufferMemory::Device)?, make("counts", BufferMemory::ReadBack)?])
 }

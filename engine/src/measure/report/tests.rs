@@ -85,9 +85,31 @@ fn json_has_the_documented_names() {
                          "top_bytes": 16, "bottom_ms": 0.5, "top_ms": 0.25},
         "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
                     "gpu_ms": {"median": 3.0, "min": 2.0, "p99": 4.0, "max": 4.0}, "cpu_us": 2.5,
-                    "rays": {"closest": 0, "any": 10}, "draws": 0, "dispatches": 1}],
+                    "rays": {"closest": 0, "any": 10}, "not_finite": 0, "draws": 0, "dispatches": 1}],
     });
     assert_eq!(got, wanted);
+}
+
+#[test]
+fn what_is_not_finite_is_counted_over_all_frames() {
+    let bad = |name, not_finite| PassTime { not_finite, ..pass(name, 1) };
+    let frames = vec![
+        frame(9, vec![bad("a.x", 0), bad("b.x", 5)]),
+        frame(9, vec![bad("a.x", 1), bad("b.x", 0)]),
+        frame(9, vec![bad("a.x", 0), bad("b.x", 2)]),
+        frame(9, vec![bad("a.x", 0), bad("b.x", 0)]),
+    ];
+    let recorder = recorder(frames, 1);
+    let lines: Vec<String> = recorder.not_finite().iter().map(ToString::to_string).collect();
+    assert_eq!(
+        lines,
+        [
+            "b.x left out 7 values that were not finite, in frame 0 and 1 more",
+            "a.x left out 1 value that was not finite, in frame 1"
+        ]
+    );
+    let report = recorder.report(run()).unwrap();
+    assert_eq!(report.passes.iter().map(|p| p.not_finite).collect::<Vec<_>>(), [1, 2]);
 }
 
 #[test]

@@ -216,6 +216,7 @@ impl MapShadows {
                 let tables = c.id(tables);
                 let params = MapParams {
                     view: c.id(block),
+                    not_finite: c.not_finite(),
                     lights: tables,
                     layers: tables.offset(first),
                     maps: std::array::from_fn(|k| images.get(k).map_or(SampledImage::default(), |m| c.id(*m))),

@@ -1,0 +1,332 @@
+//! One bad frame does not live on: every output of every pass is spoilt with NaN and infinity in one frame, and 30 frames later nothing of
+//! it is left in any image, whatever fills the slots. What histories left out is counted, and `--check` still names the origin.
+use anyhow::{Context, Result, ensure};
+use glam::{Affine3A, DMat3, DVec3, Vec3};
+use magpie::config::{Config, Value};
+use magpie::gpu::Gpu;
+use magpie::graph::check::{Bad, Place, Poison};
+use magpie::graph::{Format, Shape};
+use magpie::measure::Recorder;
+use magpie::scene::{AlphaMode, Light, Material, Scene, Sphere};
+use magpie::stage::{Range, SlotInfo};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_shaders::scene as shared;
+use magpie_tests::harness::{config, gpu};
+use magpie_tests::made::{add, block, camera, environment, material, plane, scene, sun};
+use std::collections::{BTreeMap, BTreeSet};
+use std::env;
+use std::mem::offset_of;
+use std::time::Instant;
+
+const SIZE: [u32; 2] = [64, 36];
+/// The frame that is spoilt beside the first, when histories have something to lose.
+const SPOILT: u32 = 3;
+/// After so many frames nothing may be left.
+const HEALED: u32 = 30;
+/// Parts of passes that keep or average something, and have to count what they leave out.
+const COUNTS: [&str; 5] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map"];
+
+/// A floor with a block, a ball and a pane of coloured glass on it, under sun, lamp, sky and a glowing panel that no light stands for.
+fn room() -> Scene {
+    let mut s = scene("room", camera([0.0, 1.6, 3.4], [0.0, 0.3, 0.0]));
+    let at = |x: f32, y: f32, z: f32| Affine3A::from_translation(Vec3::new(x, y, z));
+    add(&mut s, plane(4.0), material([0.8; 3], 0.0, 0.8), at(0.0, 0.0, 0.0));
+    add(&mut s, block(Vec3::new(0.3, 0.4, 0.3)), material([0.8, 0.4, 0.2], 0.0, 0.5), at(-0.6, 0.4, 0.0));
+    let ball = Sphere { centre: Vec3::new(0.5, 0.3, 0.2), radius: 0.3 };
+    let balls = magpie::scene::Mesh { name: "ball".to_owned(), spheres: vec![ball], ..Default::default() };
+    add(&mut s, balls, material([0.9; 3], 1.0, 0.3), Affine3A::IDENTITY);
+    let glass = Material { alpha: AlphaMode::Blend, double_sided: true, ..material([0.9, 0.2, 0.3], 0.0, 0.5) };
+    let glass = Material { base_colour: glass.base_colour.truncate().extend(0.4), ..glass };
+    add(&mut s, plane(0.4), glass, at(0.4, 0.9, 0.4));
+    let panel = Material { emission: Vec3::new(6.0, 5.0, 3.0), double_sided: true, ..material([0.5; 3], 0.0, 1.0) };
+    add(&mut s, plane(0.2), panel, at(-0.4, 1.2, -0.6));
+    let Light::Directional { direction, illuminance, .. } = sun(Vec3::new(0.4, 1.0, 0.3)) else { return s };
+    s.lights.push(Light::Directional { direction, illuminance, angular_radius: 0.03 });
+    s.lights.push(Light::Sphere { centre: DVec3::new(0.9, 1.4, 0.9), radius: 0.15, radiance: Vec3::splat(9.0) });
+    s.environment = Some(environment());
+    s
+}
+
+/// A configuration, and whether the camera turns: then histories are read between their pixels.
+struct Case {
+    changes: Vec<String>,
+    turns: bool,
+}
+
+fn case(changes: &[&str], turns: bool) -> Case {
+    Case { changes: changes.iter().map(|c| (*c).to_owned()).collect(), turns }
+}
+
+/// Together they have every pass of the frame.
+fn few() -> Vec<Case> {
+    let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa"];
+    vec![
+        case(&svgf, false),
+        case(&["stages.ao=ray-traced", "shadows.tinted=false", "post.resolution_scale=0.67", svgf[1]], true),
+        case(
+            &[
+                "ao.resolution=half",
+                "shadows.resolution=half",
+                "shadows.denoiser=bilateral",
+                "direct.denoiser=bilateral",
+                "post.resolution_scale=0.67",
+                "post.sharpening=0.5",
+            ],
+            false,
+        ),
+        case(
+            &[
+                "stages.shadows=shadow-map",
+                "shadows.filter=pcss",
+                "shadows.map_size=512",
+                "shadows.lamp_map_size=512",
+                "gbuffer.precision=full",
+                "post.anti_aliasing=taa",
+            ],
+            false,
+        ),
+        case(
+            &["stages.shadows=hybrid", "shadows.map_size=512", "shadows.lamp_map_size=512", "post.anti_aliasing=none"],
+            false,
+        ),
+    ]
+}
+
+/// Every implementation and preset of every slot under several ways to show them, and every name that one of their settings takes.
+fn all() -> Vec<Case> {
+    let ways: [&[&str]; 3] = [
+        &["post.anti_aliasing=taa"],
+        &["post.anti_aliasing=taa", "post.resolution_scale=0.5", "post.sharpening=1"],
+        &["post.anti_aliasing=none", "post.resolution_scale=0.67"],
+    ];
+    let mut cases = few();
+    for SlotInfo { name: slot, implementations, presets, .. } in Slots::default().infos() {
+        let mut choices: BTreeSet<Vec<String>> = BTreeSet::new();
+        choices.extend(presets.iter().map(|p| vec![format!("stages.{slot}={}", p.name)]));
+        for implementation in implementations {
+            let chosen = format!("stages.{slot}={}", implementation.name);
+            choices.insert(vec![chosen.clone()]);
+            for setting in &implementation.settings {
+                let names: Vec<String> = match (&setting.range, &setting.default) {
+                    (Range::OneOf(names), _) => names.iter().map(|n| (*n).to_owned()).collect(),
+                    (_, Value::Bool(_)) => vec!["true".to_owned(), "false".to_owned()],
+                    _ => Vec::new(),
+                };
+                choices.extend(names.iter().map(|n| vec![chosen.clone(), format!("{slot}.{}={n}", setting.key)]));
+            }
+        }
+        for (at, choice) in choices.into_iter().enumerate() {
+            // What fills a slot in each of the ways, a setting in one of them.
+            let shown = |number: &usize| choice.len() == 1 || at % ways.len() == *number;
+            for (number, way) in ways.iter().enumerate().filter(|(number, _)| shown(number)) {
+                let own = way.iter().filter(|w| !choice.iter().any(|c| c.split('=').next() == w.split('=').next()));
+                let changes = own.map(|w| (*w).to_owned()).chain(choice.clone()).collect();
+                cases.push(Case { changes, turns: (at + number) % 2 == 1 });
+            }
+        }
+    }
+    cases
+}
+
+struct Run<'a> {
+    renderer: Renderer,
+    scene: &'a Scene,
+    turns: bool,
+    frame: u32,
+}
+
+impl Run<'_> {
+    fn frame(&mut self) -> Result<FrameResult> {
+        let mut camera = self.scene.cameras[0].clone();
+        if self.turns {
+            camera.world_from_camera.matrix3 *= DMat3::from_rotation_y(0.004 * f64::from(self.frame));
+        }
+        self.frame += 1;
+        let request = FrameRequest { camera: &camera, time: 0.0, view: None, read_back: false };
+        self.renderer.frame(request)?.context("a size of zero")
+    }
+
+    fn restart(&mut self) {
+        self.renderer.restart();
+        self.frame = 0;
+    }
+}
+
+/// Both values for every output of a frame that can hold them, each at a place of its own; maps, of which a picture looks at little,
+/// at many.
+fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
+    let FrameResult { declaration, plan, .. } = result;
+    let passes = plan.order.iter().copied().filter(|&p| !declaration.passes[p as usize].weak);
+    let mut found = Vec::new();
+    for pass in passes {
+        for output in declaration.outputs_of(pass) {
+            let Shape::Image { format, extent, .. } = declaration.resources[output.resource as usize].shape else {
+                continue;
+            };
+            if !format.is_float() {
+                continue;
+            }
+            let writes = |u: &&magpie::graph::Use| u.resource == output.resource && u.writes == Some(output.version);
+            let layer = declaration.uses_of(pass).iter().find(writes).map_or(0, |u| u.part.layer.into());
+            let poison = |x: u32, y: u32, value| {
+                let place = Place::Pixel { x, y, mip: 0, layer };
+                Poison { pass: declaration.pass_name(pass).to_owned(), output: output.name.clone(), place, value }
+            };
+            let is_map = format == Format::D32Float && declaration.pass_name(pass).contains(".map_");
+            // The lower two thirds of the picture show surfaces.
+            let number = found.len() as u32;
+            let (width, height) = (extent.width, extent.height);
+            let places: Vec<[u32; 2]> = if is_map {
+                (0..64).map(|k| [k % 8, k / 8].map(|n| (2 * n + 1) * width / 16)).collect()
+            } else {
+                let x = |k: u32| (7 + 23 * number + k * width / 2) % width;
+                let y = |k: u32| height - 1 - (3 + 5 * number + 11 * k) % (2 * height / 3);
+                vec![[x(0), y(0)]]
+            };
+            for [x, y] in places {
+                let across = (x + width / 2) % width;
+                found.push([poison(x, y, Bad::Nan), poison(across, y, Bad::Infinity)]);
+            }
+        }
+    }
+    found
+}
+
+/// What one run left.
+#[derive(Default)]
+struct Left {
+    /// Frames after the last that was spoilt until nothing was found any more.
+    healed_after: u32,
+    /// By pass.
+    counted: BTreeMap<String, u64>,
+}
+
+/// Runs from the first frame on, spoils two frames, and looks at all images of every frame until they have to be clean; with `whole` to the
+/// last frame also where several frames in a row were.
+fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Left> {
+    run.restart();
+    let mut recorder = Recorder::new(0);
+    let mut left = Left::default();
+    let last = if spoilt[1].is_empty() { 0 } else { SPOILT };
+    for frame in 0..=last + HEALED {
+        let now = match frame {
+            0 => spoilt[0],
+            SPOILT => spoilt[1],
+            _ => &[],
+        };
+        now.iter().flatten().for_each(|p| run.renderer.poison(p.clone()));
+        let result = run.frame()?;
+        recorder.push(result.sample);
+        if !result.findings.is_empty() {
+            left.healed_after = (frame + 1).saturating_sub(last);
+            ensure!(frame < last + HEALED, "left after {HEALED} frames: {}", result.findings[0]);
+        } else if frame > last + 2 && !whole && frame >= last + left.healed_after + 4 {
+            break; // nothing comes back out of frames without anything
+        }
+        ensure!(now.is_empty() || !result.findings.is_empty(), "frame {frame} was spoilt and nothing was found");
+    }
+    left.counted = recorder.not_finite().iter().map(|n| (n.pass.clone(), n.values)).collect();
+    Ok(left)
+}
+
+/// Every output of every pass in one frame, with `full` for all frames after it; with `singly` each alone too. Gives the names of the passes that were spoilt.
+fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) -> Result<BTreeSet<String>> {
+    let start = Instant::now();
+    let changes: Vec<&str> = case.changes.iter().map(String::as_str).collect();
+    let config: Config = config(&changes)?;
+    let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, ..RenderOptions::default() };
+    let renderer = Renderer::new(gpu, scene, &Slots::default(), &config, options)?;
+    let mut all = Run { renderer, scene, turns: case.turns, frame: 0 };
+    // Maps are drawn in the first frame only, and histories are there in later ones.
+    let first = poisons(&all.frame()?);
+    for _ in 1..SPOILT {
+        all.frame()?;
+    }
+    let later = all.frame()?;
+    ensure!(later.findings.is_empty(), "{}", later.findings[0]);
+    let counts: Vec<String> = later.sample.passes.iter().map(|p| p.name.clone()).collect();
+    let later = poisons(&later);
+
+    let Left { healed_after, counted } = run(&mut all, [&first, &later], full)?;
+    println!(
+        "{:.1} s, {changes:?}: {} places, clean after {healed_after} frames, left out {counted:?}",
+        start.elapsed().as_secs_f64(),
+        first.len() + later.len()
+    );
+    for pass in counts.iter().filter(|p| !p.starts_with("check.") && COUNTS.iter().any(|c| p.contains(c))) {
+        // What has no more range than from 0 to 1 cannot come in bad.
+        let bounded = pass.contains(".bilateral") && !pass.starts_with("direct.");
+        ensure!(bounded || counted.contains_key(pass), "{pass} left out nothing: {counted:?}");
+    }
+    let has_history = |pass: &str| pass.contains(".accumulate") || pass == "post.taa";
+    if singly {
+        for poison in &later {
+            let Left { counted, .. } = run(&mut all, [&[], std::slice::from_ref(poison)], false)
+                .with_context(|| format!("{}:{} alone", poison[0].pass, poison[0].output))?;
+            if has_history(&poison[0].pass) && poison[0].output.ends_with(".next") {
+                ensure!(counted.contains_key(&poison[0].pass), "{}: {counted:?}", poison[0].pass);
+            }
+        }
+    }
+    Ok(first.iter().chain(&later).map(|p| p[0].pass.clone()).collect())
+}
+
+#[test]
+fn no_bad_value_outlives_its_frame_for_long() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let (scene, full) = (room(), env::var_os("MAGPIE_FULL").is_some());
+    let (mut passes, mut failed) = (BTreeSet::new(), Vec::new());
+    for (number, case) in if full { all() } else { few() }.iter().enumerate() {
+        let singly = full && number < 2;
+        match heals(&gpu, &scene, case, (full, singly)) {
+            Ok(spoilt) => passes.extend(spoilt),
+            Err(error) => failed.push(format!("{:?}: {error:#}", case.changes)),
+        }
+    }
+    ensure!(failed.is_empty(), "{} cases:\n{}", failed.len(), failed.join("\n"));
+    println!("spoilt: {passes:?}");
+    for pass in
+        ["gbuffer.draw", "shadows.accumulate", "ao.accumulate", "direct.accumulate", "direct.bilateral", "post.taa"]
+    {
+        ensure!(passes.contains(pass), "{pass} was not spoilt: {passes:?}");
+    }
+    Ok(())
+}
+
+/// The tables of instances and lights are written when something moves, here when a light is dimmed: a bad word in them is met in every frame
+/// from then on.
+#[test]
+fn what_is_made_once_is_made_anew() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = room();
+    let after = |at: usize, bytes: usize| at.next_multiple_of(16) + bytes;
+    let instances = size_of::<shared::Scene>().next_multiple_of(16);
+    let lights = after(instances, scene.instances.len() * size_of::<shared::Instance>()).next_multiple_of(16);
+    let sun = (lights + offset_of!(shared::Light, intensity)) as u64 / 4;
+    for anti_aliasing in ["taa", "none"] {
+        let changes = ["stages.ao=off", "direct.emitter_rays=0", &format!("post.anti_aliasing={anti_aliasing}")];
+        let options =
+            RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, ..RenderOptions::default() };
+        let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&changes)?, options)?;
+        let (mut written, mut bad) = (Vec::new(), Vec::new());
+        for frame in 0..6 {
+            if frame == 1 {
+                renderer.dim(0, 0.9);
+                let (pass, output) = ("scene.update".to_owned(), "scene.state".to_owned());
+                renderer.poison(Poison { pass, output, place: Place::Element(sun), value: Bad::Nan });
+            }
+            let camera = &scene.cameras[0];
+            let result = renderer.frame(FrameRequest { camera, time: 0.0, view: None, read_back: false })?;
+            let result = result.context("a size of zero")?;
+            if result.sample.passes.iter().any(|p| p.name == "scene.update") {
+                written.push(frame);
+            }
+            if !result.findings.is_empty() {
+                bad.push(frame);
+            }
+        }
+        println!("{anti_aliasing}: tables written in frames {written:?}, bad values in {bad:?}");
+        ensure!(written == [1, 2] && bad == [1], "{anti_aliasing}: written in {written:?}, bad in {bad:?}");
+    }
+    Ok(())
+}
