@@ -60,7 +60,10 @@ type Change = Box<dyn FnOnce(&mut Scene)>;
 /// Everything without power, by name: what it adds to a scene.
 fn dark() -> Vec<(String, Change)> {
     let mut all: Vec<(String, Change)> = vec![
-        ("a black environment".to_owned(), Box::new(sky(|map| map.radiance.fill(Vec3::ZERO)))),
+        (
+            "a black environment".to_owned(),
+            Box::new(sky(|map| map.radiance = vec![Vec3::ZERO; map.radiance.len()].into())),
+        ),
         ("an environment of scale 0".to_owned(), Box::new(sky(|map| map.scale = 0.0))),
         ("a glow without area".to_owned(), Box::new(|s| add(s, thread(), emits(Vec3::ONE), at(0.0, 1.0, 0.0)))),
         (
@@ -105,9 +108,8 @@ fn estimate(gpu: &Gpu, scene: &Scene, strategy: Strategy, samples: u32) -> Resul
 /// The radiance of a frame with every check on.
 fn frame(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
-    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&["stages.post=off"])?, options)?;
-    let view = Some(("compose.sum", "radiance"));
-    let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back: true };
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&[])?, options)?;
+    let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
     let result = renderer.frame(request)?.context("no frame")?;
     ensure!(result.findings.is_empty(), "{}: {}", scene.name, result.findings[0]);
     Ok(result.images.context("no image")?.linear.values())
@@ -144,6 +146,7 @@ fn beside_others_they_change_nothing() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let without = bright("all that shines");
     let (truth, wanted) = (estimate(&gpu, &without, Strategy::Power, 256)?, frame(&gpu, &without)?);
+    ensure!(wanted.iter().all(|v| v[1] > 0.01), "the frame is dark: {wanted:?}");
     for (name, change) in dark().into_iter().filter(|(name, _)| !name.contains("environment")) {
         let mut scene = bright(&name);
         change(&mut scene);
@@ -159,9 +162,10 @@ fn beside_others_they_change_nothing() -> Result<()> {
         let (error, deviate) = (variance.map(f64::sqrt), (off / variance.map(f64::sqrt)).abs().max_element());
         println!("{name:<26} {:+.3} % of the light, {deviate:.2} standard errors", 100.0 * off.y / sum.y);
         ensure!(deviate < 4.5 && (error / sum).max_element() < 0.02, "{name}: {off} +- {error} of {sum}");
-        // Nothing in the frame is drawn at random but rays to the panel, whose table has other entries beside the thread.
+        // The same numbers, but where a table of three entries takes the place of one with two: other points of the panel.
         let changed = frame(&gpu, &scene)?.iter().zip(&wanted).map(|(a, b)| (a[1] - b[1]).abs()).fold(0.0, f32::max);
-        println!("{name:<26} {changed:.1e} off in the frame");
+        let allowed = if name.contains("ball") { 0.1 } else { 0.0 };
+        ensure!(changed <= allowed, "{name}: the frame is {changed} off");
     }
     Ok(())
 }

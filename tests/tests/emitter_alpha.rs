@@ -5,7 +5,7 @@ use magpie::gpu::Gpu;
 use magpie::scene::{
     AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, odds::Emitters,
 };
-use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions, Strategy};
+use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_tests::against::{Shown, mean, relmse, truth};
 use magpie_tests::harness::{config, gpu, render};
 use magpie_tests::made::{add, block, camera, material, plane, scene};
@@ -13,7 +13,7 @@ use magpie_tests::oracle::path::{Witness, WitnessOptions};
 use std::f32::consts::PI;
 
 const SIZE: [u32; 2] = [24, 16];
-const STRATEGIES: [Strategy; 4] = [Strategy::Power, Strategy::Balance, Strategy::LightsOnly, Strategy::SurfacesOnly];
+const STRATEGIES: [Strategy; 3] = [Strategy::Power, Strategy::LightsOnly, Strategy::SurfacesOnly];
 
 fn at(x: f32, y: f32, z: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::new(x, y, z))
@@ -105,10 +105,10 @@ fn nowhere() -> Vec<Scene> {
     ]
 }
 
+/// Light that is scattered once. The camera sees blended surfaces by their alpha, as the witness does.
 fn options(strategy: Strategy) -> ReferenceOptions {
-    let [width, height] = SIZE;
-    let (only, pixel) = (Only::Direct, PixelSampling::Centre);
-    ReferenceOptions { width, height, only, pixel, strategy, seed: strategy as u32 + 1, ..ReferenceOptions::default() }
+    let ([width, height], seed) = (SIZE, strategy as u32 + 1);
+    ReferenceOptions { width, height, depth: 1, strategy, seed, ..ReferenceOptions::default() }
 }
 
 fn estimate(gpu: &Gpu, scene: &Scene, strategy: Strategy, samples: u32) -> Result<Estimate> {
@@ -133,21 +133,18 @@ fn of(estimate: &Estimate) -> [f64; 2] {
 fn each_strategy_alone_finds_what_is_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for scene in partly_there() {
-        let wanted = WitnessOptions {
-            samples: 512,
-            only: Only::Direct,
-            pixel: PixelSampling::Centre,
-            ..WitnessOptions::default()
-        };
+        // The ball is small and seen itself.
+        let patience = if scene.name.contains("ball") { 4 } else { 1 };
+        let wanted = WitnessOptions { samples: 512 * patience, depth: 1, ..WitnessOptions::default() };
         let witness = Witness::new(&scene, 0.0).radiance(&scene.cameras[0], SIZE[0], SIZE[1], wanted);
         let [truth, error] = whole(witness.into_iter());
-        ensure!(truth > 0.02 && error < 0.01 * truth, "{}: {truth} +- {error}", scene.name);
+        ensure!(truth > 0.02 && error < 0.015 * truth, "{}: {truth} +- {error}", scene.name);
         for strategy in STRATEGIES {
-            let samples = if strategy == Strategy::SurfacesOnly { 4096 } else { 1024 };
+            let samples = patience * if strategy == Strategy::SurfacesOnly { 2048 } else { 512 };
             let [found, own] = of(&estimate(&gpu, &scene, strategy, samples)?);
             let (off, error) = (found / truth - 1.0, own.hypot(error) / truth);
             println!("{:<22} {strategy:?}: {found:.5}, {:+.2} +- {:.2} % off", scene.name, 100.0 * off, 100.0 * error);
-            ensure!(error < 0.015 && off.abs() < 4.5 * error, "{}, {strategy:?}: {off} +- {error}", scene.name);
+            ensure!(error < 0.02 && off.abs() < 4.5 * error, "{}, {strategy:?}: {off} +- {error}", scene.name);
         }
     }
     Ok(())
@@ -189,7 +186,8 @@ fn what_is_cut_out_whole_lights_nothing() -> Result<()> {
 fn the_frame_finds_the_same() -> Result<()> {
     const RAW: [&str; 3] = ["direct.denoiser=none", "direct.emitter_rays=8", "stages.shadows=off"];
     let Some(gpu) = gpu()? else { return Ok(()) };
-    for scene in partly_there() {
+    const SCENES: [&str; 4] = ["holes by a texture", "blended by a texture", "blended ball", "panel behind a veil"];
+    for scene in partly_there().into_iter().filter(|s| SCENES.contains(&s.name.as_str())) {
         let shown = Shown { size: SIZE, time: 0.0 };
         let truth = truth(&gpu, &scene, shown, 1024)?;
         let found = mean(&gpu, &scene, &RAW, shown, 32)?.0;

@@ -68,7 +68,7 @@ fn ways(g: f32) -> [Mat2; 9] {
     const MUCH: f32 = 0.4;
     let ways = [[g, 0.0, 0.0, 0.0], [0.0, 0.0, g, 0.0], [0.0, g, 0.0, 0.0], [0.0, 0.0, 0.0, g], [g, 0.0, 0.0, g]];
     let [a, b, c, d, e] = ways.map(|m| Mat2::from_cols_array(&m));
-    let mixed = [[0.5 * g, g, 0.5 * g, g], [MUCH, 0.0, 0.0, g], [g, 0.0, 0.0, MUCH], [0.5 * MUCH, MUCH, g, 0.0]];
+    let mixed = [[0.25 * g, 0.5 * g, 0.5 * g, g], [MUCH, 0.0, 0.0, g], [g, 0.0, 0.0, MUCH], [0.5 * MUCH, MUCH, g, 0.0]];
     let [f, h, i, j] = mixed.map(|m| Mat2::from_cols_array(&m));
     [a, b, c, d, e, f, h, i, j]
 }
