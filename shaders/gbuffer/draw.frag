@@ -26,10 +26,12 @@ vec4 read(ViewBuffer view, TextureSlot slot, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
     vec3 uv = vec3(slot.uv_set == 0u ? uv0 : uv1, 1.0);
     vec2 at = vec2(dot(slot.row_u, uv), dot(slot.row_v, uv));
-    // As sample_lod, with the mip level from the screen.
-    return texture(
+    // As sample_gradients, with those of the screen, which ask for all fragments of a square: before any branch.
+    vec4 value = texture(
         sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), at, view.at[0].mip_bias
     );
+    float lod = lod_without_gradients(dFdx(at), dFdy(at));
+    return lod < 0.0 ? value : sample_lod(slot.image, slot.sampler_id, at, lod);
 }
 
 // World-space normal of the triangle by its winding (counter-clockwise from the front), not normalised; zero if degenerate.

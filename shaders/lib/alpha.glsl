@@ -51,6 +51,12 @@ float alpha_at(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric
     return alpha;
 }
 
+// The share of a surface that is there, by its alpha: all or nothing where it is tested, alpha itself where it is blended.
+float coverage_of(Material material, float alpha) {
+    if ((material.flags & MATERIAL_BLEND) != 0u) return clamp(alpha, 0.0, 1.0);
+    return (material.flags & MATERIAL_ALPHA_TEST) == 0u || alpha >= material.alpha_cutoff ? 1.0 : 0.0;
+}
+
 // Whether an alpha-tested surface is there at that point.
 bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
     uint material = InstanceBuffer(scene.at[0].instances).at[instance].material;

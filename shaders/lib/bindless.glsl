@@ -49,6 +49,27 @@ vec4 sample_lod(uint image, uint sampler_id, vec2 uv, float lod) {
     return textureLod(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, lod);
 }
 
+// Beyond the last mip of any image: levels are clamped.
+const float COARSEST_MIP = 1000.0;
+
+// Where gradients of coordinates say nothing that a filter could use, and drivers have answered with NaN: the mip that is right there,
+// below 0 for all others. Below the first number a pixel is less than a 600th of a texel of the largest image (16384): the finest mip.
+// From the second on it is so many images that even an eighth of it, the most that anisotropy leaves, is the coarsest, as it is of what
+// is no number.
+float lod_without_gradients(vec2 dx, vec2 dy) {
+    const float LEAST = 1e-7;
+    const float MOST = 1e4;
+    if (all(lessThan(abs(dx), vec2(LEAST))) && all(lessThan(abs(dy), vec2(LEAST)))) return 0.0;
+    return all(lessThan(abs(dx), vec2(MOST))) && all(lessThan(abs(dy), vec2(MOST))) ? -1.0 : COARSEST_MIP;
+}
+
+// Filtered over a pixel across which coordinates change by `dx` and `dy`. Image and sampler may differ between invocations.
+vec4 sample_gradients(uint image, uint sampler_id, vec2 uv, vec2 dx, vec2 dy) {
+    float lod = lod_without_gradients(dx, dy);
+    if (lod >= 0.0) return sample_lod(image, sampler_id, uv, lod);
+    return textureGrad(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, dx, dy);
+}
+
 // Writes pixel `p`. `image` must be the same for the whole draw or dispatch.
 void store(uint image, ivec2 p, vec4 value) {
     imageStore(storage_images[image], p, value);

@@ -23,6 +23,11 @@ uint choose(LightChoiceBuffer table, uint count, uint word, float u) {
     return u < entry.threshold ? index : entry.alias;
 }
 
+// How often an entry of a table of `count` entries is chosen: never where the table has none, as it is where nothing in it shines.
+float probability_of(LightChoiceBuffer table, uint count, uint entry) {
+    return entry < count ? table.at[entry].probability : 0.0;
+}
+
 bool has_size(Light light) {
     return light.kind == LIGHT_RECTANGLE || light.kind == LIGHT_DISC || light.kind == LIGHT_SPHERE
         || (light.kind == LIGHT_DIRECTIONAL && light.radius > 0.0);
@@ -150,7 +155,7 @@ float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outward
     return 2.0 / length(across);
 }
 
-// A sample of an emissive triangle or sphere.
+// A sample of an emissive triangle or sphere; its radiance is what alpha leaves of the emission. False where there is none.
 bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
     found = Incident(vec3(0.0), 0.0, vec3(0.0), 0.0);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
@@ -159,11 +164,15 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
     Coordinates at = Coordinates(mat2(0.0), mat2(0.0), mat2(0.0));
     vec3 outwards = vec3(0.0);
     vec3 point;
+    // How much of it a ray to that point would meet: the finest mip, as rays without width read it.
+    float coverage = 1.0;
     if ((instance.flags & INSTANCE_SPHERES) != 0u) {
         outwards = sample_sphere(u);
         vec4 sphere = SphereBuffer(mesh.positions).at[choice.primitive];
         point = sphere.xyz + sphere.w * outwards;
         material.emission_texture.image = NO_TEXTURE;
+        // Spheres are not tested.
+        if ((material.flags & MATERIAL_BLEND) != 0u) coverage = coverage_of(material, material.base_colour.a);
     } else {
         vec2 weights = sample_triangle(u);
         vec3 w = vec3(1.0 - weights.x - weights.y, weights);
@@ -175,6 +184,9 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
             w.x * attributes.at[corners.x].uv0 + w.y * attributes.at[corners.y].uv0 + w.z * attributes.at[corners.z].uv0,
             w.x * attributes.at[corners.x].uv1 + w.y * attributes.at[corners.y].uv1 + w.z * attributes.at[corners.z].uv1
         );
+        if ((material.flags & (MATERIAL_ALPHA_TEST | MATERIAL_BLEND)) != 0u) {
+            coverage = coverage_of(material, alpha_at(scene, choice.instance, corners, weights, vec3(0.0), 0.0));
+        }
     }
     vec3 normal;
     float density = emitter_density(instance, mesh, choice.primitive, outwards, normal);
@@ -185,7 +197,7 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
     if ((material.flags & MATERIAL_DOUBLE_SIDED) != 0u) cosine = abs(cosine);
     if (!(cosine > 0.0) || found.distance <= 0.0) return false;
     found.pdf = density * found.distance * found.distance / cosine;
-    found.radiance = emission_at(material, at) / found.pdf;
+    found.radiance = coverage * emission_at(material, at) / found.pdf;
     return found.radiance != vec3(0.0);
 }
 
@@ -194,7 +206,8 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
 float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position, vec3 point) {
     uint first = WordBuffer(lights.emitters).at[hit.instance];
     if (first == NO_EMITTER) return 0.0;
-    float probability = LightChoiceBuffer(lights.near).at[first + hit.primitive].probability;
+    float probability = probability_of(LightChoiceBuffer(lights.near), lights.near_count, first + hit.primitive);
+    if (probability == 0.0) return 0.0;
     Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     vec3 outwards = vec3(0.0);
@@ -224,17 +237,22 @@ uint sky_cell(LightTables lights, vec3 direction) {
     return cell.y * lights.sky_cells.x + cell.x;
 }
 
-// Density of sampling a direction of the sky, per steradian.
-float sky_pdf(LightTables lights, vec3 direction) {
-    float probability = LightChoiceBuffer(lights.sky).at[sky_cell(lights, direction)].probability;
-    return probability * float(lights.sky_cells.x * lights.sky_cells.y) / (4.0 * PI);
+// Density of sampling a cell of the sky, per steradian.
+float sky_cell_pdf(LightTables lights, uint cell) {
+    return probability_of(LightChoiceBuffer(lights.sky), lights.sky_count, cell) * float(lights.sky_count) / (4.0 * PI);
 }
 
+// Density of sampling a direction of the sky, per steradian; 0 of a sky that is black all over.
+float sky_pdf(LightTables lights, vec3 direction) {
+    return sky_cell_pdf(lights, sky_cell(lights, direction));
+}
+
+// A sample of a sky that has any cell to choose.
 Incident sample_sky(Sky sky, LightTables lights, uint word, vec3 u) {
-    uint cell = choose(LightChoiceBuffer(lights.sky), lights.sky_cells.x * lights.sky_cells.y, word, u.z);
+    uint cell = choose(LightChoiceBuffer(lights.sky), lights.sky_count, word, u.z);
     uvec2 at = uvec2(cell % lights.sky_cells.x, cell / lights.sky_cells.x);
     vec3 direction = sky_direction((vec2(at) + u.xy) / vec2(lights.sky_cells));
-    float pdf = LightChoiceBuffer(lights.sky).at[cell].probability * float(lights.sky_cells.x * lights.sky_cells.y) / (4.0 * PI);
+    float pdf = sky_cell_pdf(lights, cell);
     return Incident(direction, INFINITELY_FAR, sky_radiance(sky, direction) / pdf, pdf);
 }
 

@@ -45,7 +45,7 @@ vec4 read_texture(TextureSlot slot, Coordinates at, vec4 otherwise) {
     vec2 dy = at.dy[slot.uv_set & 1u];
     dx = vec2(dot(slot.row_u.xy, dx), dot(slot.row_v.xy, dx));
     dy = vec2(dot(slot.row_u.xy, dy), dot(slot.row_v.xy, dy));
-    return textureGrad(sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), place, dx, dy);
+    return sample_gradients(slot.image, slot.sampler_id, place, dx, dy);
 }
 
 // What a difference of world positions on a triangle with the edges `e1` and `e2` is in weights of its second and third corner.

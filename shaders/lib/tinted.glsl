@@ -8,6 +8,9 @@
 // base colour, Fresnel and transmission tint it. What bends or scatters light stops it here: volumes (their light is a caustic) and
 // rough sheets.
 
+// Behind so many of them frames give light up: more than 16 panes in a row are dark anyway, and a ray has an end.
+const uint MOST_SHEETS = 16u;
+
 // The share of light, in each colour, that the solid part of a surface lets straight through. `towards`: along the ray, any length.
 vec3 solid_through(SurfacePoint s, vec3 towards) {
     return s.sheet && !s.black ? straight_transmission(s.bsdf, abs(dot(s.normal, normalize(towards)))) : vec3(0.0);

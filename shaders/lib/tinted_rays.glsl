@@ -4,9 +4,6 @@
 #include "lib/tinted.glsl"
 // Shadow rays to one light, in a scene where surfaces let light through.
 
-// Behind so many of them light is given up: more than 16 panes in a row are dark anyway, and a ray has an end.
-const uint MOST_SHEETS = 16u;
-
 // Closest-hit and any-hit rays.
 uvec2 tinted_traced = uvec2(0u);
 

@@ -7,7 +7,7 @@ pub const NO_CASTER: u32 = 255;
 /// [`ShadeParams::emitters`] where no surface lights others.
 pub const NO_EMITTERS: u32 = 4294967295;
 
-/// Parameters of `emitters.ray`: light of emissive surfaces.
+/// Parameters of `emitters.ray` and `tinted_emitters.ray`: light of emissive surfaces.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct EmitterParams {

@@ -18,6 +18,8 @@ pub const PATH_SKY: u32 = 32;
 pub const PATH_BACKGROUND: u32 = 64;
 /// [`PathParams::flags`]: lights are not sampled; paths find those that have a size.
 pub const PATH_NO_LIGHT_SAMPLES: u32 = 128;
+/// [`PathParams::flags`]: what paths meet counts only where light samples never find it.
+pub const PATH_NO_LIGHT_HITS: u32 = 256;
 /// [`LightChoice::light`] of an emissive triangle or sphere.
 pub const CHOICE_EMITTER: u32 = 4294967295;
 /// In the table at [`LightTables::emitters`]: an instance that does not emit.
@@ -55,7 +57,8 @@ pub struct PathParams {
     pub blend_cutoff: f32,
 }
 
-/// What light may be sampled, and how often.
+/// What light may be sampled, and how often. A table in which nothing shines has no entries: nothing is chosen from it, and whatever is met is
+/// met at a density of 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LightTables {
@@ -75,6 +78,8 @@ pub struct LightTables {
     pub far_count: u32,
     /// Entries of `areas`.
     pub area_count: u32,
+    /// Entries of `sky`: as many as cells, or none where no light comes from it.
+    pub sky_count: u32,
     /// Columns and rows of the sky's cells; zero without a sky.
     pub sky_cells: [u32; 2],
 }

@@ -4,8 +4,8 @@ use crate::stages::{DirectIn, DirectOut};
 use magpie::config::{Config, Value};
 use magpie::prelude::*;
 use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
-use magpie_shaders::DIRECT_EMITTERS_RAY;
 use magpie_shaders::direct::EmitterParams;
+use magpie_shaders::{DIRECT_EMITTERS_RAY, DIRECT_TINTED_EMITTERS_RAY};
 
 const RAYS: &str = "emitter_rays";
 
@@ -42,7 +42,8 @@ impl Emitters {
             return Ok(None);
         }
         let denoiser = Denoiser::new(build.gpu, "direct", settings)?;
-        Ok(Some(Self { trace: build.ray_kernel(&DIRECT_EMITTERS_RAY)?, samples, denoiser }))
+        let shader = if build.lets_light_through { &DIRECT_TINTED_EMITTERS_RAY } else { &DIRECT_EMITTERS_RAY };
+        Ok(Some(Self { trace: build.ray_kernel(shader)?, samples, denoiser }))
     }
 
     /// Radiance over the reflectance; `None` where nothing emits.

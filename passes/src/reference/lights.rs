@@ -34,7 +34,8 @@ impl Tables {
             emitters.push(add_emitters(scene, &pose, instance, &mut near));
         }
         let (near, far) = (alias_table(near), alias_table(far));
-        let sized = |choice: &&LightChoice| has_size(choice, &pose);
+        // What has no power is not met either.
+        let sized = |choice: &&LightChoice| choice.probability > 0.0 && has_size(choice, &pose);
         let areas: Vec<_> = near
             .iter()
             .chain(&far)
@@ -54,6 +55,7 @@ impl Tables {
             near_count: near.len() as u32,
             far_count: far.len() as u32,
             area_count: areas.len() as u32,
+            sky_count: sky.len() as u32,
             sky_cells,
         };
         tables

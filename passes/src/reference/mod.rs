@@ -19,8 +19,8 @@ use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record
 use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
 use magpie::stage::StageError;
 use magpie_shaders::reference::{
-    PATH_BACKGROUND, PATH_BALANCE, PATH_CENTRE, PATH_CLEAR, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_SAMPLES,
-    PATH_SKY, PathParams,
+    PATH_BACKGROUND, PATH_BALANCE, PATH_CENTRE, PATH_CLEAR, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_HITS,
+    PATH_NO_LIGHT_SAMPLES, PATH_SKY, PathParams,
 };
 use magpie_shaders::{REFERENCE_AO_RAY, REFERENCE_PATH_RAY, REFERENCE_SHADOWS_RAY, RayShader, Rays};
 use std::cell::RefCell;
@@ -121,6 +121,8 @@ pub enum Strategy {
     Balance,
     /// Only surfaces are sampled. Lights without a size are never found.
     SurfacesOnly,
+    /// Only lights are sampled. Surfaces find what no sample of lights ever does: the light of unlit surfaces.
+    LightsOnly,
 }
 
 impl Default for ReferenceOptions {
@@ -246,6 +248,7 @@ impl Reference {
             Strategy::Power => 0,
             Strategy::Balance => PATH_BALANCE,
             Strategy::SurfacesOnly => PATH_NO_LIGHT_SAMPLES,
+            Strategy::LightsOnly => PATH_NO_LIGHT_HITS,
         };
         let centre = if options.pixel == PixelSampling::Centre { PATH_CENTRE } else { 0 };
         // Light that comes straight from lights is scattered once.

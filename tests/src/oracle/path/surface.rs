@@ -97,7 +97,11 @@ impl Materials {
     pub fn coverage(&self, geometry: &Geometry, hit: &Hit) -> f64 {
         let m = self.of(geometry, hit);
         let here = geometry.primitives[hit.primitive as usize];
-        if m.alpha == AlphaMode::Opaque || matches!(here.shape, Shape::Sphere(..)) {
+        if matches!(here.shape, Shape::Sphere(..)) {
+            // Never tested, but blended.
+            return if m.alpha == AlphaMode::Blend { f64::from(m.base_colour.w).clamp(0.0, 1.0) } else { 1.0 };
+        }
+        if m.alpha == AlphaMode::Opaque {
             return 1.0;
         }
         let at = interpolate(geometry, hit.primitive, hit.barycentric, hit.outward);

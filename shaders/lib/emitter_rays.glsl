@@ -1,0 +1,139 @@
+#ifndef LIB_EMITTER_RAYS_GLSL
+#define LIB_EMITTER_RAYS_GLSL
+#include "lib/gbuffer.glsl"
+#include "lib/light_sampling.glsl"
+#include "lib/ray.glsl"
+#include "lib/sequence.glsl"
+#include "shared/direct.glsl"
+#ifdef TINTED
+#include "lib/tinted.glsl"
+#endif
+// Light that comes straight from emissive surfaces, reflected once, over the surface's reflectance. Every ray goes either to a point of an
+// emissive triangle or sphere, chosen by power, or along the specular lobe, and is weighed by how likely both were to find what it has found
+// (Veach 1997, section 9.2.4: the one-sample model with the balance heuristic). With TINTED surfaces let light through, as in lib/tinted.glsl.
+
+const float FAR = 1e30;
+
+// Closest-hit and any-hit rays.
+uvec2 emitter_traced = uvec2(0u);
+
+// A surface that is seen, and what it is made of. Local directions as in lib/bsdf.glsl.
+struct Seen {
+    RayStart start;
+    mat3 around;
+    vec3 v;
+    Bsdf bsdf;
+    float lobe_odds;  // how often rays follow the lobe: never of the roughest surfaces, in half of the cases of mirrors
+};
+
+// Light of a surface that the lobe has met. Which share of it is there, who follows the ray says.
+vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit hit, SurfacePoint met) {
+    if (met.emission == vec3(0.0) || WordBuffer(lights.emitters).at[hit.instance] == NO_EMITTER) return vec3(0.0);
+    float own = bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
+    float other = emitter_pdf(scene, lights, hit, s.start.position, met.start.position);
+    float density = mix(other, own, s.lobe_odds);
+    return density > 0.0 ? bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR) * met.emission / density : vec3(0.0);
+}
+
+// Along the lobe. What lets light through dims and colours what lies behind it, and shines by what it covers.
+vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
+    vec3 l = reflect(-s.v, sample_visible_normal(s.v, s.bsdf.alpha, u));
+    vec3 direction = s.around * l;
+    if (l.z <= 0.0 || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
+    Ray ray = surface_ray(s.start, direction, FAR);
+#ifdef TINTED
+    // First to what lets nothing through, then through all that lies before it.
+    ray.mask = INSTANCE_MASK_SOLID;
+    vec3 behind = vec3(0.0);
+    vec3 before = vec3(0.0);
+    vec3 share = vec3(1.0);
+    for (uint met = 0u;; met++) {
+        Hit hit;
+        emitter_traced.x++;
+        bool found = trace_closest(scene, ray, hit);
+        if (met > 0u && !found) return before + share * behind;
+        // As light_through has it.
+        if (met > MOST_SHEETS) return before;
+        float left = ray.t_max;
+        if (found) {
+            SurfacePoint p = surface_at(scene, ray, hit, NO_FOOTPRINT);
+            vec3 light = found_by_lobe_at(scene, lights, s, l, hit, p);
+            if (met == 0u) {
+                behind = light;
+                left = hit.t;
+            } else {
+                before += share * min(p.coverage, 1.0) * light;
+                share *= surface_through(p, direction);
+                if (share == vec3(0.0)) return before;
+                ray = surface_ray(p.start, direction, ray.t_max - hit.t);
+                left = ray.t_max;
+            }
+        }
+        ray.t_max = left;
+        ray.mask = INSTANCE_MASK_CLEAR;
+        ray.cull |= RAY_UNTESTED;
+    }
+#else
+    Hit hit;
+    emitter_traced.x++;
+    if (!trace_closest(scene, ray, hit) || WordBuffer(lights.emitters).at[hit.instance] == NO_EMITTER) return vec3(0.0);
+    return found_by_lobe_at(scene, lights, s, l, hit, surface_at(scene, ray, hit, NO_FOOTPRINT));
+#endif
+}
+
+// The share of light, in each colour, that comes along a ray.
+vec3 share_along(SceneBuffer scene, Ray ray) {
+#ifdef TINTED
+    float farthest;
+    return light_through(scene, ray, MOST_SHEETS, emitter_traced, farthest);
+#else
+    emitter_traced.y++;
+    return trace_any(scene, ray) ? vec3(0.0) : vec3(1.0);
+#endif
+}
+
+// At a point of what emits.
+vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which, vec2 u) {
+    LightChoiceBuffer table = LightChoiceBuffer(lights.near);
+    // 24 bits of the number choose the entry.
+    LightChoice choice = table.at[choose(table, lights.near_count, uint(which.x * 16777216.0) << 8u, which.y)];
+    Incident from;
+    if (!sample_emitter(scene, choice, s.start.position, u, from)) return vec3(0.0);
+    vec3 l = from.direction * s.around;
+    if (l.z <= 0.0 || dot(s.start.normal, from.direction) <= 0.0) return vec3(0.0);
+    vec3 scattered = bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR);
+    if (scattered == vec3(0.0)) return vec3(0.0);
+    vec3 share = share_along(scene, surface_ray_to(s.start, s.start.position + from.distance * from.direction));
+    float other = s.lobe_odds * bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
+    return share * scattered * from.radiance / (choice.probability * (1.0 - s.lobe_odds) + other / from.pdf);
+}
+
+// Radiance over the reflectance, of one pixel.
+vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
+    Surface surface = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
+    if (!surface.exists) return vec3(0.0);
+    Seen s;
+    s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness);
+    // Black, as unlit surfaces are: a metal of no colour.
+    if (s.bsdf.f0 == vec3(0.0)) return vec3(0.0);
+    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    LightTables lights = LightTablesBuffer(params.lights).at[0];
+    s.start = seen_start(scene, load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
+    s.around = frame_of(surface.normal);
+    s.v = surface.to_eye * s.around;
+    // A viewer on the horizon or below counts as a grazing one.
+    s.v.z = max(s.v.z, 1e-4);
+    s.lobe_odds = 0.5 * (1.0 - surface.roughness);
+    uint seed = view.at[0].seed;
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < params.samples; i++) {
+        uint index = view.at[0].frame * params.samples + i;
+        vec2 u = sequence2(pixel, index, SEQUENCE_EMITTERS, seed);
+        vec2 which = sequence2(pixel, index, SEQUENCE_EMITTERS + 1u, seed);
+        bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_odds;
+        sum += by_lobe ? found_by_lobe(scene, lights, s, u) : found_by_emitter(scene, lights, s, which, u);
+    }
+    return sum / (float(params.samples) * reflectance(surface.base_colour, surface.metalness, surface.roughness, s.v.z));
+}
+
+#endif
