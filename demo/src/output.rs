@@ -223,7 +223,7 @@ mod tests {
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<_> =
-            std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
     }
@@ -238,12 +238,12 @@ mod tests {
             .write(|file| {
                 file.write_all(b"half of the n")?;
                 file.flush()?;
-                Err(std::io::Error::other("disk full"))
+                Err(io::Error::other("disk full"))
             })
             .unwrap_err();
         assert_eq!(failure.status(), 1);
         assert!(failure.message().contains("a.txt: disk full"), "{}", failure.message());
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.txt"]);
     }
 
@@ -251,7 +251,7 @@ mod tests {
     fn planning_leaves_nothing_behind_and_refuses_what_cannot_be() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        std::fs::create_dir(at("folder.png")).unwrap();
+        fs::create_dir(at("folder.png")).unwrap();
         let refused = |name: &str| Output::plan("--out", &at(name), &["png", "exr"]).unwrap_err().message();
         assert!(refused("a.jpg").contains("ends in .png or .exr"));
         assert!(refused("png").contains("ends in"));
@@ -267,8 +267,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let plan = |argument, name: &str| Output::plan(argument, &at(name), &["json"]).unwrap();
-        std::fs::create_dir(at("sub")).unwrap();
-        std::fs::write(at("in.json"), "{}").unwrap();
+        fs::create_dir(at("sub")).unwrap();
+        fs::write(at("in.json"), "{}").unwrap();
         let (a, b, c) =
             (plan("--timings", "t.json"), plan("--trace", "sub/../t.json"), plan("--dump-graph", "in.json"));
         let input = at("in.json");
@@ -283,7 +283,7 @@ mod tests {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let (plain, ours) = (folder.path().join("plain.txt"), folder.path().join("ours.txt"));
-        std::fs::write(&plain, "x").unwrap();
+        fs::write(&plain, "x").unwrap();
         Output::plan("--out", &ours, &["txt"]).unwrap().write_text("x").unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));

@@ -23,8 +23,8 @@ impl Address {
     }
 }
 
-/// Index of a sampled image in the bindless set. Only a token of a pass that declared the image gives one out, and
-/// [`magpie::gpu::Image::sampled`](https://docs.rs/magpie) for images that live longer than a frame.
+/// Index of a sampled image in the bindless set. Only a token of a pass that declared the image gives one out, and the engine's own `Image`
+/// where one lives longer than a frame.
 ///
 /// The default, which is also what zeroed memory holds, is the place of an image of one black pixel that every device has: a field that was
 /// left out reads zeros, and nobody's picture. Structs that hold it are plain bytes, so that whoever casts a number to it, or declares the

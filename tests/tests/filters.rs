@@ -67,7 +67,7 @@ fn samples(gpu: &Gpu, wrap: [Wrap; 2]) -> Result<(SamplerId, Vec<[f32; 4]>)> {
 
 /// The linear picture of the last of some frames of what moves.
 fn picture(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4]>> {
-    let options = RenderOptions { width: 96, height: 54, check: true, ..RenderOptions::default() };
+    let options = RenderOptions { width: 64, height: 36, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
     let mut last = None;
     for frame in 0..4 {

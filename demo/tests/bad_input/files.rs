@@ -33,8 +33,14 @@ fn pipes_and_devices() {
         (&["render", "/dev/zero"], &["/dev/zero", "this is a device"]),
         (&["render", "builtin:cornell", "--config", "/dev/zero"], &["/dev/zero", "this is a device"]),
         (&["render", "builtin:cornell", "--config", "."], &["this is a folder"]),
-        (&["reference", "builtin:cornell", "--out", "o.exr", "--merge", "p.exr"], &["--merge", "p.exr", pipe]),
-        (&["reference", "builtin:cornell", "--out", "p.exr"], &["--out", "p.exr", "wanted a regular file"]),
+        (
+            &["reference", "builtin:cornell", "--samples", "1", "--out", "o.exr", "--merge", "p.exr"],
+            &["--merge", "p.exr", pipe],
+        ),
+        (
+            &["reference", "builtin:cornell", "--samples", "1", "--out", "p.exr"],
+            &["--out", "p.exr", "wanted a regular file"],
+        ),
         (&["accuracy", "p.glb", "--out", "report"], &["p.glb", pipe]),
         (&["compare", "p.png", "p.png"], &["p.png", "wanted a file"]),
     ];

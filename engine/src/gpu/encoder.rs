@@ -245,6 +245,25 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &vk::DependencyInfo::default()) };
     }
 
+    /// Brings the one mip of an image of the device's own from a layout to another, once everything before is done.
+    pub(super) fn settle(&mut self, image: &Image, from: vk::ImageLayout, to: vk::ImageLayout) {
+        let everything = Scope::EVERYTHING;
+        let barrier = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(everything.stages)
+            .src_access_mask(everything.available().access)
+            .dst_stage_mask(everything.stages)
+            .dst_access_mask(everything.access)
+            .old_layout(from)
+            .new_layout(to)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.raw)
+            .subresource_range(image.range(Part::ALL.of(1, 1)))];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
+        // SAFETY: the command buffer is recording, outside of rendering; the image is alive.
+        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
+    }
+
     /// Everything before it is done and seen by everything after it, the host included. Called as [`Self::barriers`] is.
     pub fn full_barrier(&mut self) {
         let (from, to) = (Scope::EVERYTHING.available(), Scope::EVERYTHING);

@@ -56,8 +56,8 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
             (TYPE_ARRAY, [id, of, length]) => drop(types.kinds.insert(*id, Kind::Array(*of, *length))),
             (TYPE_STRUCT, [id, members @ ..]) => drop(types.kinds.insert(*id, Kind::Struct(members))),
             (TYPE_POINTER, [id, PUSH_CONSTANT, to]) => drop(types.kinds.insert(*id, Kind::Block(*to))),
-            // Buffer references: addresses.
-            (TYPE_POINTER, [id, ..]) => drop(types.kinds.insert(*id, Kind::Number(8))),
+            // Buffer references: addresses, which Rust has as two words.
+            (TYPE_POINTER, [id, ..]) => drop(types.kinds.insert(*id, Kind::Address)),
             (CONSTANT, [_, id, value]) => drop(types.constants.insert(*id, *value)),
             (DECORATE, [id, ARRAY_STRIDE, stride]) => drop(types.strides.insert(*id, *stride)),
             (MEMBER_DECORATE, [id, member, ROW_MAJOR]) => drop(types.members.insert((*id, *member, ROW_MAJOR), 1)),
@@ -77,6 +77,7 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
 enum Kind<'w> {
     /// Bytes of a number.
     Number(u32),
+    Address,
     Vector(u32, u32),
     Matrix(u32, u32),
     Array(u32, u32),
@@ -106,6 +107,7 @@ impl Types<'_> {
         let deeper = deepest.checked_sub(1)?;
         match self.kinds.get(&id)? {
             Kind::Number(bytes) => Some(Size { bytes: *bytes, widest: *bytes }),
+            Kind::Address => Some(Size { bytes: 8, widest: 4 }),
             Kind::Vector(of, count) | Kind::Matrix(of, count) => {
                 let one = self.size(*of, deeper)?;
                 Some(Size { bytes: one.bytes.checked_mul(*count)?, widest: one.widest })
@@ -176,6 +178,7 @@ mod tests {
             ("scalar, row_major", "uint image; mat2x3 a;", "a[1].x", 28),
             ("scalar", "uint image; Two a[3];", "a[1].b.x", 40),
             ("scalar", "uint image; uvec2 address; WordBuffer words;", "float(words.at[0])", 24),
+            ("scalar", "WordBuffer words; uint image;", "float(words.at[0])", 12),
             ("scalar", "layout(offset = 16) uint image; uvec2 last;", "float(last.x)", 28),
         ] {
             assert_eq!(of_block(layout, members, &store(used)), Some(bytes), "{layout}: {members}");
