@@ -1,6 +1,6 @@
 //! A pass of one's own, added from outside the engine: a vignette after the tone map.
 //!
-//! `cargo run --release -p magpie-demo --example own_pass -- vignette.png`
+//! `cargo run --release -p magpie-demo --example own_pass -- vignette.png post.exposure=-1`
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
 use magpie::gpu::{GpuOptions, Kernel};
@@ -44,10 +44,9 @@ struct Vignette {
 }
 
 impl Vignette {
-    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings, standard: BoxedEffect<PostIn, PostOut>) -> Result<Self, StageError> {
         let words = magpie_shaders::compile("vignette.comp", GLSL, Stage::Compute).map_err(StageError::other)?;
         let darken = build.gpu.kernel_from_words("vignette.comp", &words).map_err(StageError::other)?;
-        let standard = Slots::default().post.choose(build, "standard", &Default::default())?;
         Ok(Self { standard, darken, strength: settings.f32("vignette")? })
     }
 }
@@ -78,9 +77,10 @@ pub fn slots_with_vignette(strength: f32) -> anyhow::Result<(Slots, Config)> {
     let mut slots = Slots::default();
     let about = "Higher is darker: the corners lose this share of their light.";
     let settings = [SettingSpec::float("vignette", "", about, 0.5, (0.0, 1.0))];
-    slots.post.register("vignette", "The standard post with darker corners.", &settings, |build, settings| {
-        Ok(Box::new(Vignette::new(build, settings)?))
-    });
+    let line = "The standard post with darker corners.";
+    slots.post.wrap("standard", "vignette", line, &settings, |build, settings, standard| {
+        Ok(Box::new(Vignette::new(build, settings, standard)?))
+    })?;
     let mut config = Config::default();
     config.set("stages.post=vignette")?;
     config.set(&format!("post.vignette={strength:?}"))?;
@@ -90,7 +90,11 @@ pub fn slots_with_vignette(strength: f32) -> anyhow::Result<(Slots, Config)> {
 
 fn main() -> anyhow::Result<()> {
     let file = std::env::args().nth(1).unwrap_or_else(|| "vignette.png".to_owned());
-    let (slots, config) = slots_with_vignette(0.8)?;
+    let (slots, mut config) = slots_with_vignette(0.8)?;
+    for setting in std::env::args().skip(2) {
+        config.set(&setting)?; // such as post.exposure=-1, which is the standard post's
+    }
+    slots.catalogue().check(&config, "own_pass")?;
     let gpu = Gpu::new(&GpuOptions::default())?;
     let scene = magpie::scene::builtin("courtyard").ok_or_else(|| anyhow::anyhow!("no such scene"))?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };

@@ -21,6 +21,7 @@ use crate::{
     console::{self, Progress},
     exit::Failure,
     input,
+    lock::Lock,
     output::Output,
     session,
 };
@@ -52,6 +53,7 @@ impl From<AccuracyError> for Failure {
 /// `magpie accuracy`.
 pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Result<(), Failure> {
     if let Some(AccuracyCommand::Merge { folders, out }) = &arguments.command {
+        let _lock = Lock::take("--out", out, "accuracy merge")?;
         let folder = merge(folders, out)?;
         return write(&folder, out);
     }
@@ -62,6 +64,8 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
     let scene = session::load_scene(scene_name, Some(&arguments.environment))?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    // Two runs would time each other, and both would add their rows.
+    let _lock = Lock::take("--out", &out, &format!("accuracy {}", scene_name.display()))?;
     let gpu = open(arguments.device.as_ref())?;
     let options = Options {
         out: out.clone(),

@@ -40,6 +40,9 @@ fn describe_device(device: &DeviceReport) -> String {
         line("refused", refusal.clone());
     }
     line("rays", device.rays.join(", "));
+    if !device.filters_float32 {
+        line("filters", "no 32-bit floats: shaders blend them texel by texel".to_owned());
+    }
     for queue in &device.queues {
         let timed = if queue.timestamp_bits > 0 { "timed" } else { "without timestamps" };
         line("queues", format!("family {}: {} x {}, {timed}", queue.family, queue.count, queue.can.join(" + ")));

@@ -99,9 +99,10 @@ impl From<StageError> for Failure {
             StageError::UnknownImplementation { .. } | StageError::Setting { .. } | StageError::Unsuitable { .. } => {
                 Self::input(error)
             }
-            StageError::NotDescribed { .. } | StageError::Construct { .. } | StageError::Other(_) => {
-                Self::running(error)
-            }
+            StageError::NotDescribed { .. }
+            | StageError::SettingTwice { .. }
+            | StageError::Construct { .. }
+            | StageError::Other(_) => Self::running(error),
         }
     }
 }

@@ -1,20 +1,23 @@
 //! Files that are read, and names that are looked up.
 
-use std::{fs::File, io::Read, path::Path};
+use std::{io::Read, path::Path};
 
-use magpie::config::{Catalogue, Config, Suggestion};
+use magpie::{
+    config::{Catalogue, Config, Suggestion},
+    files::open_regular,
+};
 
 use crate::exit::Failure;
 
 /// Greatest size of a text file that is read, bytes; a configuration takes a few thousand.
 const MAX_TEXT: u64 = 1 << 20;
 
-/// Reads a text file. One that never ends, such as a device, is refused like one that is too large.
+/// Reads a text file: a regular one, not one that may never come or never end, such as a pipe or a device.
 pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
     let name = path.display();
     let mut bytes = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(MAX_TEXT + 1).read_to_end(&mut bytes))
+    open_regular(path)
+        .and_then(|(file, _)| file.take(MAX_TEXT + 1).read_to_end(&mut bytes))
         .map_err(|error| Failure::bad(format!("{name}: cannot be read: {error}")))?;
     if bytes.len() as u64 > MAX_TEXT {
         return Err(Failure::bad(format!("{name}: wanted a text file of at most {MAX_TEXT} bytes, got a larger one")));

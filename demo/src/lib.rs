@@ -8,6 +8,7 @@ mod compare;
 mod console;
 mod exit;
 mod input;
+mod lock;
 mod output;
 mod picture;
 mod reference;

@@ -1,11 +1,15 @@
 //! Files that are written: checked before the work begins, and put in place whole or not at all.
+//!
+//! What is there already is treated as by `>` in a shell: the target of a link is written and the link stays, permissions stay, a file that
+//! is protected against writing is refused, and what is no file (a pipe, a device, `/dev/stdout`) is written to as it stands.
 
 use std::{
-    fs::File,
-    io::{BufWriter, Write},
+    fs::{self, File, OpenOptions},
+    io::{self, BufWriter, Seek, Write},
     path::{Path, PathBuf},
 };
 
+use magpie::files;
 use tempfile::{Builder, NamedTempFile};
 
 use crate::exit::Failure;
@@ -14,50 +18,98 @@ use crate::exit::Failure;
 #[derive(Debug)]
 pub(crate) struct Output {
     argument: &'static str,
+    /// As it was given.
     path: PathBuf,
+    target: Target,
     ending: String,
 }
 
+/// Where the bytes go.
+#[derive(Debug)]
+enum Target {
+    /// A regular file, there or to be, all links followed.
+    File(PathBuf),
+    /// What stands there is no file: a pipe, a device.
+    Stream,
+    /// What this program writes to already.
+    Stdout,
+    /// The same for messages.
+    Stderr,
+}
+
+/// Most links in a row, as in Linux.
+const MOST_LINKS: usize = 40;
+
+impl Target {
+    fn of(path: &Path) -> Result<Self, String> {
+        // Opened anew by name, a file to which they lead would be written from its beginning.
+        for (number, name, own) in [(1, "stdout", Self::Stdout), (2, "stderr", Self::Stderr)] {
+            let names = [format!("/dev/{name}"), format!("/dev/fd/{number}"), format!("/proc/self/fd/{number}")];
+            if names.iter().any(|n| path == Path::new(n)) {
+                return Ok(own);
+            }
+        }
+        // Where a link leads to nothing, the file that it names is made.
+        let mut place = path.to_owned();
+        let mut links = 0;
+        while fs::symlink_metadata(&place).is_ok_and(|m| m.is_symlink()) {
+            links += 1;
+            if links > MOST_LINKS {
+                return Err("too many links in a row".to_owned());
+            }
+            let next = fs::read_link(&place).map_err(|e| e.to_string())?;
+            place = place.parent().unwrap_or(Path::new("")).join(next);
+        }
+        let Ok(meta) = fs::metadata(path) else { return Ok(Self::File(place)) };
+        if meta.is_dir() {
+            return Err("wanted a file, this is a folder".to_owned());
+        }
+        match files::what(meta.file_type()) {
+            None if meta.permissions().readonly() => Err("the file is protected against writing".to_owned()),
+            None => match OpenOptions::new().write(true).open(path) {
+                Ok(_) => Ok(Self::File(place)),
+                Err(error) => Err(format!("the file cannot be written: {error}")),
+            },
+            Some("a socket") => Err("wanted a file, this is a socket".to_owned()),
+            Some(_) => Ok(Self::Stream),
+        }
+    }
+}
+
 impl Output {
-    /// Checks that `path` has one of these endings and that a file can be written there.
+    /// Checks that `path` has one of these endings and that a file can be written there. What is there and is no file, such as `/dev/null`,
+    /// needs no ending: it gets the first of `endings`.
     pub(crate) fn plan(argument: &'static str, path: &Path, endings: &[&str]) -> Result<Self, Failure> {
         let refuse = |fault: String| Failure::bad(format!("{argument} {}: {fault}", path.display()));
-        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let target = Target::of(path);
+        let mut ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         if !endings.contains(&ending.as_str()) {
-            let known: Vec<_> = endings.iter().map(|e| format!(".{e}")).collect();
-            return Err(refuse(format!("wanted a file that ends in {}", known.join(" or "))));
+            match (&target, endings.first()) {
+                (Ok(Target::Stream | Target::Stdout | Target::Stderr), Some(first)) => ending = (*first).to_owned(),
+                _ => {
+                    let known: Vec<_> = endings.iter().map(|e| format!(".{e}")).collect();
+                    return Err(refuse(format!("wanted a file that ends in {}", known.join(" or "))));
+                }
+            }
         }
-        if path.is_dir() {
-            return Err(refuse("wanted a file, this is a folder".to_owned()));
+        let output = Self { argument, path: path.to_owned(), target: target.map_err(refuse)?, ending };
+        if let Target::File(place) = &output.target {
+            let folder = folder_of(place);
+            if !folder.is_dir() {
+                return Err(refuse(format!("the folder {} does not exist", folder.display())));
+            }
+            // The only sure way to know whether a file can be made is to make one; dropped, it is gone.
+            temporary(place).map_err(|e| refuse(format!("the folder {} cannot be written: {e}", folder.display())))?;
         }
-        let output = Self { argument, path: path.to_owned(), ending };
-        let folder = output.folder();
-        if !folder.is_dir() {
-            return Err(refuse(format!("the folder {} does not exist", folder.display())));
-        }
-        // The only sure way to know whether a file can be made is to make one; dropped, it is gone.
-        output.temporary().map_err(|e| refuse(format!("the folder {} cannot be written: {e}", folder.display())))?;
         Ok(output)
     }
 
-    fn folder(&self) -> &Path {
-        match self.path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
+    /// The regular file that is written, links followed, for what is read again later.
+    pub(crate) fn file(&self) -> Result<&Path, Failure> {
+        match &self.target {
+            Target::File(place) => Ok(place),
+            _ => Err(Failure::bad(format!("{} {}: wanted a regular file", self.argument, self.path.display()))),
         }
-    }
-
-    /// A new file beside the final place: a rename inside one folder is atomic.
-    fn temporary(&self) -> std::io::Result<NamedTempFile> {
-        let mut builder = Builder::new();
-        builder.prefix(".magpie-").suffix(".part");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // As any new file has it; the umask takes its part away.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        builder.tempfile_in(self.folder())
     }
 
     /// Ending in lower case, without the dot.
@@ -71,15 +123,37 @@ impl Output {
         E: std::error::Error + Send + Sync + 'static,
     {
         let name = || format!("{} {}", self.argument, self.path.display());
-        let failed = |error: std::io::Error| Failure::running(error).context(name());
-        let mut file = self.temporary().map_err(failed)?;
-        let mut buffer = BufWriter::new(file.as_file_mut());
-        write(&mut buffer).map_err(|error| Failure::running(error).context(name()))?;
-        buffer.flush().map_err(failed)?;
-        drop(buffer);
-        file.persist(&self.path).map_err(|error| failed(error.error))?;
+        let failed = |error: io::Error| Failure::running(error).context(name());
+        let fill = |file: &mut File| {
+            let mut buffer = BufWriter::new(file);
+            write(&mut buffer).map_err(|error| Failure::running(error).context(name()))?;
+            buffer.flush().map_err(failed)
+        };
+        match &self.target {
+            Target::File(place) => {
+                let mut part = temporary(place).map_err(failed)?;
+                fill(part.as_file_mut())?;
+                keep_owner(place, part.path()).map_err(failed)?;
+                part.persist(place).map_err(|error| failed(error.error))?;
+            }
+            // Not every format can be written from front to back: it is made whole first.
+            Target::Stream | Target::Stdout | Target::Stderr => {
+                let mut whole = tempfile::tempfile().map_err(failed)?;
+                fill(&mut whole)?;
+                whole.rewind().map_err(failed)?;
+                self.pour(&mut whole).map_err(failed)?;
+            }
+        }
         log::info!("wrote {}", self.path.display());
         Ok(())
+    }
+
+    fn pour(&self, whole: &mut File) -> io::Result<()> {
+        match &self.target {
+            Target::Stdout => io::copy(whole, &mut io::stdout().lock()).and_then(|_| io::stdout().flush()),
+            Target::Stderr => io::copy(whole, &mut io::stderr().lock()).map(|_| ()),
+            _ => io::copy(whole, &mut OpenOptions::new().write(true).open(&self.path)?).map(|_| ()),
+        }
     }
 
     /// Writes text.
@@ -88,15 +162,47 @@ impl Output {
     }
 }
 
+fn folder_of(place: &Path) -> &Path {
+    match place.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// A new file beside the final place: a rename inside one folder is atomic.
+fn temporary(place: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = Builder::new();
+    builder.prefix(".magpie-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // As any new file has it; the umask takes its part away.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(place))
+}
+
+/// Gives a new file the permissions of the one whose place it takes, and its owner as far as the system allows.
+pub(crate) fn keep_owner(old: &Path, new: &Path) -> io::Result<()> {
+    let Ok(meta) = fs::metadata(old) else { return Ok(()) };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{MetadataExt, chown};
+        let now = fs::metadata(new)?;
+        if (now.uid(), now.gid()) != (meta.uid(), meta.gid()) {
+            // Only the superuser gives files away; whoever else may write the file may own the new one.
+            let _ = chown(new, Some(meta.uid()), Some(meta.gid()));
+        }
+    }
+    fs::set_permissions(new, meta.permissions())
+}
+
 /// Refuses two outputs that are one file, and an output that is one of the files that are read.
 pub(crate) fn keep_apart(outputs: &[&Output], inputs: &[(&str, &Path)]) -> Result<(), Failure> {
-    // A file that does not exist yet has no canonical path, but its folder does.
+    // A file that does not exist yet has no canonical path, but its folder does. Pipes and devices can take several.
     let place = |output: &Output| {
-        output
-            .path
-            .canonicalize()
-            .ok()
-            .or_else(|| Some(output.folder().canonicalize().ok()?.join(output.path.file_name()?)))
+        let Target::File(place) = &output.target else { return None };
+        place.canonicalize().ok().or_else(|| Some(folder_of(place).canonicalize().ok()?.join(place.file_name()?)))
     };
     for (at, output) in outputs.iter().enumerate() {
         let here = place(output);
@@ -117,7 +223,7 @@ mod tests {
 
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<_> =
-            std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
     }
@@ -132,12 +238,12 @@ mod tests {
             .write(|file| {
                 file.write_all(b"half of the n")?;
                 file.flush()?;
-                Err(std::io::Error::other("disk full"))
+                Err(io::Error::other("disk full"))
             })
             .unwrap_err();
         assert_eq!(failure.status(), 1);
         assert!(failure.message().contains("a.txt: disk full"), "{}", failure.message());
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(names(folder.path()), ["a.txt"]);
     }
 
@@ -145,7 +251,7 @@ mod tests {
     fn planning_leaves_nothing_behind_and_refuses_what_cannot_be() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        std::fs::create_dir(at("folder.png")).unwrap();
+        fs::create_dir(at("folder.png")).unwrap();
         let refused = |name: &str| Output::plan("--out", &at(name), &["png", "exr"]).unwrap_err().message();
         assert!(refused("a.jpg").contains("ends in .png or .exr"));
         assert!(refused("png").contains("ends in"));
@@ -161,8 +267,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let plan = |argument, name: &str| Output::plan(argument, &at(name), &["json"]).unwrap();
-        std::fs::create_dir(at("sub")).unwrap();
-        std::fs::write(at("in.json"), "{}").unwrap();
+        fs::create_dir(at("sub")).unwrap();
+        fs::write(at("in.json"), "{}").unwrap();
         let (a, b, c) =
             (plan("--timings", "t.json"), plan("--trace", "sub/../t.json"), plan("--dump-graph", "in.json"));
         let input = at("in.json");
@@ -177,9 +283,66 @@ mod tests {
         use std::os::unix::fs::PermissionsExt;
         let folder = tempfile::tempdir().unwrap();
         let (plain, ours) = (folder.path().join("plain.txt"), folder.path().join("ours.txt"));
-        std::fs::write(&plain, "x").unwrap();
+        fs::write(&plain, "x").unwrap();
         Output::plan("--out", &ours, &["txt"]).unwrap().write_text("x").unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode();
         assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_and_their_targets_are_written() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("sub")).unwrap();
+        fs::write(at("sub/old.txt"), "old").unwrap();
+        symlink("sub/old.txt", at("near.txt")).unwrap();
+        symlink(at("near.txt"), at("far.txt")).unwrap();
+        symlink("sub/new.txt", at("dangling.txt")).unwrap();
+        symlink("round.txt", at("round.txt")).unwrap();
+        symlink("nowhere/new.txt", at("lost.txt")).unwrap();
+        for (link, target) in [("far.txt", "sub/old.txt"), ("dangling.txt", "sub/new.txt")] {
+            let output = Output::plan("--out", &at(link), &["txt"]).unwrap();
+            assert_eq!(output.file().unwrap().canonicalize().ok(), at(target).canonicalize().ok());
+            output.write_text(link).unwrap();
+            assert!(fs::symlink_metadata(at(link)).unwrap().is_symlink(), "{link}");
+            assert_eq!(fs::read_to_string(at(target)).unwrap(), link);
+        }
+        let refused = |name: &str| Output::plan("--out", &at(name), &["txt"]).unwrap_err().message();
+        assert!(refused("round.txt").contains("too many links"));
+        assert!(refused("lost.txt").contains("nowhere does not exist"), "{}", refused("lost.txt"));
+        assert_eq!(names(&at("sub")), ["new.txt", "old.txt"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn protected_files_are_refused_and_permissions_stay() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        fs::write(&path, "old").unwrap();
+        let set = |mode| fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+        set(0o444);
+        let failure = Output::plan("--out", &path, &["txt"]).unwrap_err();
+        assert_eq!(failure.status(), 2);
+        assert!(failure.message().ends_with("a.txt: the file is protected against writing"), "{}", failure.message());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        set(0o640);
+        Output::plan("--out", &path, &["txt"]).unwrap().write_text("new").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o640);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_no_file_needs_no_ending_and_stays_what_it_is() {
+        let null = Output::plan("--out", Path::new("/dev/null"), &["png", "exr"]).unwrap();
+        assert_eq!(null.ending(), "png");
+        null.write_text("x").unwrap();
+        assert!(files::what(fs::metadata("/dev/null").unwrap().file_type()) == Some("a device"));
+        assert_eq!(null.file().unwrap_err().status(), 2);
+        keep_apart(&[&null, &Output::plan("--trace", Path::new("/dev/null"), &["json"]).unwrap()], &[]).unwrap();
+        assert!(matches!(Target::of(Path::new("/dev/stdout")), Ok(Target::Stdout)));
     }
 }

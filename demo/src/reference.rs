@@ -1,6 +1,6 @@
 //! `magpie reference`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use magpie::gpu::{Gpu, GpuOptions};
@@ -27,6 +27,7 @@ const SAVE_EVERY: Duration = Duration::from_secs(30);
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<(), Failure> {
     let output = Output::plan("--out", &arguments.out, &["exr"])?;
+    let out = output.file()?;
     let inputs: Vec<(&str, &Path)> = [
         ("scene", Some(&arguments.scene)),
         ("camera file", arguments.camera.as_ref()),
@@ -58,9 +59,9 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
 
     // What earlier runs have found.
     let mut begun = Estimate::new(extent.width, extent.height);
-    let earlier = arguments.out.exists() && !arguments.restart;
-    for path in earlier.then_some(&arguments.out).into_iter().chain(&arguments.merge) {
-        let found = Estimate::load(path, Some(&subject)).map_err(|error| foreign(error, path == &arguments.out))?;
+    let earlier = out.exists() && !arguments.restart;
+    for path in earlier.then_some(out).into_iter().chain(arguments.merge.iter().map(PathBuf::as_path)) {
+        let found = Estimate::load(path, Some(&subject)).map_err(|error| foreign(error, path == out))?;
         log::info!("{}: {} samples", path.display(), found.samples);
         begun.merge(&found).map_err(Failure::input)?;
     }
@@ -85,7 +86,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
             left -= step;
             progress.advance(step);
             if saved.elapsed() > SAVE_EVERY && left > 0 {
-                save(reference.estimate(), &arguments.out, &subject)?;
+                save(reference.estimate(), out, &subject)?;
                 saved = Instant::now();
             }
         }
@@ -102,12 +103,15 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
             shown.write(|file| picture::write_png(file, &picture))?;
         }
     }
-    save(&done, &arguments.out, &subject)?;
+    save(&done, out, &subject)?;
     console::print(&summary(&done, only.name()))
 }
 
 fn save(estimate: &Estimate, path: &Path, subject: &str) -> Result<(), Failure> {
-    estimate.save(path, subject).map_err(|error| Failure::running(error).context("--out"))
+    let kept = path.metadata().map(|meta| meta.permissions());
+    estimate.save(path, subject).map_err(|error| Failure::running(error).context("--out"))?;
+    let restored = kept.map_or(Ok(()), |permissions| std::fs::set_permissions(path, permissions));
+    restored.map_err(|error| Failure::running(error).context("--out"))
 }
 
 /// What came out, in one line.

@@ -109,6 +109,7 @@ impl Session {
             device: options.device.map(str::to_owned),
             validation: options.check,
             without_rays: options.without_rays.to_vec(),
+            ..GpuOptions::default()
         })?;
         let rays = choose_rays(&gpu, options.rays)?;
         let Extent { width, height } = options.size;

@@ -20,6 +20,9 @@ use magpie::{
 use magpie_demo::{write_exr, write_png};
 use serde_json::{Value as Json, json};
 
+#[path = "bad_input/files.rs"]
+mod files;
+
 /// Longest that one bad input may take.
 const PATIENCE: Duration = Duration::from_secs(60);
 

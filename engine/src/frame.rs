@@ -5,7 +5,6 @@ use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle}
 use crate::scene::{Camera, Caster, Placed, ResidentScene};
 use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
-use magpie_shaders::scene::NO_TEXTURE;
 use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
 use std::sync::Arc;
 
@@ -153,7 +152,7 @@ impl ViewDesc<'_> {
             casters: std::array::from_fn(|k| casters.get(k).map_or(NO_LIGHT, |c| c.light)),
             scene: scene.root(),
             has_sky: u32::from(scene.sky().is_some()),
-            sky: scene.sky().unwrap_or(Sky { environment: SampledImage(NO_TEXTURE), ..Sky::default() }),
+            sky: scene.sky().unwrap_or(Sky { environment: SampledImage::NONE, ..Sky::default() }),
         };
         let key = imports.buffer(block.write(bytemuck::bytes_of(&contents))?);
         Ok(View {

@@ -4,6 +4,7 @@
 //! every folder.
 
 pub mod config;
+pub mod files;
 pub mod frame;
 pub mod gpu;
 pub mod graph;

@@ -6,10 +6,13 @@
 //! ```text
 //! stages.shadows.register("mine", "My own shadows.", &[], |build, settings| Ok(Box::new(Mine::new(build, settings)?)));
 //! ```
+//!
+//! [`Stage::wrap`] registers one that adds to another.
 
 mod filled;
 mod preset;
 mod setting;
+mod wrap;
 
 pub use filled::{Change, Filled};
 pub use preset::{Preset, QUALITIES};
@@ -288,6 +291,20 @@ pub enum StageError {
         /// What went wrong.
         source: Box<dyn Error + Send + Sync>,
     },
+    /// An implementation that wraps another has a setting of the same name.
+    #[error(
+        "{slot}.{key}: \"{wrapper}\" would have it twice, its own and that of \"{wrapped}\": give its own another name"
+    )]
+    SettingTwice {
+        /// The slot.
+        slot: String,
+        /// The setting.
+        key: String,
+        /// The implementation that wraps.
+        wrapper: String,
+        /// The one that it wraps.
+        wrapped: String,
+    },
     /// The implementation does not go with how the program was started.
     #[error("stages.{slot}: \"{implementation}\" cannot run here: {reason}")]
     Unsuitable {
@@ -401,7 +418,8 @@ impl<In, Out> Stage<In, Out> {
         &self.info
     }
 
-    /// Makes the implementation or preset `name` with `given` laid over its settings.
+    /// Makes the implementation or preset `name` with `given` laid over its settings. It knows nothing of the configuration: to add to
+    /// an implementation with the settings that the user chose for it, use [`Stage::wrap`].
     ///
     /// # Errors
     /// [`StageError`] for an unknown name (the known ones are listed), an unsuitable value, or a constructor that failed.

@@ -28,6 +28,7 @@
 mod acceleration;
 mod ao;
 mod compose;
+mod contract;
 pub mod denoise;
 mod direct;
 pub mod frame;

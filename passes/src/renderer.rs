@@ -31,7 +31,8 @@ pub struct RenderOptions {
     pub height: u32,
     /// Seed of everything random.
     pub seed: u32,
-    /// Scan every pass output for NaN and infinity, and ask the validation layers.
+    /// Scan every pass output for NaN and infinity, and ask the validation layers, which the device must have been opened with
+    /// ([`GpuOptions::validation`](magpie::gpu::GpuOptions)): else [`Renderer::new`] fails with [`GpuError::NotValidated`].
     pub check: bool,
     /// How rays are traced; the device must be able to.
     pub rays: Rays,
@@ -145,6 +146,9 @@ impl Renderer {
         config: &Config,
         options: RenderOptions,
     ) -> Result<Self, RenderError> {
+        if options.check {
+            gpu.need_validation()?;
+        }
         let options_of_scene = resident_options(&slots.acceleration, config, options.rays)?;
         let mut resident = ResidentScene::new(gpu, scene, options_of_scene)?;
         resident.want_emitters(gpu, wants_emitters(&slots.direct, config)?)?;

@@ -66,8 +66,8 @@ impl Effect for SkyLight {
                     normal: c.id(normal),
                     base_colour: c.id(base_colour),
                     material: c.id(material),
-                    openness: openness.map_or(NO_IMAGE, |t| c.id(t).0),
-                    bent_normal: bent_normal.map_or(NO_IMAGE, |t| c.id(t).0),
+                    openness: openness.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    bent_normal: bent_normal.map_or(NO_IMAGE, |t| c.id(t).index()),
                     radiance: c.id(target),
                     greatest: format.greatest(),
                 };

@@ -1,4 +1,7 @@
 //! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
+//!
+//! Every image that comes out is as large as the frame, that of `post` as large as the picture. Where one has another format or size than its
+//! contract says, the frame is refused with both, and with the names of slot and implementation.
 use magpie::graph::execute::Imports;
 use magpie::graph::{Handle, Image, WriteHandle};
 pub use magpie::scene::SceneHandles;
@@ -21,19 +24,19 @@ pub struct AccelerationIn {
 /// What the camera sees first, one value per pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct GBuffer {
-    /// Reversed depth: 1 at the near plane, 0 where nothing was drawn.
+    /// Reversed depth: 1 at the near plane, 0 where nothing was drawn. D32F.
     pub depth: Handle<Image>,
-    /// Linear base colour; occlusion in alpha.
+    /// Linear base colour; occlusion in alpha. RGBA8 with or without the sRGB curve, RGBA16F or RGBA32F.
     pub base_colour: Handle<Image>,
-    /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer.
+    /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer. RGBA16 signed normalised, RGBA16F or RGBA32F.
     pub normal: Handle<Image>,
-    /// Metalness in red, perceptual roughness in green.
+    /// Metalness in red, perceptual roughness in green. RG8, RG16F or RG32F.
     pub material: Handle<Image>,
-    /// Emitted radiance.
+    /// Emitted radiance. RGBA16F or RGBA32F.
     pub emission: Handle<Image>,
-    /// Texture coordinates now minus one frame ago.
+    /// Texture coordinates now minus one frame ago. RG16F or RG32F.
     pub motion: Handle<Image>,
-    /// Instance + 1 in red, triangle in green.
+    /// Instance + 1 in red, triangle in green. RG32 unsigned.
     pub ids: Handle<Image>,
 }
 
@@ -84,7 +87,8 @@ pub const SHADOW_GROUPS: usize = MOST_CASTERS as usize;
 /// How much of some lights each pixel sees.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowGroup {
-    /// A light in each channel: the share of it that is seen, 0 to 1. Red alone, red and green, or four channels.
+    /// A light in each channel: the share of it that is seen, 0 to 1. Red alone, red and green, or four channels, of 8 bits,
+    /// 16F or 32F.
     pub visibility: Handle<Image>,
     /// Which lights, by their index in the scene, of those that can cast shadows; `NO_LIGHT` in channels that hold none.
     pub lights: [u32; 4],
@@ -116,9 +120,9 @@ pub struct AoIn {
 /// What is left of the hemisphere above each pixel, weighed with the cosine; `None` for all of it. For indirect light only.
 #[derive(Clone, Copy, Debug)]
 pub struct AoOut {
-    /// Openness, one channel: 1 where nothing near hides anything, 0 where all is hidden. As large as the G-buffer.
+    /// Openness, one channel: 1 where nothing near hides anything, 0 where all is hidden. R8, R16F or R32F.
     pub openness: Option<Handle<Image>>,
-    /// Mean direction of what is not hidden, in the world, octahedral in two channels. `None`: the normal has to do.
+    /// Mean direction of what is not hidden, in the world, octahedral in RG16F or RG32F. `None`: the normal has to do.
     pub bent_normal: Option<Handle<Image>>,
 }
 
@@ -138,7 +142,7 @@ pub struct DirectIn {
 /// Radiance towards the camera from the lights, emission included.
 #[derive(Debug)]
 pub struct DirectOut {
-    /// The image, RGBA32F.
+    /// The image, RGBA32F or RGBA16F.
     pub radiance: WriteHandle<Image>,
 }
 
@@ -154,7 +158,7 @@ pub struct IndirectIn {
 /// Radiance towards the camera from one kind of indirect light; `None` when there is none.
 #[derive(Clone, Copy, Debug)]
 pub struct IndirectOut {
-    /// The image, RGBA32F.
+    /// The image, RGBA32F or RGBA16F.
     pub radiance: Option<Handle<Image>>,
 }
 
@@ -199,7 +203,7 @@ pub struct Seen {
 /// The picture, in the size of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct PostOut {
-    /// Linear radiance of which the display's image is made, RGBA32F.
+    /// Linear radiance of which the display's image is made, RGBA32F or RGBA16F.
     pub radiance: Handle<Image>,
     /// RGBA8, sRGB-encoded.
     pub display: Handle<Image>,

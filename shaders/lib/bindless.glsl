@@ -9,6 +9,7 @@
 #extension GL_EXT_nonuniform_qualifier : require
 #extension GL_EXT_shader_image_load_formatted : require
 #extension GL_EXT_samplerless_texture_functions : require
+#include "shared/filter.glsl"
 
 // Views of one table: an index must be used through the view that fits its image: its format, and whether it is an array. An image,
 // or a part of one, is an array where it has several layers.
@@ -68,6 +69,31 @@ vec4 sample_gradients(uint image, uint sampler_id, vec2 uv, vec2 dx, vec2 dy) {
     float lod = lod_without_gradients(dx, dy);
     if (lod >= 0.0) return sample_lod(image, sampler_id, uv, lod);
     return textureGrad(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, dx, dy);
+}
+
+// Where texel `at` of a row of `count` lies, beyond its ends.
+int wrapped(int at, int count, bool repeats) {
+    return repeats ? ((at % count) + count) % count : clamp(at, 0, count - 1);
+}
+
+// What a bilinear sampler gives (Vulkan, 16.9.3), from four texels: for images of formats that the device cannot filter.
+vec4 fetch_bilinear(uint image, uint edges, vec2 uv) {
+    ivec2 size = textureSize(images[nonuniformEXT(image)], 0);
+    vec2 at = uv * vec2(size) - 0.5;
+    ivec2 low = ivec2(floor(at));
+    vec2 f = at - vec2(low);
+    bool by_u = (edges & REPEATS_U) != 0u, by_v = (edges & REPEATS_V) != 0u;
+    int x0 = wrapped(low.x, size.x, by_u), x1 = wrapped(low.x + 1, size.x, by_u);
+    int y0 = wrapped(low.y, size.y, by_v), y1 = wrapped(low.y + 1, size.y, by_v);
+    vec4 above = mix(texelFetch(images[nonuniformEXT(image)], ivec2(x0, y0), 0), texelFetch(images[nonuniformEXT(image)], ivec2(x1, y0), 0), f.x);
+    vec4 below = mix(texelFetch(images[nonuniformEXT(image)], ivec2(x0, y1), 0), texelFetch(images[nonuniformEXT(image)], ivec2(x1, y1), 0), f.x);
+    return mix(above, below, f.y);
+}
+
+// Bilinear at mip 0 by a sampler, or by four fetches: whichever `Gpu::bilinear` chose for the image's format. Image and sampler may
+// differ between invocations.
+vec4 sample_bilinear(uint image, uint sampler_id, vec2 uv) {
+    return sampler_id >= FETCHED ? fetch_bilinear(image, sampler_id - FETCHED, uv) : sample_lod(image, sampler_id, uv, 0.0);
 }
 
 // Writes pixel `p`. `image` must be the same for the whole draw or dispatch.

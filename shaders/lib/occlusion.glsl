@@ -14,10 +14,11 @@ vec3 multi_bounce(float openness, vec3 albedo) {
     return mix(fit, vec3(openness), lessThan(fit, vec3(openness)));
 }
 
-// Share of a specular lobe that is not hidden. Lagarde and de Rousiers 2014, "Moving Frostbite to Physically Based Rendering":
-// an empirical curve, openness itself where the lobe is as wide as the hemisphere.
-float specular_openness(float openness, float n_v, float roughness) {
-    float share = pow(n_v + openness, exp2(-16.0 * roughness - 1.0)) - 1.0 + openness;
+// Share of a specular lobe that is not hidden. Lagarde and de Rousiers 2014, "Moving Frostbite to Physically Based Rendering", section
+// 4.10.2 and listing 26: an empirical curve, openness itself where the lobe is as wide as the hemisphere. Their `roughness` is alpha of GGX,
+// the square of perceptual roughness, which they call linear roughness.
+float specular_openness(float openness, float n_v, float alpha) {
+    float share = pow(n_v + openness, exp2(-16.0 * alpha - 1.0)) - 1.0 + openness;
     share = share < 0.0 ? 0.0 : share;
     return share > 1.0 ? 1.0 : share;
 }

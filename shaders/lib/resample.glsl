@@ -19,11 +19,11 @@ vec3 catmull_rom(uint image, uint bilinear, vec2 uv, vec2 size) {
     vec2 before = (centre - 1.0) / size, after = (centre + 2.0) / size, middle = (centre + w2 / w12) / size;
     float left = w0.x * w12.y, right = w3.x * w12.y, above = w12.x * w0.y, below = w12.x * w3.y;
     float own = w12.x * w12.y;
-    vec3 sum = own * sample_lod(image, bilinear, middle, 0.0).rgb;
-    sum += left * sample_lod(image, bilinear, vec2(before.x, middle.y), 0.0).rgb;
-    sum += right * sample_lod(image, bilinear, vec2(after.x, middle.y), 0.0).rgb;
-    sum += above * sample_lod(image, bilinear, vec2(middle.x, before.y), 0.0).rgb;
-    sum += below * sample_lod(image, bilinear, vec2(middle.x, after.y), 0.0).rgb;
+    vec3 sum = own * sample_bilinear(image, bilinear, middle).rgb;
+    sum += left * sample_bilinear(image, bilinear, vec2(before.x, middle.y)).rgb;
+    sum += right * sample_bilinear(image, bilinear, vec2(after.x, middle.y)).rgb;
+    sum += above * sample_bilinear(image, bilinear, vec2(middle.x, before.y)).rgb;
+    sum += below * sample_bilinear(image, bilinear, vec2(middle.x, after.y)).rgb;
     return non_negative(sum / (own + left + right + above + below));
 }
 

@@ -32,7 +32,7 @@ vec3 environment_direction(Sky sky, vec2 uv) {
 // Radiance of the environment map, bilinear between texels.
 vec3 environment_radiance(Sky sky, vec3 direction) {
     vec2 uv = environment_uv(sky, direction);
-    return sky.environment_scale * sample_lod(sky.environment, sky.environment_sampler, uv, 0.0).rgb;
+    return sky.environment_scale * sample_bilinear(sky.environment, sky.environment_sampler, uv).rgb;
 }
 
 // Perez et al. 1993: F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos² gamma), coefficients A to E.

@@ -11,5 +11,5 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, params.size)) return;
     vec2 uv = (vec2(pixel) + 0.5) / vec2(params.size);
-    store(params.radiance, pixel, vec4(sample_lod(params.colour, params.sampler_id, uv, 0.0).rgb, 1.0));
+    store(params.radiance, pixel, vec4(sample_bilinear(params.colour, params.sampler_id, uv).rgb, 1.0));
 }

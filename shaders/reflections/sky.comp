@@ -30,7 +30,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     float n_v = max(dot(s.normal, s.to_eye), 0.0);
     float reaches = s.occlusion;
     if (params.openness != NO_IMAGE) {
-        reaches = min(reaches, specular_openness(load(params.openness, pixel).r, n_v, s.roughness));
+        reaches = min(reaches, specular_openness(load(params.openness, pixel).r, n_v, s.roughness * s.roughness));
     }
     return environment_brdf(f0, s.roughness, n_v) * incident * (horizon * horizon * reaches);
 }

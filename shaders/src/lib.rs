@@ -13,6 +13,7 @@ pub mod check;
 pub mod compose;
 pub mod denoise;
 pub mod direct;
+pub mod filter;
 pub mod gbuffer;
 pub mod metrics;
 pub mod post;

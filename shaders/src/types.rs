@@ -23,17 +23,47 @@ impl Address {
     }
 }
 
-/// Index of a sampled image in the bindless set.
+/// Index of a sampled image in the bindless set. Only a token of a pass that declared the image gives one out, and the engine's own `Image`
+/// where one lives longer than a frame.
+///
+/// The default, which is also what zeroed memory holds, is the place of an image of one black pixel that every device has: a field that was
+/// left out reads zeros, and nobody's picture. Structs that hold it are plain bytes, so that whoever casts a number to it, or declares the
+/// field as a `u32`, gets past this type; what the shader reads then is up to the driver, and may end the program.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct SampledImage(pub u32);
+pub struct SampledImage(u32);
 
-/// Index of a storage image in the bindless set.
-#[repr(transparent)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct StorageImage(pub u32);
+impl SampledImage {
+    /// No image, for shaders that ask: `NO_TEXTURE` and `NO_IMAGE` in GLSL. Not to be read.
+    pub const NONE: Self = Self(u32::MAX);
 
-/// Index of a sampler in the bindless set.
+    /// The number that the shader sees.
+    pub const fn index(self) -> u32 {
+        self.0
+    }
+}
+
+/// Index of a storage image in the bindless set. Only a token of a pass that declared the image gives one out. The default stands for one
+/// pixel that nobody reads, as with [`SampledImage`].
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-pub struct SamplerId(pub u32);
+pub struct StorageImage(u32);
+
+impl StorageImage {
+    /// The number that the shader sees.
+    pub const fn index(self) -> u32 {
+        self.0
+    }
+}
+
+/// Index of a sampler in the bindless set, which the device gives out when it makes one.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct SamplerId(u32);
+
+impl SamplerId {
+    /// The number that the shader sees.
+    pub const fn index(self) -> u32 {
+        self.0
+    }
+}

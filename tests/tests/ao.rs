@@ -2,12 +2,15 @@
 //! and what a slot without a range, or that is off, leaves out.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::{Context, Result, ensure};
+use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Mat4, Quat, Vec3, Vec4};
-use magpie::gpu::Gpu;
+use magpie::prelude::*;
 use magpie::scene::{Camera, Scene};
 use magpie_accuracy::metrics::{Picture, RELMSE_EPSILON, relmse, rmse};
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_shaders::StorageImage;
+use magpie_tests::bench::Bench;
 use magpie_tests::harness::{builtin, config, gpu};
 use magpie_tests::made;
 use std::env;
@@ -284,5 +287,134 @@ fn horizons_are_near_the_reference() -> Result<()> {
         ensure!(error(&["ao.resolution=half"])? < (limit + 0.2) * grey, "{name} at half resolution");
         ensure!(error(&["ao.slices=4", "ao.steps=16"])? < default * 1.1, "{name}: more work is worse");
     }
+    Ok(())
+}
+
+const CURVE: &str = r#"#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/occlusion.glsl"
+layout(local_size_x = 8) in;
+layout(push_constant, scalar) uniform Push { uint image; vec3 of[8]; };
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i < 8u) store(image, ivec2(i, 0), vec4(specular_openness(of[i].x, of[i].y, of[i].z)));
+}
+"#;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Curve {
+    image: StorageImage,
+    of: [[f32; 3]; 8],
+}
+
+/// The curve of Lagarde and de Rousiers 2014, listing 26.
+fn curve(openness: f64, n_v: f64, alpha: f64) -> f64 {
+    ((n_v + openness).powf((-16.0 * alpha - 1.0).exp2()) - 1.0 + openness).clamp(0.0, 1.0)
+}
+
+/// Share of a GGX lobe that is not hidden, Fresnel left out: visible normals, masking and shadowing of Smith, correlated in height.
+fn seen_share(alpha: f64, v: DVec3, hidden: impl Fn(DVec3) -> bool) -> f64 {
+    let lambda = |c: f64| ((1.0 + alpha * alpha * (1.0 / (c * c) - 1.0)).sqrt() - 1.0) / 2.0;
+    let (mut all, mut seen) = (0.0, 0.0);
+    for (x, y) in points() {
+        let c = ((1.0 - x) / (1.0 + (alpha * alpha - 1.0) * x)).sqrt();
+        let s = (1.0 - c * c).max(0.0).sqrt();
+        let h = DVec3::new(s * (2.0 * PI * y).cos(), s * (2.0 * PI * y).sin(), c);
+        let l = 2.0 * h.dot(v) * h - v;
+        if h.dot(v) <= 0.0 || l.z <= 1e-6 {
+            continue;
+        }
+        let weight = h.dot(v) / (v.z * c) / (1.0 + lambda(v.z) + lambda(l.z));
+        all += weight;
+        seen += if hidden(l) { 0.0 } else { weight };
+    }
+    seen / all
+}
+
+/// Points that cover the unit square evenly.
+fn points() -> impl Iterator<Item = (f64, f64)> {
+    const COUNT: u32 = 512;
+    (0..COUNT).map(|i| ((f64::from(i) + 0.5) / f64::from(COUNT), (f64::from(i) * 0.618_033_988_7).fract()))
+}
+
+/// The shader's curve has the numbers that its source gives on paper, and against rays it errs no more with alpha than with perceptual
+/// roughness, which is twice too rough a reading of the source.
+#[test]
+fn specular_openness_follows_its_source_and_errs_no_more() -> Result<()> {
+    // Openness, n·v and alpha; then the result on paper, such as 1.3^(2^-5) - 0.5 = 1.008233 - 0.5.
+    let paper = [
+        ([0.5, 0.8, 0.25], 0.508_233),
+        ([0.3, 0.2, 0.04], 0.100_594),
+        ([0.24, 0.25, 0.0], 0.0),  // 0.7 - 0.76
+        ([0.75, 0.69, 0.0], 0.95), // the root of 1.44 is 1.2
+        ([0.5, 0.5, 0.1], 0.5),
+        ([0.4, 0.9, 1.0], 0.400_002), // 1.3^(2^-17) - 0.6
+        ([1.0, 0.9, 0.0], 1.0),
+        ([0.0, 0.25, 0.0625], 0.0), // 0.25^(1/4) - 1
+    ];
+    for ([openness, n_v, alpha], wanted) in paper {
+        let found = curve(openness, n_v, alpha);
+        ensure!((found - wanted).abs() < 1e-6, "{openness} {n_v} {alpha}: {found} is not {wanted}");
+    }
+    if let Some(gpu) = gpu()? {
+        let mut bench = Bench::new(&gpu)?;
+        let kernel = bench.kernel("curve.comp", CURVE)?;
+        let ran = bench.run(Extent::new(8, 1), &["test.curve:image"], |g, _| {
+            let image = g.pass("test.curve", Queue::Graphics, |p| {
+                let (image, to) = p.create("image", ImageDesc::full(Format::R32Float));
+                (image.read(), move |c: &mut Record<'_>| {
+                    let params = Curve { image: c.id(to), of: paper.map(|(of, _)| of.map(|x| x as f32)) };
+                    c.dispatch_groups(kernel, &params, [1, 1, 1]);
+                })
+            });
+            g.output(image);
+            Ok(())
+        })?;
+        for (found, (of, wanted)) in ran.clean()?.values("test.curve:image")?.iter().zip(paper) {
+            ensure!((f64::from(found[0]) - wanted).abs() < 1e-5, "{of:?}: {} is not {wanted}", found[0]);
+        }
+    }
+
+    // What hides: walls of three heights, pits of three depths, an overhang, a corner.
+    let hides: [fn(DVec3) -> bool; 8] = [
+        |l| l.x > 0.0 && l.z < 0.33 * l.x,
+        |l| l.x > 0.0 && l.z < l.x,
+        |l| l.x > 0.0 && l.z < 3.0 * l.x,
+        |l| l.z < 0.3,
+        |l| l.z < 0.6,
+        |l| l.z < 0.9,
+        |l| l.x > 0.0 && l.z > 0.5,
+        |l| (l.x > 0.0 && l.z < 2.0 * l.x) || (l.y > 0.0 && l.z < 2.0 * l.y),
+    ];
+    let cosine = |(x, y): (f64, f64)| {
+        DVec3::new(x.sqrt() * (2.0 * PI * y).cos(), x.sqrt() * (2.0 * PI * y).sin(), (1.0 - x).sqrt())
+    };
+    let open = hides.map(|hidden| points().filter(|p| !hidden(cosine(*p))).count() as f64 / points().count() as f64);
+    // Squares of errors: with alpha, with perceptual roughness, with nothing hidden.
+    let (mut all, mut count) = ([0.0; 3], 0.0);
+    for roughness in (1..=10).map(|i| 0.1 * f64::from(i)) {
+        let (mut own, before) = ([0.0; 3], count);
+        for (n_v, turn) in [0.1, 0.3, 0.5, 0.7, 0.9].into_iter().flat_map(|n_v| (0..8).map(move |t| (n_v, t))) {
+            let (sine, turn) = ((1.0_f64 - n_v * n_v).sqrt(), f64::from(turn) * PI / 4.0);
+            let v = DVec3::new(sine * turn.cos(), sine * turn.sin(), n_v);
+            for (hidden, open) in hides.iter().zip(open) {
+                let truth = seen_share(roughness * roughness, v, hidden);
+                let guesses = [curve(open, n_v, roughness * roughness), curve(open, n_v, roughness), 1.0];
+                own.iter_mut().zip(guesses).for_each(|(sum, guess)| *sum += (guess - truth) * (guess - truth));
+                count += 1.0;
+            }
+        }
+        let rms = own.map(|sum| (sum / (count - before)).sqrt());
+        println!(
+            "roughness {roughness:.1}: alpha {:.4}, perceptual {:.4}, nothing hidden {:.4}",
+            rms[0], rms[1], rms[2]
+        );
+        all.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+    }
+    let [alpha, perceptual, nothing] = all.map(|sum| (sum / count).sqrt());
+    println!("all: alpha {alpha:.4}, perceptual {perceptual:.4}, nothing hidden {nothing:.4}");
+    ensure!(alpha < perceptual && alpha < 0.5 * nothing, "{alpha} {perceptual} {nothing}");
     Ok(())
 }

@@ -362,7 +362,7 @@ fn a_pyramid_is_made_mip_by_mip_in_one_image() -> Result<()> {
                     let (image, to) = p.create_part("pyramid", desc, Part::mip(0));
                     (image, move |c: &mut Record<'_>| {
                         let size = [extent.width, extent.height];
-                        let params = Texels { from: SampledImage(0), to: c.id(to), size, extra: 0 };
+                        let params = Texels { from: SampledImage::default(), to: c.id(to), size, extra: 0 };
                         c.dispatch(begin, &params, extent);
                     })
                 });
@@ -468,7 +468,7 @@ fn layers_are_written_one_by_one_and_read_as_a_whole() -> Result<()> {
                         Some(image) => p.write_part(image, Part::layer(layer)),
                     };
                     (image, move |c: &mut Record<'_>| {
-                        let params = Texels { from: SampledImage(0), to: c.id(to), size, extra: layer };
+                        let params = Texels { from: SampledImage::default(), to: c.id(to), size, extra: layer };
                         c.dispatch(begin, &params, extent);
                     })
                 }));

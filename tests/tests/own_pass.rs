@@ -14,16 +14,23 @@ const HEIGHT: u32 = 54;
 
 /// The display image of the courtyard, and the names of the passes that ran.
 fn display(slots: &Slots, config: &Config) -> Result<Option<(Vec<u8>, Vec<String>)>> {
+    Ok(displays(slots, config, 1)?.and_then(|mut frames| frames.pop()))
+}
+
+/// The same for several frames.
+fn displays(slots: &Slots, config: &Config, frames: usize) -> Result<Option<Vec<(Vec<u8>, Vec<String>)>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: WIDTH, height: HEIGHT, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, slots, config, options)?;
-    let result = renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true })?;
-    let result = result.context("a size of zero")?;
-    ensure!(result.findings.is_empty(), "{}", result.findings[0]);
-    let display = result.images.and_then(|i| i.display).context("no picture")?;
-    let passes = result.sample.passes.into_iter().map(|p| p.name).collect();
-    Ok(Some((display.bytes, passes)))
+    let mut one = || {
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
+        let result = renderer.frame(request)?.context("a size of zero")?;
+        ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        let display = result.images.and_then(|i| i.display).context("no picture")?;
+        Ok((display.bytes, result.sample.passes.into_iter().map(|p| p.name).collect()))
+    };
+    Ok(Some((0..frames).map(|_| one()).collect::<Result<_>>()?))
 }
 
 #[test]
@@ -52,6 +59,57 @@ fn the_example_darkens_the_corners_and_not_the_centre() -> Result<()> {
     ensure!(darker == 4, "{darker} corners are darker");
     let centre = 4 * (HEIGHT / 2 * WIDTH + WIDTH / 2) as usize;
     ensure!(with[centre..centre + 4] == without[centre..centre + 4], "the centre changed");
+    Ok(())
+}
+
+/// With a vignette that takes nothing away, what the user configures for `post` gives the same frames, bit for bit, as without it: the
+/// exposure, the pass of TAA, where pixels are sampled and how many there are.
+#[test]
+fn the_settings_of_the_wrapped_post_act_as_they_do_without_the_wrapper() -> Result<()> {
+    let settings = ["exposure=-6", "anti_aliasing=taa", "resolution_scale=0.5", "sharpening=0.5", "tone_map=aces"];
+    let mut last: Option<Vec<u8>> = None;
+    for count in [0, 1, 2, settings.len()] {
+        let (slots, mut wrapped) = own_pass::slots_with_vignette(0.0)?;
+        let mut plain = Config::default();
+        for setting in &settings[..count] {
+            wrapped.set(&format!("post.{setting}"))?;
+            plain.set(&format!("post.{setting}"))?;
+        }
+        slots.catalogue().check(&wrapped, "test")?;
+        let frames = 2;
+        let (Some(with), Some(without)) =
+            (displays(&slots, &wrapped, frames)?, displays(&Slots::default(), &plain, frames)?)
+        else {
+            return Ok(());
+        };
+        for (at, ((with, passes), (without, plain))) in with.iter().zip(&without).enumerate() {
+            let set = &settings[..count];
+            ensure!(with == without, "frame {at} with {set:?} differs from that of the standard post");
+            let others: Vec<_> = passes.iter().filter(|p| *p != "post.vignette").collect();
+            ensure!(others.iter().copied().eq(plain), "{set:?}: {others:?} instead of {plain:?}");
+            ensure!(passes.contains(&"post.taa".to_owned()) == (count > 1), "{set:?}: {passes:?}");
+        }
+        let picture = with.into_iter().next_back().map(|(picture, _)| picture);
+        ensure!(picture != last, "{:?} changes nothing", settings[..count].last());
+        last = picture;
+    }
+    Ok(())
+}
+
+#[test]
+fn the_settings_of_the_wrapped_post_are_listed_and_checked() -> Result<()> {
+    let (slots, config) = own_pass::slots_with_vignette(0.5)?;
+    let post = slots.infos().into_iter().find(|slot| slot.name == "post").context("no post")?;
+    let keys = |name: &str| -> Vec<&str> {
+        post.implementation(name).map(|i| i.settings.iter().map(|s| s.key).collect()).unwrap_or_default()
+    };
+    let wanted: Vec<_> = std::iter::once("vignette").chain(keys("standard")).collect();
+    ensure!(keys("vignette") == wanted && wanted.len() > 4, "{:?}", keys("vignette"));
+    ensure!(post.mistakes().is_empty(), "{:?}", post.mistakes());
+    let mut wrong = config;
+    wrong.set("post.exposure=99")?;
+    let message = slots.catalogue().check(&wrong, "test").map_err(|e| e.to_string());
+    ensure!(message.as_ref().is_err_and(|m| m.contains("post.exposure") && m.contains("99")), "{message:?}");
     Ok(())
 }
 

@@ -3,6 +3,7 @@ use super::GpuError;
 use super::device::lock;
 use crate::scene::{Sampler, Wrap};
 use ash::vk;
+use bytemuck::Pod;
 use magpie_shaders::{SampledImage, SamplerId, StorageImage};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Mutex;
@@ -29,6 +30,11 @@ pub(super) struct Bindless {
     textures: Mutex<BTreeSet<u32>>,
     samplers: Mutex<HashMap<Sampler, (u32, vk::Sampler)>>,
     anisotropy: f32,
+}
+
+/// An index as shaders take it: the only place where one is made of a number. `T` is one of the three types of indices.
+pub(super) fn place<T: Pod>(index: u32) -> T {
+    bytemuck::cast(index)
 }
 
 /// Indices that are free again, then those never used.
@@ -135,9 +141,9 @@ impl Bindless {
         lock(&self.storage).free.extend(storage);
     }
 
-    /// Images with a place, sampled and storage together.
+    /// Images with a place, sampled and storage together, beside the two that stand for none.
     pub fn in_use(&self) -> u32 {
-        let taken = |slots: &Slots| slots.next - slots.free.len() as u32;
+        let taken = |slots: &Slots| (slots.next - slots.free.len() as u32).saturating_sub(1);
         taken(&lock(&self.sampled)) + taken(&lock(&self.storage))
     }
 
@@ -145,7 +151,7 @@ impl Bindless {
     pub fn sampler(&self, device: &ash::Device, wanted: Sampler) -> Result<SamplerId, GpuError> {
         let mut known = lock(&self.samplers);
         if let Some((index, _)) = known.get(&wanted) {
-            return Ok(SamplerId(*index));
+            return Ok(place(*index));
         }
         let index = known.len() as u32;
         if index == SAMPLERS {
@@ -187,7 +193,7 @@ impl Bindless {
         // SAFETY: the element was never used before.
         unsafe { device.update_descriptor_sets(&[write], &[]) };
         known.insert(wanted, (index, sampler));
-        Ok(SamplerId(index))
+        Ok(place(index))
     }
 
     /// # Safety
@@ -257,8 +263,8 @@ impl PassSet {
         };
         let mut copies: Vec<_> = lock(&bindless.textures).iter().map(|i| copy(0, *i)).collect();
         copies.extend(lock(&bindless.samplers).values().map(|(i, _)| copy(2, *i)));
-        copies.extend(sampled.iter().map(|i| copy(0, i.0)));
-        copies.extend(stored.iter().map(|i| copy(1, i.0)));
+        copies.extend(sampled.iter().map(|i| copy(0, i.index())));
+        copies.extend(stored.iter().map(|i| copy(1, i.index())));
         // SAFETY: every element was written when its image or sampler was made; the new set is not in use.
         unsafe { device.update_descriptor_sets(&[], &copies) };
         Ok(Self { gpu: gpu.clone(), pool, set })

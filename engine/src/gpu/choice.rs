@@ -28,6 +28,8 @@ pub struct DeviceReport {
     pub refusals: Vec<String>,
     /// Ways to trace a ray: `software` always, `query` and `pipeline` where the driver has them.
     pub rays: Vec<&'static str>,
+    /// Samplers blend the texels of 32-bit float images. Where they do not, shaders do.
+    pub filters_float32: bool,
     /// Queue families.
     pub queues: Vec<QueueFamilyReport>,
     /// Limits that matter.
@@ -158,6 +160,9 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
             refusals.push(format!("{wanted:?} images lack {:?}", *uses & !found.optimal_tiling_features));
         }
     }
+    // SAFETY: as above.
+    let floats = unsafe { raw.get_physical_device_format_properties(device, format::vulkan(Format::Rgba32Float)) };
+    let filters_float32 = floats.optimal_tiling_features.contains(format::FILTER);
     DeviceReport {
         index,
         name: properties.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default(),
@@ -173,6 +178,7 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
         accepted: refusals.is_empty(),
         refusals,
         rays,
+        filters_float32,
         queues,
         limits: BTreeMap::from([
             ("max_buffer_bytes", sizes.max_buffer_size),

@@ -3,6 +3,7 @@ use super::GpuError;
 use super::bindless::Bindless;
 use super::choice::{self, DeviceReport};
 use super::instance::Instance;
+use super::nothing;
 use super::pipeline::Pipelines;
 use super::pipeline_cache;
 use super::ray_pipeline::RayTables;
@@ -26,6 +27,8 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Ways to trace that the driver has and that are left turned off, as if it had not.
     pub without_rays: Vec<Rays>,
+    /// Leave the filtering of 32-bit floats by samplers unused, as if the device had not got it: shaders blend texels themselves then.
+    pub without_float_filter: bool,
 }
 
 /// One opened device. Clones share it.
@@ -47,6 +50,8 @@ pub(super) struct Inner {
     /// Images and buffers that share memory keep this far apart, bytes.
     pub granularity: u64,
     garbage: Mutex<Vec<(u64, Garbage)>>,
+    /// What stands at place 0 of the bindless set.
+    nothing: Mutex<Vec<Garbage>>,
     cache: vk::PipelineCache,
     cache_file: Option<std::path::PathBuf>,
     /// One call can draw several times what a buffer says.
@@ -66,6 +71,7 @@ pub(super) struct Inner {
     physical: vk::PhysicalDevice,
     report: DeviceReport,
     validation: bool,
+    without_float_filter: bool,
     logical: Logical,
 }
 
@@ -196,7 +202,7 @@ impl Gpu {
         let markers = has(amd::buffer_marker::NAME).then(|| amd::buffer_marker::Device::new(&instance.raw, &raw));
         let labels = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
         log::info!("device: {} ({})", report.name, report.driver);
-        Ok(Self(Arc::new(Inner {
+        let gpu = Self(Arc::new(Inner {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             bindless,
             pipelines,
@@ -209,6 +215,7 @@ impl Gpu {
             memory_types,
             granularity: properties.limits.buffer_image_granularity.max(1),
             garbage: Mutex::default(),
+            nothing: Mutex::default(),
             cache,
             cache_file,
             multi_draw_indirect: optional.multi_draw_indirect == vk::TRUE,
@@ -222,8 +229,12 @@ impl Gpu {
             physical,
             report,
             validation: options.validation,
+            without_float_filter: options.without_float_filter,
             logical,
-        })))
+        }));
+        let nothing = nothing::images(&gpu)?;
+        *lock(&gpu.0.nothing) = nothing;
+        Ok(gpu)
     }
 
     /// What the device is and can do.
@@ -231,9 +242,22 @@ impl Gpu {
         &self.0.report
     }
 
+    pub(super) fn without_float_filter(&self) -> bool {
+        self.0.without_float_filter
+    }
+
     /// The validation layers are on.
     pub fn validates(&self) -> bool {
         self.0.validation
+    }
+
+    /// For whoever was asked to heed the validation layers: without them, nothing would ever be found.
+    ///
+    /// # Errors
+    /// [`GpuError::NotValidated`] where they are off.
+    pub fn need_validation(&self) -> Result<(), GpuError> {
+        let device = self.report().name.clone();
+        if self.validates() { Ok(()) } else { Err(GpuError::NotValidated { device }) }
     }
 
     /// Messages of the validation layers since the last call.
@@ -355,6 +379,9 @@ impl Drop for Inner {
         // SAFETY: the last clone is gone, so nothing records or submits any more.
         let _ = unsafe { self.raw.device_wait_idle() };
         for (_, what) in std::mem::take(&mut *lock(&self.garbage)) {
+            self.free(what);
+        }
+        for what in std::mem::take(&mut *lock(&self.nothing)) {
             self.free(what);
         }
         for (buffer, memory) in self.ray_tables.take() {

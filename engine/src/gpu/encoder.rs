@@ -3,6 +3,7 @@ use super::access::{self, Scope};
 use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
 use super::query::{Counting, Work};
+use super::ray_pipeline::RAY_PUSH_BYTES;
 use super::{Buffer, Gpu, GpuError, Image, Kernel, RasterKernel, format};
 use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
@@ -179,6 +180,11 @@ impl CommandEncoder {
         &self.gpu
     }
 
+    /// What a pipeline was called when it was made.
+    pub fn pipeline_name(&self, index: u32) -> String {
+        self.gpu.0.pipelines.name(index)
+    }
+
     /// Begins anew. The device must be done with what was recorded before.
     pub fn begin(&mut self) -> Result<(), GpuError> {
         let device = self.gpu.raw();
@@ -237,6 +243,25 @@ impl CommandEncoder {
     pub(super) fn flush(&mut self) {
         // SAFETY: the command buffer is recording, outside of rendering.
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &vk::DependencyInfo::default()) };
+    }
+
+    /// Brings the one mip of an image of the device's own from a layout to another, once everything before is done.
+    pub(super) fn settle(&mut self, image: &Image, from: vk::ImageLayout, to: vk::ImageLayout) {
+        let everything = Scope::EVERYTHING;
+        let barrier = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(everything.stages)
+            .src_access_mask(everything.available().access)
+            .dst_stage_mask(everything.stages)
+            .dst_access_mask(everything.access)
+            .old_layout(from)
+            .new_layout(to)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.raw)
+            .subresource_range(image.range(Part::ALL.of(1, 1)))];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
+        // SAFETY: the command buffer is recording, outside of rendering; the image is alive.
+        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
     /// Everything before it is done and seen by everything after it, the host included. Called as [`Self::barriers`] is.
@@ -298,19 +323,19 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_end_rendering(self.buffer) };
     }
 
+    /// The caller compared their size with what the pipeline reads and with the limit.
     fn push(&mut self, params: &[u8]) {
-        assert!(params.len() <= PUSH_BYTES as usize, "push constants: {} bytes, limit {PUSH_BYTES}", params.len());
+        debug_assert!(params.len() <= PUSH_BYTES as usize);
         let layout = self.gpu.0.pipelines.layout;
         if !params.is_empty() {
-            // SAFETY: the layout has 128 bytes for all stages, checked above.
+            // SAFETY: the layout has 128 bytes for all stages, to which `Record::fits` holds every pass.
             unsafe { self.gpu.raw().cmd_push_constants(self.buffer, layout, vk::ShaderStageFlags::ALL, 0, params) };
         }
     }
 
     /// Parameters of a ray pass, and in the last eight bytes the root of the scene's tables, for hit shaders.
     pub(super) fn push_rays(&mut self, params: &[u8], scene: magpie_shaders::Address) {
-        const ROOT: u32 = PUSH_BYTES - 8;
-        assert!(params.len() <= ROOT as usize, "push constants of a ray pass: {} bytes, limit {ROOT}", params.len());
+        const ROOT: u32 = RAY_PUSH_BYTES;
         self.push(params);
         let (layout, root) = (self.gpu.0.pipelines.layout, bytemuck::bytes_of(&scene));
         // SAFETY: the layout has 128 bytes for all stages.

@@ -72,6 +72,21 @@ pub enum GpuError {
         /// What the device can do.
         limit: u64,
     },
+    /// A pass records push constants that are not as large as the block of its shader.
+    #[error(
+        "pass {pass}: {kernel} reads {wanted} bytes of push constants, but the pass gives it {given}: the struct in Rust and the block in \
+         GLSL must have the same fields"
+    )]
+    PushConstants {
+        /// The pass.
+        pass: String,
+        /// The pipeline: in most cases the name of its shader.
+        kernel: String,
+        /// Bytes that the shader's block takes, or the most that there can be.
+        wanted: u32,
+        /// Bytes that the pass gave.
+        given: u32,
+    },
     /// SPIR-V that is not SPIR-V, or lacks what is needed.
     #[error("shader {name}: {reason}")]
     Shader {
@@ -79,6 +94,15 @@ pub enum GpuError {
         name: String,
         /// What is wrong.
         reason: String,
+    },
+    /// Messages of the validation layers were asked for, but the device was opened without them.
+    #[error(
+        "check was asked for, but {device} was opened without the validation layers: open it with GpuOptions {{ validation: true, .. }}, or \
+         leave check off"
+    )]
+    NotValidated {
+        /// The device.
+        device: String,
     },
     /// The validation layers complained.
     #[error("{} message(s) from the validation layers, the first: {}", .messages.len(), .messages.first().map_or("", String::as_str))]

@@ -1,14 +1,36 @@
 //! Formats of the graph as Vulkan formats.
-use super::Gpu;
+use super::bindless::place;
+use super::{Gpu, GpuError};
 use crate::graph::Format;
+use crate::scene::{Sampler, Wrap};
 use ash::vk;
+use magpie_shaders::SamplerId;
+use magpie_shaders::filter::{FETCHED, REPEATS_U, REPEATS_V};
 
 impl Gpu {
-    /// Whether samplers can blend the texels of images of this format.
+    /// Whether samplers can blend the texels of images of this format. Vulkan lets devices leave out 32-bit floats.
     pub fn filters(&self, format: Format) -> bool {
-        self.format_features(vulkan(format)).contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
+        let left_out = self.without_float_filter() && format.bytes_per_pixel() / format.channels() == 4;
+        !left_out && self.format_features(vulkan(format)).contains(FILTER)
+    }
+
+    /// How shaders filter an image of this format bilinearly, without mips, by `sample_bilinear` of `lib/bindless.glsl`: with a sampler
+    /// where the device filters it, else with four fetches, which give the same but for rounding. An image that goes on mirrored cannot be
+    /// fetched; its edges are continued.
+    ///
+    /// # Errors
+    /// As [`Gpu::sampler`].
+    pub fn bilinear(&self, format: Format, wrap: [Wrap; 2]) -> Result<SamplerId, GpuError> {
+        if self.filters(format) {
+            return self.sampler(Sampler { wrap, linear_mips: false, mips: false, ..Sampler::default() });
+        }
+        let repeats = |axis: usize, bit| if wrap[axis] == Wrap::Repeat { bit } else { 0 };
+        Ok(place(FETCHED + repeats(0, REPEATS_U) + repeats(1, REPEATS_V)))
     }
 }
+
+/// Samplers blend the texels of a format.
+pub(super) const FILTER: vk::FormatFeatureFlags = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
 
 pub(super) fn vulkan(format: Format) -> vk::Format {
     match format {

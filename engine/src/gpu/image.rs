@@ -1,4 +1,5 @@
 //! Images with their places in the bindless set.
+use super::bindless::place;
 use super::device::{Garbage, lock};
 use super::heap::Heap;
 use super::{Gpu, GpuError, format};
@@ -233,23 +234,23 @@ impl Image {
     /// Index of a part for sampling, once it is prepared.
     pub(crate) fn sampled_part(&self, part: Part) -> Option<SampledImage> {
         let own = if self.is_whole(part, false) { self.sampled } else { self.part_place(part, false) };
-        own.map(SampledImage)
+        own.map(place)
     }
 
     /// Index of a part's first mip for storing, once it is prepared.
     pub(crate) fn storage_part(&self, part: Part) -> Option<StorageImage> {
         let own = if self.is_whole(part, true) { self.storage } else { self.part_place(part, true) };
-        own.map(StorageImage)
+        own.map(place)
     }
 
     /// Its index for sampling, when it was made for that.
     pub fn sampled(&self) -> Option<SampledImage> {
-        self.sampled.map(SampledImage)
+        self.sampled.map(place)
     }
 
     /// Its index for storing, when it was made for that.
     pub fn storage(&self) -> Option<StorageImage> {
-        self.storage.map(StorageImage)
+        self.storage.map(place)
     }
 
     /// Its format.
@@ -337,8 +338,13 @@ impl ImageInfo {
     }
 }
 
-impl Drop for Image {
-    fn drop(&mut self) {
+impl Image {
+    /// What it is made of, for one that the device itself holds and frees.
+    pub(super) fn into_parts(mut self) -> Garbage {
+        self.parts()
+    }
+
+    fn parts(&mut self) -> Garbage {
         let poisoned = std::sync::PoisonError::into_inner;
         let views = std::mem::take(self.views.get_mut().unwrap_or_else(poisoned));
         let parts = std::mem::take(self.parts.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner));
@@ -347,7 +353,17 @@ impl Drop for Image {
             own.chain(whole).collect::<Vec<u32>>()
         };
         let (sampled, storage) = (places(false, self.sampled), places(true, self.storage));
-        let (image, memory) = (self.raw, self.memory.take());
-        self.gpu.0.discard(Garbage::Image { image, views, sampled, storage, memory });
+        let (image, memory) = (std::mem::take(&mut self.raw), self.memory.take());
+        Garbage::Image { image, views, sampled, storage, memory }
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        // Not where its parts were taken out.
+        if self.raw != vk::Image::null() {
+            let parts = self.parts();
+            self.gpu.0.discard(parts);
+        }
     }
 }

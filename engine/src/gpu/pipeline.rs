@@ -1,5 +1,6 @@
 //! Compute and graphics pipelines. One layout for all: the bindless set and 128 bytes of push constants.
 use super::device::lock;
+use super::reflect::{local_size, push_bytes};
 use super::{Gpu, GpuError, format};
 use crate::graph::Format;
 use ash::vk;
@@ -11,7 +12,7 @@ use std::hash::{Hash, Hasher};
 use std::sync::Mutex;
 
 /// Push constants that every Vulkan device has, bytes.
-pub(super) const PUSH_BYTES: u32 = 128;
+pub(crate) const PUSH_BYTES: u32 = 128;
 
 pub(super) const ENTRY: &CStr = c"main";
 
@@ -21,12 +22,28 @@ pub struct Kernel {
     pub(super) index: u32,
     /// Threads of one workgroup.
     pub local_size: [u32; 3],
+    pub(super) push: Option<u32>,
+}
+
+impl Kernel {
+    /// Which pipeline it is, and the bytes of push constants that its shader reads; `None` where it reads none.
+    pub(crate) fn push(self) -> (u32, Option<u32>) {
+        (self.index, self.push)
+    }
 }
 
 /// A graphics pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RasterKernel {
     pub(super) index: u32,
+    push: Option<u32>,
+}
+
+impl RasterKernel {
+    /// As [`Kernel::push`]: the longer block of its two shaders.
+    pub(crate) fn push(self) -> (u32, Option<u32>) {
+        (self.index, self.push)
+    }
 }
 
 /// What a graphics pipeline draws with and into. Depth is reversed; culling and winding are set per draw.
@@ -49,8 +66,18 @@ pub struct RasterDesc<'a> {
 /// Pipelines live as long as the device: ids stay valid, and the same request gives the same id.
 pub(super) struct Pipelines {
     pub layout: vk::PipelineLayout,
-    list: Mutex<Vec<vk::Pipeline>>,
-    known: Mutex<HashMap<u64, (u32, [u32; 3])>>,
+    list: Mutex<Vec<(vk::Pipeline, String)>>,
+    known: Mutex<HashMap<u64, Made>>,
+}
+
+/// A pipeline that was made.
+#[derive(Clone, Copy)]
+pub(super) struct Made {
+    pub index: u32,
+    /// Threads of one workgroup of a compute pipeline; of one for rays, the place of its table first.
+    pub numbers: [u32; 3],
+    /// Bytes of push constants that its shaders read.
+    pub push: Option<u32>,
 }
 
 impl Pipelines {
@@ -65,20 +92,24 @@ impl Pipelines {
     }
 
     pub fn get(&self, index: u32) -> vk::Pipeline {
-        lock(&self.list).get(index as usize).copied().unwrap_or_default()
+        lock(&self.list).get(index as usize).map(|(pipeline, _)| *pipeline).unwrap_or_default()
+    }
+
+    pub fn name(&self, index: u32) -> String {
+        lock(&self.list).get(index as usize).map(|(_, name)| name.clone()).unwrap_or_default()
     }
 
     /// The pipeline of a request that was made before.
-    pub fn known(&self, key: u64) -> Option<(u32, [u32; 3])> {
+    pub fn known(&self, key: u64) -> Option<Made> {
         lock(&self.known).get(&key).copied()
     }
 
-    pub fn add(&self, key: u64, pipeline: vk::Pipeline, local_size: [u32; 3]) -> u32 {
+    pub fn add(&self, key: u64, (pipeline, name): (vk::Pipeline, &str), numbers: [u32; 3], push: Option<u32>) -> Made {
         let mut list = lock(&self.list);
-        list.push(pipeline);
-        let index = list.len() as u32 - 1;
-        lock(&self.known).insert(key, (index, local_size));
-        index
+        list.push((pipeline, name.to_owned()));
+        let made = Made { index: list.len() as u32 - 1, numbers, push };
+        lock(&self.known).insert(key, made);
+        made
     }
 
     /// # Safety
@@ -86,7 +117,7 @@ impl Pipelines {
     pub unsafe fn destroy(&self, device: &ash::Device) {
         // SAFETY: by this function's contract.
         unsafe {
-            for pipeline in lock(&self.list).drain(..) {
+            for (pipeline, _) in lock(&self.list).drain(..) {
                 device.destroy_pipeline(pipeline, None);
             }
             device.destroy_pipeline_layout(self.layout, None);
@@ -106,20 +137,16 @@ pub(super) fn words(name: &str, bytes: &[u8]) -> Result<Vec<u32>, GpuError> {
         .map_err(|e| GpuError::Shader { name: name.to_owned(), reason: e.to_string() })
 }
 
-/// The workgroup size that a compute shader declares: `OpExecutionMode … LocalSize x y z` (SPIR-V 1.6, 3.6).
-fn local_size(words: &[u32]) -> Option<[u32; 3]> {
-    const EXECUTION_MODE: u32 = 16;
-    const LOCAL_SIZE: u32 = 17;
-    let mut rest = words.get(5..)?;
-    while let Some(&first) = rest.first() {
-        let (opcode, length) = (first & 0xffff, (first >> 16) as usize);
-        let instruction = rest.get(..length.max(1))?;
-        if opcode == EXECUTION_MODE && instruction.get(2) == Some(&LOCAL_SIZE) {
-            return Some([*instruction.get(3)?, *instruction.get(4)?, *instruction.get(5)?]);
+/// Bytes of push constants that a shader reads, at most `most`.
+pub(super) fn checked_push(name: &str, words: &[u32], most: u32) -> Result<Option<u32>, GpuError> {
+    let bytes = push_bytes(words);
+    match bytes.filter(|b| *b > most) {
+        None => Ok(bytes),
+        Some(wanted) => {
+            let what = format!("bytes of push constants of {name}");
+            Err(GpuError::Limit { what, wanted: wanted.into(), limit: most.into() })
         }
-        rest = &rest[length.max(1)..];
     }
-    None
 }
 
 impl Gpu {
@@ -134,16 +161,19 @@ impl Gpu {
     /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] when no workgroup size is declared, and failing calls.
+    /// [`GpuError::Shader`] when no workgroup size is declared, [`GpuError::Limit`] for more than 128 bytes of push constants, and failing
+    /// calls.
     pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, GpuError> {
         let key = key_of((name, words));
-        if let Some((index, local_size)) = lock(&self.0.pipelines.known).get(&key) {
-            return Ok(Kernel { index: *index, local_size: *local_size });
+        let of = |made: Made| Kernel { index: made.index, local_size: made.numbers, push: made.push };
+        if let Some(made) = self.0.pipelines.known(key) {
+            return Ok(of(made));
         }
         let local_size = local_size(words).ok_or_else(|| GpuError::Shader {
             name: name.to_owned(),
             reason: "it is no compute shader with a workgroup size".to_owned(),
         })?;
+        let push = checked_push(name, words, PUSH_BYTES)?;
         let module = self.module(words)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
@@ -158,7 +188,7 @@ impl Gpu {
         };
         let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateComputePipelines")(e))?[0];
         self.name_object(pipeline, name);
-        Ok(Kernel { index: self.0.pipelines.add(key, pipeline, local_size), local_size })
+        Ok(of(self.0.pipelines.add(key, (pipeline, name), local_size, push)))
     }
 
     /// A graphics pipeline.
@@ -167,11 +197,18 @@ impl Gpu {
     /// [`GpuError::Shader`] and failing calls.
     pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
         let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.constants, desc.colours, desc.depth));
-        if let Some((index, _)) = lock(&self.0.pipelines.known).get(&key) {
-            return Ok(RasterKernel { index: *index });
+        if let Some(Made { index, push, .. }) = self.0.pipelines.known(key) {
+            return Ok(RasterKernel { index, push });
         }
-        let vertex = self.module(&words(desc.vertex.name, desc.vertex.spirv)?)?;
-        let fragment = match words(desc.fragment.name, desc.fragment.spirv).and_then(|w| self.module(&w)) {
+        let (vertex, fragment) =
+            (words(desc.vertex.name, desc.vertex.spirv)?, words(desc.fragment.name, desc.fragment.spirv)?);
+        let push = checked_push(desc.vertex.name, &vertex, PUSH_BYTES)?.max(checked_push(
+            desc.fragment.name,
+            &fragment,
+            PUSH_BYTES,
+        )?);
+        let vertex = self.module(&vertex)?;
+        let fragment = match self.module(&fragment) {
             Ok(m) => m,
             Err(e) => {
                 // SAFETY: the module was just made and nothing uses it.
@@ -238,7 +275,8 @@ impl Gpu {
         };
         let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateGraphicsPipelines")(e))?[0];
         self.name_object(pipeline, desc.name);
-        Ok(RasterKernel { index: self.0.pipelines.add(key, pipeline, [0; 3]) })
+        let Made { index, push, .. } = self.0.pipelines.add(key, (pipeline, desc.name), [0; 3], push);
+        Ok(RasterKernel { index, push })
     }
 
     pub(super) fn module(&self, words: &[u32]) -> Result<vk::ShaderModule, GpuError> {

@@ -1,6 +1,6 @@
 //! Kernels of ray passes: compute pipelines, or ray-tracing pipelines with their shader binding tables.
 use super::device::lock;
-use super::pipeline::{ENTRY, key_of, words};
+use super::pipeline::{ENTRY, Made, PUSH_BYTES, checked_push, key_of, words};
 use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
@@ -31,7 +31,24 @@ impl RayKernel {
 pub struct RayPipeline {
     pub(super) index: u32,
     table: u32,
+    push: Option<u32>,
 }
+
+impl RayPipeline {
+    /// As [`Kernel::push`]: the block of the ray-generation shader.
+    pub(crate) fn push(self) -> (u32, Option<u32>) {
+        (self.index, self.push)
+    }
+}
+
+impl From<Made> for RayPipeline {
+    fn from(made: Made) -> Self {
+        Self { index: made.index, table: made.numbers[0], push: made.push }
+    }
+}
+
+/// Push constants that a ray pass has for itself, bytes: behind them stands the root of the scene's tables.
+pub(crate) const RAY_PUSH_BYTES: u32 = PUSH_BYTES - 8;
 
 /// Hit group of triangles in every pipeline, as instances name it.
 pub const TRIANGLE_GROUP: u32 = 0;
@@ -100,9 +117,10 @@ impl Gpu {
 
     fn ray_pipeline(&self, name: &str, generation: &[u32]) -> Result<RayPipeline, GpuError> {
         let key = key_of(("ray pipeline", name, generation));
-        if let Some((index, [table, ..])) = self.0.pipelines.known(key) {
-            return Ok(RayPipeline { index, table });
+        if let Some(made) = self.0.pipelines.known(key) {
+            return Ok(made.into());
         }
+        let push = checked_push(name, generation, RAY_PUSH_BYTES)?;
         let calls = self.0.ray_calls()?;
         let missing =
             || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
@@ -153,9 +171,9 @@ impl Gpu {
         let tables = &mut *lock(&self.0.ray_tables.0);
         let at = tables.len() as u32;
         // The pipeline belongs to the list from here on, whatever comes of its table.
-        let index = self.0.pipelines.add(key, pipeline, [at, 0, 0]);
+        let made = self.0.pipelines.add(key, (pipeline, name), [at, 0, 0], push);
         tables.push(self.ray_table(calls, pipeline, name)?);
-        Ok(RayPipeline { index, table: at })
+        Ok(made.into())
     }
 
     /// Handles of the groups in memory: ray generation, miss, and the hit groups, each region at an aligned address.

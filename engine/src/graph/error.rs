@@ -195,6 +195,23 @@ pub enum GraphError {
         /// The state.
         access: Access,
     },
+    /// What fills a slot gives an image of another format or size than the slot's contract says.
+    #[error(
+        "slot `{slot}`: \"{implementation}\" gives `{output}` as {:?} of {}, wanted {} of {}",
+        .given.0, .given.1, formats_in_words(&.wanted.0), .wanted.1
+    )]
+    Contract {
+        /// The slot.
+        slot: String,
+        /// What fills it.
+        implementation: String,
+        /// The image, as the contract calls it.
+        output: String,
+        /// Formats that it may have, and its size.
+        wanted: (Vec<Format>, Extent),
+        /// The format and size that it has.
+        given: (Format, Extent),
+    },
     /// No pass of that name.
     #[error("no pass is called `{pass}`; there are: {}", known.join(", "))]
     UnknownPass {
@@ -213,6 +230,10 @@ pub enum GraphError {
         /// Its image outputs.
         known: Vec<String>,
     },
+}
+
+fn formats_in_words(formats: &[Format]) -> String {
+    formats.iter().map(|f| format!("{f:?}")).collect::<Vec<_>>().join(" or ")
 }
 
 fn part_in_words(part: Part) -> String {

@@ -45,6 +45,7 @@
 mod access;
 mod builder;
 pub mod check;
+mod contract;
 mod declaration;
 mod desc;
 pub mod dump;
@@ -60,6 +61,7 @@ mod token;
 
 pub use access::{Access, Domain, Layout, Queue, Uses};
 pub use builder::PassBuilder;
+pub use contract::Contract;
 pub use declaration::{
     Clear, Declaration, HistoryDecl, ImageState, ImportKey, Name, NamedOutput, Origin, OutputDecl, PassDecl,
     ResourceDecl, Shape, Span, Use, Writers,

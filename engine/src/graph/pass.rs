@@ -514,7 +514,7 @@ impl FrameGraph {
         );
     }
 
-    fn image_at(&self, image: Handle<Image>) -> (Format, Extent, u32, u32) {
+    pub(super) fn image_at(&self, image: Handle<Image>) -> (Format, Extent, u32, u32) {
         self.assert_own(image);
         match self.declaration.resources[image.id as usize].shape {
             Shape::Image { format, extent, mips, layers } => (format, extent, mips, layers),

@@ -13,7 +13,8 @@ use super::{
     },
 };
 use crate::gpu::{
-    self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, ImageRegion, Kernel, RasterKernel, RayKernel,
+    self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, GpuError, ImageRegion, Kernel, PUSH_BYTES,
+    RAY_PUSH_BYTES, RasterKernel, RayKernel,
 };
 
 /// The object behind a resource of the declaration.
@@ -98,6 +99,8 @@ pub struct Record<'a> {
     pub(super) name: &'a str,
     pub(super) counters: Address,
     pub(super) recorded: Recorded,
+    /// The first mistake that the pass made while it recorded. What was wrong is not recorded, and the frame does not run.
+    pub(super) fault: Option<GpuError>,
 }
 
 /// A token that stands for an id in shader parameters.
@@ -174,36 +177,38 @@ impl Record<'_> {
 
     /// One thread per pixel of `extent`, in the kernel's own workgroups.
     ///
-    /// # Panics
-    /// When `params` takes more than 128 bytes.
+    /// `params` are its push constants. They must have the size of the block that the shader declares, which its SPIR-V says: for any
+    /// other, nothing is recorded and the frame ends with [`GpuError::PushConstants`], which names the pass, the kernel and both sizes.
+    /// A shader without such a block may be given anything of at most 128 bytes.
     pub fn dispatch<P: Pod>(&mut self, kernel: Kernel, params: &P, extent: Extent) {
         let [x, y, z] = kernel.local_size;
         self.dispatch_groups(kernel, params, [extent.width.div_ceil(x), extent.height.div_ceil(y), 1_u32.div_ceil(z)]);
     }
 
-    /// So many workgroups.
-    ///
-    /// # Panics
-    /// As [`Record::dispatch`].
+    /// So many workgroups. `params` are as with [`Record::dispatch`].
     pub fn dispatch_groups<P: Pod>(&mut self, kernel: Kernel, params: &P, groups: [u32; 3]) {
-        self.encoder.dispatch(kernel, bytemuck::bytes_of(params), groups);
-        self.recorded.dispatches += 1;
+        if self.fits::<P>(kernel.push(), PUSH_BYTES) {
+            self.encoder.dispatch(kernel, bytemuck::bytes_of(params), groups);
+            self.recorded.dispatches += 1;
+        }
     }
 
-    /// One thread per pixel of `extent`, each free to trace rays through the acceleration structure of `tlas`.
+    /// One thread per pixel of `extent`, each free to trace rays through the acceleration structure of `tlas`. `params` are as with
+    /// [`Record::dispatch`], and at most 120 bytes.
     ///
     /// # Panics
-    /// As [`Record::dispatch`], and when the token belongs to another pass.
+    /// When the token belongs to another pass.
     pub fn trace<P: Pod>(&mut self, kernel: RayKernel, tlas: TraceToken, params: &P, extent: Extent) {
         self.own(tlas.pass);
         match kernel {
             RayKernel::Compute(kernel) => self.dispatch(kernel, params, extent),
-            RayKernel::Pipeline(pipeline) => {
+            RayKernel::Pipeline(pipeline) if self.fits::<P>(pipeline.push(), RAY_PUSH_BYTES) => {
                 let root = self.id(tlas);
                 let size = [extent.width, extent.height, 1];
                 self.encoder.trace_rays(pipeline, bytemuck::bytes_of(params), root, size);
                 self.recorded.dispatches += 1;
             }
+            RayKernel::Pipeline(_) => {}
         }
     }
 
@@ -222,7 +227,7 @@ impl Record<'_> {
     ) {
         match kernel {
             RayKernel::Compute(kernel) => self.dispatch_indirect(kernel, params, threads, offset),
-            RayKernel::Pipeline(pipeline) => {
+            RayKernel::Pipeline(pipeline) if self.fits::<P>(pipeline.push(), RAY_PUSH_BYTES) => {
                 let (physical, root) = (self.physical, self.id(tlas));
                 let range = self.buffer_in(physical, threads.resource, threads.pass);
                 self.inside(range, offset, 24);
@@ -230,6 +235,7 @@ impl Record<'_> {
                 self.encoder.trace_rays_indirect(pipeline, bytemuck::bytes_of(params), root, size);
                 self.recorded.dispatches += 1;
             }
+            RayKernel::Pipeline(_) => {}
         }
     }
 
@@ -279,12 +285,13 @@ impl Record<'_> {
         self.encoder.compact_accel(source, target);
     }
 
-    /// Draws into the attachments that the pass declared.
+    /// Draws into the attachments that the pass declared. `params` are as with [`Record::dispatch`]; where both shaders have a block, the
+    /// longer one counts.
     ///
     /// # Panics
-    /// As [`Record::dispatch`], and when the token belongs to another pass.
+    /// When the token belongs to another pass.
     pub fn draw<P: Pod>(&mut self, kernel: RasterKernel, params: &P, indices: IndexToken, draws: &[Draw]) {
-        if draws.is_empty() {
+        if draws.is_empty() || !self.fits::<P>(kernel.push(), PUSH_BYTES) {
             return;
         }
         let ranges: Vec<_> = draws
@@ -303,11 +310,14 @@ impl Record<'_> {
     }
 
     /// As many workgroups as three words of a buffer say, from `offset` bytes on: x, y and z. Where one of them is zero, nothing
-    /// runs: a pass before it decides on the device whether and how much this one does.
+    /// runs: a pass before it decides on the device whether and how much this one does. `params` are as with [`Record::dispatch`].
     ///
     /// # Panics
-    /// As [`Record::dispatch`], past the end of the buffer, and when the token belongs to another pass.
+    /// Past the end of the buffer, and when the token belongs to another pass.
     pub fn dispatch_indirect<P: Pod>(&mut self, kernel: Kernel, params: &P, groups: IndirectToken, offset: u64) {
+        if !self.fits::<P>(kernel.push(), PUSH_BYTES) {
+            return;
+        }
         let physical = self.physical;
         let range = self.buffer_in(physical, groups.resource, groups.pass);
         self.inside(range, offset, 12);
@@ -317,9 +327,10 @@ impl Record<'_> {
 
     /// Draws `count` times what a buffer says, from `offset` bytes on. Each draw is five words: how many indices, how many
     /// instances, the first index, what is added to indices, the first instance. Where there are no instances, nothing is drawn.
+    /// `params` are as with [`Record::draw`].
     ///
     /// # Panics
-    /// As [`Record::dispatch`], past the end of the buffer, and when a token belongs to another pass.
+    /// Past the end of the buffer, and when a token belongs to another pass.
     pub fn draw_indirect<P: Pod>(
         &mut self,
         kernel: RasterKernel,
@@ -328,6 +339,9 @@ impl Record<'_> {
         draws: (IndirectToken, u64),
         (count, cull): (u32, Cull),
     ) {
+        if !self.fits::<P>(kernel.push(), PUSH_BYTES) {
+            return;
+        }
         let (physical, (draws, offset)) = (self.physical, draws);
         let indices = self.buffer_in(physical, indices.resource, indices.pass);
         let range = self.buffer_in(physical, draws.resource, draws.pass);
@@ -414,6 +428,17 @@ impl Record<'_> {
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(image.format().bytes_per_pixel());
         self.inside(range, copy.offset, bytes);
         ImageRegion { buffer_offset: range.offset + copy.offset, mip: copy.mip, extent }
+    }
+
+    /// Whether push constants of this type are what a pipeline reads; the frame fails where they are not.
+    fn fits<P>(&mut self, (pipeline, block): (u32, Option<u32>), most: u32) -> bool {
+        let given = size_of::<P>() as u32;
+        let wanted = block.unwrap_or(given).min(most);
+        if given != wanted {
+            let (pass, kernel) = (self.name.to_owned(), self.encoder.pipeline_name(pipeline));
+            self.fault.get_or_insert(GpuError::PushConstants { pass, kernel, wanted, given });
+        }
+        given == wanted
     }
 
     fn inside(&self, range: &BufferRange, offset: u64, bytes: u64) {

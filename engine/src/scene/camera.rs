@@ -162,7 +162,7 @@ impl CameraFile {
         let failed = |source| SceneError::Read { path: path.to_owned(), source };
         let refuse = |reason: String| SceneError::CameraFile { path: path.to_owned(), reason };
         let mut text = String::new();
-        let file = std::fs::File::open(path).map_err(failed)?;
+        let (file, _) = crate::files::open_regular(path).map_err(failed)?;
         file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
         if text.len() as u64 > MAX_FILE_BYTES {
             return Err(refuse(format!("it is longer than {MAX_FILE_BYTES} bytes")));

@@ -5,7 +5,6 @@
 //! the paper's: it is scaled to [`Daylight::irradiance`].
 use super::Light;
 use glam::{DMat3, DVec3, Vec3};
-use magpie_shaders::scene::NO_TEXTURE;
 use magpie_shaders::view::Sky;
 use magpie_shaders::{SampledImage, SamplerId};
 use std::f64::consts::PI;
@@ -137,7 +136,7 @@ impl Daylight {
             ground: model.ground.as_vec3().to_array(),
             sun_radiance: disc.as_vec3().to_array(),
             sun_cos_radius: if has_disc { radius.cos() as f32 } else { 2.0 },
-            environment: SampledImage(NO_TEXTURE),
+            environment: SampledImage::NONE,
             environment_sampler: SamplerId::default(),
             environment_scale: 0.0,
             environment_turn: [0.0, 1.0],

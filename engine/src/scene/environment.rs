@@ -115,7 +115,7 @@ impl Environment {
     }
 
     /// Every number of every texel lies in 0 to this.
-    pub(super) fn limit_to(&self, limit: f32) -> Result<(), EnvironmentError> {
+    fn limit_to(&self, limit: f32) -> Result<(), EnvironmentError> {
         // A NaN is in no range.
         let fine = |texel: &Vec3| texel.to_array().iter().all(|c| (0.0..=limit).contains(c));
         match self.radiance.par_iter().position_first(|texel| !fine(texel)) {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::config::{Catalogue, Config};
 
 fn cone() -> SettingSpec {
     SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, (0.0, 10.0))
@@ -97,4 +98,57 @@ fn a_description_that_contradicts_itself_is_found() {
     let bad = SlotInfo { presets, ..good.clone() };
     assert_eq!(bad.mistakes().len(), 6, "{:?}", bad.mistakes());
     assert!(good.mistakes().is_empty());
+}
+
+/// Stages of plain numbers, to be wrapped.
+fn numbers() -> Stage<u32, u32> {
+    let settings = [cone(), SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, (1, 64))];
+    Stage::new("shadows").with("plain", "Plain.", &settings, |_, _| Err(StageError::other("not made here")))
+}
+
+#[test]
+fn a_wrapper_has_the_settings_of_what_it_wraps() {
+    let mut stage = numbers();
+    let own = SettingSpec::switch("tinted", "Colours.", false).sweep_all();
+    stage.wrap("plain", "outer", "Around.", &[own], |_, _, inner| Ok(inner)).unwrap();
+    let keys: Vec<_> = stage.info().implementation("outer").unwrap().settings.iter().map(|s| s.key).collect();
+    assert_eq!(keys, ["tinted", "cone_degrees", "rays"]);
+    assert_eq!(stage.info().implementation("plain").unwrap().settings.len(), 2);
+    assert!(stage.info().mistakes().is_empty(), "{:?}", stage.info().mistakes());
+
+    let given =
+        Config::from_toml("[stages]\nshadows = \"outer\"\n[shadows]\nrays = 7\ntinted = true\n", "test").unwrap();
+    Catalogue::new(vec![stage.info().clone()]).check(&given, "test").unwrap();
+    let settings = stage.settings(&given).unwrap();
+    assert_eq!((settings.u32("rays").unwrap(), settings.switch("tinted").unwrap()), (7, true));
+    let inner = settings.of(stage.info().implementation("plain").unwrap());
+    assert_eq!(inner.values().len(), 2);
+    assert_eq!((inner.u32("rays").unwrap(), inner.f32("cone_degrees").unwrap()), (7, 0.27));
+    assert!(inner.switch("tinted").is_err(), "the wrapper's own setting is none of the wrapped one's");
+    let wrong = Config::from_toml("[stages]\nshadows = \"outer\"\n[shadows]\nrays = 65\n", "test").unwrap();
+    assert!(
+        stage.settings(&wrong).unwrap_err().to_string().contains("shadows.rays: wanted"),
+        "out of the wrapped one's range"
+    );
+}
+
+#[test]
+fn a_wrapper_of_nothing_and_a_setting_twice_are_refused() {
+    let mut stage = numbers();
+    let message = stage.wrap("plane", "outer", "", &[], |_, _, inner| Ok(inner)).unwrap_err().to_string();
+    assert!(message.contains("\"plane\"") && message.contains("known: plain"), "{message}");
+    let message = stage.wrap("plain", "outer", "", &[cone()], |_, _, inner| Ok(inner)).unwrap_err().to_string();
+    assert!(message.starts_with("shadows.cone_degrees: \"outer\" would have it twice"), "{message}");
+    assert_eq!(stage.info().names(), ["plain"], "nothing was registered");
+}
+
+#[test]
+fn an_implementation_can_be_wrapped_under_its_own_name() {
+    let mut stage = numbers();
+    for _ in 0..2 {
+        stage.wrap("plain", "plain", "Around.", &[], |_, _, inner| Ok(inner)).unwrap();
+    }
+    assert_eq!(stage.info().names(), ["plain"]);
+    assert_eq!(stage.info().implementation("plain").unwrap().about, "Around.");
+    assert_eq!(stage.info().implementation("plain").unwrap().settings.len(), 2);
 }

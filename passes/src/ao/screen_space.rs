@@ -124,7 +124,7 @@ impl ScreenSpace {
                     normal: c.id(normal),
                     found: c.id(found),
                     filtered: c.id(target),
-                    bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).0),
+                    bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).index()),
                     step,
                 };
                 c.dispatch(kernel, &params, extent);

@@ -35,7 +35,7 @@ pub fn upsample(
                 normal: c.id(normal),
                 half_size: c.id(half_size),
                 openness: c.id(target),
-                bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).0),
+                bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).index()),
             };
             c.dispatch(kernel, &params, extent);
         })

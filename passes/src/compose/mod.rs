@@ -48,8 +48,8 @@ impl Effect for Sum {
             (lit, move |c: &mut Record<'_>| {
                 let params = SumParams {
                     direct: c.id(direct),
-                    gi: gi.map_or(NO_INPUT, |t| c.id(t).0),
-                    reflections: reflections.map_or(NO_INPUT, |t| c.id(t).0),
+                    gi: gi.map_or(NO_INPUT, |t| c.id(t).index()),
+                    reflections: reflections.map_or(NO_INPUT, |t| c.id(t).index()),
                     lit: c.id(target),
                     greatest: format.greatest(),
                     size: [extent.width, extent.height],

@@ -37,7 +37,7 @@ impl Bilateral {
                     normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
-                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).0),
+                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).index()),
                     radius,
                 };
                 c.dispatch(kernel, &params, extent);

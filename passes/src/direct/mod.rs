@@ -89,10 +89,10 @@ impl Effect for AllLights {
                     emission: c.id(emission),
                     radiance: c.id(target),
                     greatest: format.greatest(),
-                    emitters: emitters.map_or(NO_EMITTERS, |token| c.id(token).0),
+                    emitters: emitters.map_or(NO_EMITTERS, |token| c.id(token).index()),
                     area,
                     group_count: groups.iter().flatten().count() as u32,
-                    visibility: groups.map(|group| group.map_or(0, |token| c.id(token).0)),
+                    visibility: groups.map(|group| group.map_or(0, |token| c.id(token).index())),
                     casters: channels,
                     coloured,
                 };

@@ -1,15 +1,14 @@
 //! Filters of one frame: bilinear upscaling where nothing better is there, and sharpening.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::scene::{Sampler, Wrap};
+use magpie::scene::Wrap;
 use magpie::stage::StageError;
 use magpie_shaders::post::{SharpenParams, UpscaleParams};
 use magpie_shaders::{POST_SHARPEN_COMP, POST_UPSCALE_COMP, SamplerId};
 
-/// The sampler of filters on whole pictures: bilinear, their edges going on.
+/// The filter of whole pictures in 32-bit floats: bilinear, their edges going on. A device that filters those filters 16-bit floats too.
 pub fn bilinear(gpu: &Gpu) -> Result<SamplerId, StageError> {
-    let wanted = Sampler { wrap: [Wrap::Clamp; 2], linear_mips: false, mips: false, ..Sampler::default() };
-    gpu.sampler(wanted).map_err(StageError::other)
+    gpu.bilinear(Format::Rgba32Float, [Wrap::Clamp; 2]).map_err(StageError::other)
 }
 
 /// From rendered pixels to those of the picture, bilinear.

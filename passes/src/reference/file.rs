@@ -2,6 +2,7 @@
 use super::Estimate;
 use exr::prelude::*;
 use glam::DVec3;
+use magpie::files::open_regular;
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -79,6 +80,9 @@ impl Estimate {
     /// [`EstimateFileError`].
     pub fn load(path: &Path, subject: Option<&str>) -> std::result::Result<Self, EstimateFileError> {
         let name = path.display().to_string();
+        let failed =
+            |source: std::io::Error| EstimateFileError::File { path: name.clone(), source: Error::from(source) };
+        open_regular(path).map_err(failed)?;
         let image = read_first_flat_layer_from_file(path)
             .map_err(|source| EstimateFileError::File { path: name.clone(), source })?;
         let foreign = |lacks: &str| EstimateFileError::Foreign { path: name.clone(), lacks: lacks.to_owned() };

@@ -105,7 +105,7 @@ pub struct ReferenceOptions {
     pub time: f64,
     /// How rays are traced; the device must be able to.
     pub rays: Rays,
-    /// Ask the validation layers.
+    /// Ask the validation layers, which the device must have been opened with.
     pub check: bool,
     /// How what several strategies find is combined.
     pub strategy: Strategy,
@@ -230,6 +230,9 @@ impl Reference {
     /// # Errors
     /// [`ReferenceError`].
     pub fn new(gpu: &Gpu, scene: &Scene, camera: &Camera, options: ReferenceOptions) -> Result<Self, ReferenceError> {
+        if options.check {
+            gpu.need_validation()?;
+        }
         // The raster tests blended surfaces, and what the camera sees of what stands for one of its slots does so too. Paths ask for
         // their alpha.
         let tested = ResidentOptions::default().blend_cutoff;

@@ -1,6 +1,7 @@
 //! An estimate as a display shows it: through the slot `post`, as any other picture.
 use super::{Reference, ReferenceError};
 use crate::Slots;
+use crate::contract::keep;
 use crate::read_back::Copies;
 use crate::stages::PostIn;
 use magpie::config::Config;
@@ -44,6 +45,7 @@ impl Reference {
             })
         });
         let shown = post.add(&mut g, &view, PostIn { colour, seen: None });
+        keep(&mut g, "post", &post, &shown, extent);
         let copies = Copies::new(&self.gpu, &imports);
         copies.copy(&mut g, "read_back.display", shown.display);
         self.executor.run(g, &imports.borrow())?;

@@ -368,7 +368,7 @@ impl Floor {
                     self.pass(layout, bytemuck::bytes_of(&BufferParams { first, second, result, number }));
                 }
                 Variant::Image => {
-                    let [first, second, result] = slots.map(StorageImage);
+                    let [first, second, result] = slots.map(bytemuck::cast::<u32, StorageImage>);
                     self.pass(layout, bytemuck::bytes_of(&ImageParams { first, second, result, number }));
                 }
             }

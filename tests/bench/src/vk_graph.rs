@@ -144,8 +144,8 @@ impl VkGraph {
                 pass.set_resource_access(*node, AccessType::ComputeShaderReadOther);
             }
             pass.set_resource_access(node, AccessType::ComputeShaderWrite);
-            let [first, second] = [1, 2].map(|ago| StorageImage(number.saturating_sub(ago)));
-            let params = ImageParams { first, second, result: StorageImage(number), number };
+            let [first, second] = [1, 2].map(|ago| bytemuck::cast::<u32, StorageImage>(number.saturating_sub(ago)));
+            let params = ImageParams { first, second, result: bytemuck::cast(number), number };
             pass.record_cmd_mut(move |cmd| {
                 cmd.push_constants(0, bytemuck::bytes_of(&params)).dispatch(1, 1, 1);
             });

@@ -265,9 +265,9 @@ impl Taskgraph {
             Variant::Image => {
                 for (number, image) in self.images.iter().enumerate() {
                     let before = [1, 2].map(|ago| number.checked_sub(ago));
-                    let [first, second] = before.map(|b| StorageImage(b.unwrap_or_default() as u32));
+                    let [first, second] = before.map(|b| bytemuck::cast(b.unwrap_or_default() as u32));
                     let number = number as u32;
-                    let params = ImageParams { first, second, result: StorageImage(number), number };
+                    let params = ImageParams { first, second, result: bytemuck::cast(number), number };
                     let mut node = graph.create_task_node("pass", QueueFamilyType::Compute, ImagePass(params));
                     for read in before.iter().flatten() {
                         let access = AccessTypes::COMPUTE_SHADER_STORAGE_READ;

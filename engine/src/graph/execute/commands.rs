@@ -308,9 +308,12 @@ impl Unit<'_> {
         }
         let counters = frame.counters.counters(position as u32);
         let physical = &bound.physical;
-        let mut scope = Record { encoder, physical, pass, name, counters, recorded: Recorded::default() };
+        let mut scope = Record { encoder, physical, pass, name, counters, recorded: Recorded::default(), fault: None };
         if let Some(record) = self.records[position - self.positions.start].take() {
             record(&mut scope);
+        }
+        if let Some(fault) = scope.fault {
+            return Err(fault);
         }
         let recorded = scope.recorded;
         if let Some(clock) = clock {

@@ -1,10 +1,10 @@
 //! Environment maps from files: Radiance HDR and OpenEXR.
 use super::{Environment, EnvironmentError};
+use crate::files::open_regular;
 use crate::scene::SceneError;
 use glam::Vec3;
 use image::codecs::{hdr::HdrDecoder, openexr::OpenExrDecoder};
 use image::{DynamicImage, ImageDecoder};
-use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
@@ -37,15 +37,11 @@ impl Environment {
 
 fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     let failed = |source| SceneError::Read { path: path.to_owned(), source };
-    let file = File::open(path).map_err(failed)?;
-    let meta = file.metadata().map_err(failed)?;
-    if !meta.is_file() {
-        return Err(failed(std::io::Error::other("not a regular file")));
+    let (file, size) = open_regular(path).map_err(failed)?;
+    if size > MAX_FILE {
+        return Err(SceneError::TooLarge { path: path.to_owned(), got: size, limit: MAX_FILE });
     }
-    if meta.len() > MAX_FILE {
-        return Err(SceneError::TooLarge { path: path.to_owned(), got: meta.len(), limit: MAX_FILE });
-    }
-    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    let mut bytes = Vec::with_capacity(size as usize);
     file.take(MAX_FILE).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
 }

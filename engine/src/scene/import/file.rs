@@ -1,9 +1,9 @@
 //! Containers, URIs and files: everything that reads bytes.
 use super::{Import, Of};
+use crate::files::open_regular;
 use crate::scene::SceneError;
 use crate::scene::error::Fault;
 use gltf::json;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -15,15 +15,11 @@ const MAX_BUFFERS: u64 = 1 << 33;
 /// Reads a scene file: its text, parsed, and the binary chunk of a .glb.
 pub(super) fn open(path: &Path, notices: &mut Vec<String>) -> Result<(json::Root, Option<Vec<u8>>), SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
-    let file = File::open(path).map_err(read)?;
-    let meta = file.metadata().map_err(read)?;
-    if !meta.is_file() {
-        return Err(read(std::io::Error::other("not a regular file")));
+    let (file, size) = open_regular(path).map_err(read)?;
+    if size > MAX_FILE {
+        return Err(SceneError::TooLarge { path: path.to_owned(), got: size, limit: MAX_FILE });
     }
-    if meta.len() > MAX_FILE {
-        return Err(SceneError::TooLarge { path: path.to_owned(), got: meta.len(), limit: MAX_FILE });
-    }
-    let mut bytes = Vec::with_capacity(meta.len() as usize);
+    let mut bytes = Vec::with_capacity(size as usize);
     file.take(MAX_FILE).read_to_end(&mut bytes).map_err(read)?;
     let (text, bin) = if bytes.starts_with(b"glTF") { split_glb(path, &bytes)? } else { (&bytes[..], None) };
     let refuse = |reason: String| SceneError::NotGltf { path: path.to_owned(), reason };
@@ -139,15 +135,11 @@ pub(super) fn fetch(uri: &str, folder: &Path, limit: Option<u64>) -> Result<Vec<
     }
     let path = resolve(uri, folder)?;
     let failed = |reason: String| Fault::File { uri: shorten(uri), reason };
-    let file = File::open(&path).map_err(|e| failed(e.to_string()))?;
-    let meta = file.metadata().map_err(|e| failed(e.to_string()))?;
-    if !meta.is_file() {
-        return Err(failed("not a regular file".to_owned()));
+    let (file, size) = open_regular(&path).map_err(|e| failed(e.to_string()))?;
+    if limit.is_none() && size > MAX_FILE {
+        return Err(Fault::Limit { what: "bytes", got: size, limit: MAX_FILE });
     }
-    if limit.is_none() && meta.len() > MAX_FILE {
-        return Err(Fault::Limit { what: "bytes", got: meta.len(), limit: MAX_FILE });
-    }
-    let size = meta.len().min(limit.unwrap_or(MAX_FILE));
+    let size = size.min(limit.unwrap_or(MAX_FILE));
     let mut bytes = Vec::with_capacity(size as usize);
     file.take(size).read_to_end(&mut bytes).map_err(|e| failed(e.to_string()))?;
     Ok(bytes)

@@ -109,13 +109,13 @@ pub(super) fn materials(
 ) -> Result<(Vec<shared::Material>, Vec<shared::MaterialLayers>), GpuError> {
     let slot = |used: Option<TextureUse>| -> Result<shared::TextureSlot, GpuError> {
         let Some(used) = used else {
-            return Ok(shared::TextureSlot { image: SampledImage(shared::NO_TEXTURE), ..Default::default() });
+            return Ok(shared::TextureSlot { image: SampledImage::NONE, ..Default::default() });
         };
         let image = textures.get(used.texture as usize).and_then(|t| t.sampled());
         let sampler = scene.samplers.get(used.sampler as usize).copied().unwrap_or_default();
         let sampler_id: SamplerId = gpu.sampler(sampler)?;
         Ok(shared::TextureSlot {
-            image: image.unwrap_or(SampledImage(shared::NO_TEXTURE)),
+            image: image.unwrap_or(SampledImage::NONE),
             sampler_id,
             uv_set: used.uv_set,
             row_u: used.rows[0].to_array(),

@@ -1,0 +1,32 @@
+//! What stands at place 0 of the bindless set, for indices that nobody set: one black pixel to be read, and one to be written, that
+//! nobody else uses.
+use super::device::Garbage;
+use super::{CommandEncoder, Gpu, GpuError, Image, ImageUse};
+use crate::graph::{Extent, Format, Queue};
+use ash::vk;
+
+/// Makes both, which must be the first images of the device. They live as long as it does.
+pub(super) fn images(gpu: &Gpu) -> Result<Vec<Garbage>, GpuError> {
+    let [sampled, storage] =
+        [ImageUse { sampled: true, ..Default::default() }, ImageUse { storage: true, ..Default::default() }];
+    let make = |usage| Image::new(gpu, "nothing", Format::Rgba32Float, Extent::new(1, 1), 1, usage);
+    let (read, written) = (make(sampled)?, make(storage)?);
+    let mut encoder = CommandEncoder::new(gpu, Queue::Graphics)?;
+    encoder.begin()?;
+    encoder.blacken(&read, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+    encoder.blacken(&written, vk::ImageLayout::GENERAL);
+    encoder.finish()?;
+    gpu.submit(Queue::Graphics, [&encoder], &[])?;
+    gpu.wait_idle()?;
+    Ok([read, written].map(Image::into_parts).into())
+}
+
+impl CommandEncoder {
+    /// Fills a new image with zeros and brings it to the layout in which it stays.
+    fn blacken(&mut self, image: &Image, layout: vk::ImageLayout) {
+        let target = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+        self.settle(image, vk::ImageLayout::UNDEFINED, target);
+        self.clear_image(image);
+        self.settle(image, target, layout);
+    }
+}

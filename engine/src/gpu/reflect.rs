@@ -1,0 +1,195 @@
+//! What SPIR-V says about itself: the size of a workgroup, and of the block of push constants (SPIR-V 1.6).
+use std::collections::HashMap;
+
+// Opcodes, decorations and storage classes by their numbers in the specification.
+const EXECUTION_MODE: u32 = 16;
+const TYPE_INT: u32 = 21;
+const TYPE_FLOAT: u32 = 22;
+const TYPE_VECTOR: u32 = 23;
+const TYPE_MATRIX: u32 = 24;
+const TYPE_ARRAY: u32 = 28;
+const TYPE_STRUCT: u32 = 30;
+const TYPE_POINTER: u32 = 32;
+const CONSTANT: u32 = 43;
+const VARIABLE: u32 = 59;
+const DECORATE: u32 = 71;
+const MEMBER_DECORATE: u32 = 72;
+const LOCAL_SIZE: u32 = 17;
+const ROW_MAJOR: u32 = 4;
+const ARRAY_STRIDE: u32 = 6;
+const MATRIX_STRIDE: u32 = 7;
+const OFFSET: u32 = 35;
+const PUSH_CONSTANT: u32 = 9;
+/// Types in a block are nested less deep than this; SPIR-V that goes round in circles ends here.
+const DEEPEST: u32 = 64;
+
+/// The instructions of a module: opcode and operands. Ends where the words end or make no sense.
+fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
+    let mut rest = words.get(5..).unwrap_or_default();
+    std::iter::from_fn(move || {
+        let first = *rest.first()?;
+        let (opcode, length) = (first & 0xffff, (first >> 16) as usize);
+        let operands = rest.get(1..length)?;
+        rest = &rest[length..];
+        Some((opcode, operands))
+    })
+}
+
+/// The workgroup size that a compute shader declares: `OpExecutionMode … LocalSize x y z`.
+pub(super) fn local_size(words: &[u32]) -> Option<[u32; 3]> {
+    instructions(words).find_map(|(opcode, operands)| match (opcode, operands) {
+        (EXECUTION_MODE, [_, LOCAL_SIZE, x, y, z, ..]) => Some([*x, *y, *z]),
+        _ => None,
+    })
+}
+
+/// Bytes of a shader's block of push constants, from byte 0 on to the end of its last member, rounded up to the size of its widest
+/// number, as a Rust struct is. `None` where it has no such block, or one whose size it does not say.
+pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
+    let mut types = Types::default();
+    let mut block = None;
+    for (opcode, operands) in instructions(words) {
+        match (opcode, operands) {
+            (TYPE_INT | TYPE_FLOAT, [id, width, ..]) => drop(types.kinds.insert(*id, Kind::Number(width / 8))),
+            (TYPE_VECTOR, [id, of, count]) => drop(types.kinds.insert(*id, Kind::Vector(*of, *count))),
+            (TYPE_MATRIX, [id, column, count]) => drop(types.kinds.insert(*id, Kind::Matrix(*column, *count))),
+            (TYPE_ARRAY, [id, of, length]) => drop(types.kinds.insert(*id, Kind::Array(*of, *length))),
+            (TYPE_STRUCT, [id, members @ ..]) => drop(types.kinds.insert(*id, Kind::Struct(members))),
+            (TYPE_POINTER, [id, PUSH_CONSTANT, to]) => drop(types.kinds.insert(*id, Kind::Block(*to))),
+            // Buffer references: addresses, which Rust has as two words.
+            (TYPE_POINTER, [id, ..]) => drop(types.kinds.insert(*id, Kind::Address)),
+            (CONSTANT, [_, id, value]) => drop(types.constants.insert(*id, *value)),
+            (DECORATE, [id, ARRAY_STRIDE, stride]) => drop(types.strides.insert(*id, *stride)),
+            (MEMBER_DECORATE, [id, member, ROW_MAJOR]) => drop(types.members.insert((*id, *member, ROW_MAJOR), 1)),
+            (MEMBER_DECORATE, [id, member, kind @ (OFFSET | MATRIX_STRIDE), value]) => {
+                types.members.insert((*id, *member, *kind), *value);
+            }
+            (VARIABLE, [pointer, _, PUSH_CONSTANT, ..]) => block = Some(*pointer),
+            _ => {}
+        }
+    }
+    let Some(Kind::Block(block)) = types.kinds.get(&block?) else { return None };
+    let Size { bytes, widest } = types.size(*block, DEEPEST)?;
+    bytes.checked_next_multiple_of(widest.max(1))
+}
+
+/// A type, with the ids of what it is made of.
+enum Kind<'w> {
+    /// Bytes of a number.
+    Number(u32),
+    Address,
+    Vector(u32, u32),
+    Matrix(u32, u32),
+    Array(u32, u32),
+    Struct(&'w [u32]),
+    /// A pointer to a block of push constants.
+    Block(u32),
+}
+
+#[derive(Default)]
+struct Types<'w> {
+    kinds: HashMap<u32, Kind<'w>>,
+    constants: HashMap<u32, u32>,
+    strides: HashMap<u32, u32>,
+    /// Offset, stride of a matrix and its order, of the members of structs.
+    members: HashMap<(u32, u32, u32), u32>,
+}
+
+/// Bytes of a type, and of the widest number in it.
+#[derive(Clone, Copy)]
+struct Size {
+    bytes: u32,
+    widest: u32,
+}
+
+impl Types<'_> {
+    fn size(&self, id: u32, deepest: u32) -> Option<Size> {
+        let deeper = deepest.checked_sub(1)?;
+        match self.kinds.get(&id)? {
+            Kind::Number(bytes) => Some(Size { bytes: *bytes, widest: *bytes }),
+            Kind::Address => Some(Size { bytes: 8, widest: 4 }),
+            Kind::Vector(of, count) | Kind::Matrix(of, count) => {
+                let one = self.size(*of, deeper)?;
+                Some(Size { bytes: one.bytes.checked_mul(*count)?, widest: one.widest })
+            }
+            Kind::Array(of, length) => {
+                let one = self.size(*of, deeper)?;
+                let stride = self.strides.get(&id)?;
+                Some(Size { bytes: self.constants.get(length)?.checked_mul(*stride)?, widest: one.widest })
+            }
+            Kind::Struct(members) => {
+                let mut all = Size { bytes: 0, widest: 1 };
+                for (member, of) in (0..).zip(members.iter()) {
+                    let offset = self.members.get(&(id, member, OFFSET))?;
+                    let own = self.member(id, member, *of, deeper)?;
+                    all.bytes = all.bytes.max(offset.checked_add(own.bytes)?);
+                    all.widest = all.widest.max(own.widest);
+                }
+                Some(all)
+            }
+            Kind::Block(_) => None,
+        }
+    }
+
+    /// The size of a member of a struct, which says how far apart the columns or rows of a matrix lie.
+    fn member(&self, id: u32, member: u32, of: u32, deeper: u32) -> Option<Size> {
+        let plain = self.size(of, deeper)?;
+        let (Some(stride), Some(Kind::Matrix(column, columns))) =
+            (self.members.get(&(id, member, MATRIX_STRIDE)), self.kinds.get(&of))
+        else {
+            return Some(plain);
+        };
+        let Some(Kind::Vector(_, rows)) = self.kinds.get(column) else { return None };
+        let by_rows = self.members.contains_key(&(id, member, ROW_MAJOR));
+        let bytes = stride.checked_mul(if by_rows { *rows } else { *columns })?;
+        Some(Size { bytes, widest: plain.widest })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use magpie_shaders::{Stage, compile};
+
+    fn of_block(layout: &str, members: &str, used: &str) -> Option<u32> {
+        let text = format!(
+            "#version 460\n#extension GL_GOOGLE_include_directive : require\n#include \"lib/bindless.glsl\"\n\
+             layout(local_size_x = 4, local_size_y = 2) in;\nstruct Two {{ uint a; vec2 b; }};\n\
+             layout(push_constant, {layout}) uniform Push {{ {members} }};\n\
+             void main() {{ {used} }}\n"
+        );
+        let words = compile("test.comp", &text, Stage::Compute).expect("it compiles");
+        assert_eq!(local_size(&words), Some([4, 2, 1]));
+        push_bytes(&words)
+    }
+
+    #[test]
+    fn blocks_are_as_large_as_their_last_member_ends() {
+        let store = |value: &str| format!("store(image, ivec2(0), vec4({value}));");
+        for (layout, members, used, bytes) in [
+            ("scalar", "uint image; uint other; uvec2 size; float last;", "last", 20),
+            ("scalar", "vec3 a; uint image;", "a.x", 16),
+            ("scalar", "uint image; vec3 a;", "a.x", 16),
+            ("std430", "uint image; vec3 a;", "a.x", 28),
+            ("scalar", "uint image; float a[5];", "a[1]", 24),
+            ("std430", "uint image; vec3 a[2];", "a[1].x", 48),
+            ("scalar", "uint image; mat4 a;", "a[1].x", 68),
+            ("scalar", "uint image; mat2x3 a;", "a[1].x", 28),
+            ("scalar, row_major", "uint image; mat2x3 a;", "a[1].x", 28),
+            ("scalar", "uint image; Two a[3];", "a[1].b.x", 40),
+            ("scalar", "uint image; uvec2 address; WordBuffer words;", "float(words.at[0])", 24),
+            ("scalar", "WordBuffer words; uint image;", "float(words.at[0])", 12),
+            ("scalar", "layout(offset = 16) uint image; uvec2 last;", "float(last.x)", 28),
+        ] {
+            assert_eq!(of_block(layout, members, &store(used)), Some(bytes), "{layout}: {members}");
+        }
+    }
+
+    #[test]
+    fn words_that_are_no_shader_have_no_block() {
+        assert_eq!(of_block("scalar", "uint image;", ""), Some(4), "what is not used is there nevertheless");
+        for words in [&[][..], &[0x0723_0203, 0, 0, 0, 0], &[0, 0, 0, 0, 0, 0], &[0, 0, 0, 0, 0, 0xffff_003b, 1]] {
+            assert_eq!((push_bytes(words), local_size(words)), (None, None), "{words:?}");
+        }
+    }
+}
