@@ -27,7 +27,8 @@ pub struct GBuffer {
     pub base_colour: Handle<Image>,
     /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer.
     pub normal: Handle<Image>,
-    /// Metalness in red, perceptual roughness in green.
+    /// Metalness in red, perceptual roughness in green; where materials of the scene have a reflection of their own, that in blue and alpha
+    /// (`lib/gbuffer_specular.glsl`). An image without the two stands for an index of refraction of 1.5.
     pub material: Handle<Image>,
     /// Emitted radiance.
     pub emission: Handle<Image>,

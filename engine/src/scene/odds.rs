@@ -75,11 +75,21 @@ pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<
     first
 }
 
-/// Mean luminance that a triangle emits, roughly.
+/// The weight of what a triangle emits: its mean, and a little of what it might emit.
 fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     let full = luminance(material.emission);
-    let Some(used) = material.emission_texture else { return full };
-    let Some(texture) = scene.textures.get(used.texture as usize) else { return full };
+    share_of_texture(scene, material, mesh, corners).map_or(full, |share| full * (EVEN + (1.0 - EVEN) * share))
+}
+
+/// Mean luminance that a triangle emits, roughly: factor times texture.
+pub fn mean_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
+    luminance(material.emission) * share_of_texture(scene, material, mesh, corners).unwrap_or(1.0)
+}
+
+/// Mean luminance of the texture of emission on a triangle.
+fn share_of_texture(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> Option<f64> {
+    let used = material.emission_texture?;
+    let texture = scene.textures.get(used.texture as usize)?;
     let uvs = if used.uv_set == 0 { &mesh.uv0 } else { &mesh.uv1 };
     let mut sum = 0.0;
     for i in 0..LOOK_UPS * LOOK_UPS {
@@ -91,7 +101,7 @@ fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) ->
         let place = uv.extend(1.0);
         sum += luminance(texel(texture, Vec2::new(used.rows[0].dot(place), used.rows[1].dot(place))));
     }
-    full * (EVEN + (1.0 - EVEN) * sum / f64::from(LOOK_UPS * LOOK_UPS))
+    Some(sum / f64::from(LOOK_UPS * LOOK_UPS))
 }
 
 /// The texel there, tiled, of a mip that is small enough for few look-ups to see it all.

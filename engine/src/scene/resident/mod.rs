@@ -128,6 +128,7 @@ pub struct ResidentScene {
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
     lets_light_through: bool,
+    has_own_specular: bool,
     emission: Emission,
     sky: Option<Sky>,
 }
@@ -349,6 +350,7 @@ impl ResidentScene {
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
             lets_light_through,
+            has_own_specular: tables::has_own_specular(scene),
             emission: Emission::new(scene),
             sky,
             textures,
@@ -513,11 +515,6 @@ impl ResidentScene {
     pub fn casters(&self) -> Vec<Caster> {
         let placed = |light: &u32| self.state.light(*light as usize);
         self.casters.iter().map(|light| Caster { light: *light, placed: placed(light) }).collect()
-    }
-
-    /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.
-    pub fn lets_light_through(&self) -> bool {
-        self.lets_light_through
     }
 
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.
