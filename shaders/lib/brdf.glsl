@@ -102,6 +102,11 @@ vec3 schlick_f(Fresnel f, float v_h) {
     return schlick(f.f0, f.f90, v_h);
 }
 
+// Whether the surface reflects anything at all.
+bool has_reflection(Fresnel f) {
+    return f.f0 != vec3(0.0) || f.f90 > 0.0;
+}
+
 // The share of light that gets past the surface, at a cosine.
 vec3 passed_f(Fresnel f, float cosine) {
     return vec3(1.0) - schlick(f.over_base, f.f90, cosine);

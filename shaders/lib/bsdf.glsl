@@ -163,8 +163,7 @@ vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
     vec4 odds = vec4(0.0);
     if ((lobes & LOBE_DIFFUSE) != 0u) odds.x = opaque * (1.0 - b.metalness) * base * max(1.0 - reflected, LEAST);
     if ((lobes & LOBE_SPECULAR) != 0u) {
-        bool reflects = b.fresnel.f0 != vec3(0.0) || b.fresnel.f90 > 0.0;
-        odds.y = opaque > 0.0 && reflects ? max(opaque * reflected, LEAST) : 0.0;
+        odds.y = opaque > 0.0 && has_reflection(b.fresnel) ? max(opaque * reflected, LEAST) : 0.0;
         odds.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
     }
     if ((lobes & (LOBE_SPECULAR | LOBE_TRANSMISSION)) != 0u) odds.z = b.transmission;

@@ -68,22 +68,25 @@ fn off(found: DVec3, wanted: DVec3) -> f64 {
 fn without_a_reflection_it_is_lambert() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let to_sun = Vec3::new(0.3, 0.9, -0.5).normalize();
-    // 8-bit sRGB numbers: what the G-buffer holds is what the scene says.
-    let albedo = [188_u8, 128, 70].map(|c| ((f64::from(c) / 255.0 + 0.055) / 1.055).powf(2.4) as f32);
-    for (degrees, roughness, colour, ior) in
-        [(10.0, 1.0, [1.0; 3], 1.5), (60.0, 0.5, [4.0, 1.0, 0.0], 1.5), (80.0, 0.1, [1.0; 3], 2.4)]
-    {
-        let bare = Material { ior, ..dielectric(albedo, roughness, 0.0, colour) };
+    let (colour, white) = ([0.5, 0.22, 0.06], [1.0; 3]);
+    // The small G-buffer has 8 bits for a base colour: there white alone is what it was.
+    for (degrees, roughness, albedo, tint, ior, precision) in [
+        (10.0, 1.0, colour, [1.0; 3], 1.5, "full"),
+        (60.0, 0.5, colour, [4.0, 1.0, 0.0], 1.5, "full"),
+        (80.0, 0.1, colour, [1.0; 3], 2.4, "full"),
+        (45.0, 0.7, white, [1.0; 3], 1.5, "compact"),
+    ] {
+        let bare = Material { ior, ..dielectric(albedo, roughness, 0.0, tint) };
         let mut s = seen_at(degrees, bare);
         s.lights.push(sun(to_sun));
         let wanted = Vec3::from(albedo).as_dvec3() * f64::from(to_sun.y);
-        let frame = framed(&gpu, &s, &[], ("direct.shade", "radiance"))?;
+        let set = format!("gbuffer.precision={precision}");
+        let frame = framed(&gpu, &s, &[&set], ("direct.shade", "radiance"))?;
         let truth = traced(&gpu, &s, Only::All, 16)?;
-        let mut coated = s.clone();
-        coated.materials[0].specular = 1.0;
-        let with = off(traced(&gpu, &coated, Only::All, 64)?, wanted);
+        s.materials[0].specular = 1.0;
+        let with = off(traced(&gpu, &s, Only::All, 64)?, wanted);
         println!(
-            "{degrees} degrees, roughness {roughness}: frame {:.4} % off Lambert, reference {:.4} %; with the reflection {:.1} %",
+            "{degrees} degrees, roughness {roughness}, {precision}: frame {:.4} % off Lambert, reference {:.4} %; with the reflection {:.1} %",
             100.0 * off(frame, wanted),
             100.0 * off(truth, wanted),
             100.0 * with
@@ -93,10 +96,10 @@ fn without_a_reflection_it_is_lambert() -> Result<()> {
         ensure!(with > 0.02, "a reflection should make a difference: {with}");
     }
     // Light of the sky, too: what a bare surface gives back of even light is its base colour.
-    let mut s = seen_at(60.0, dielectric(albedo, 0.5, 0.0, [1.0; 3]));
+    let mut s = seen_at(60.0, dielectric(colour, 0.5, 0.0, [1.0; 3]));
     s.environment = Some(even(Vec3::ONE));
-    let wanted = Vec3::from(albedo).as_dvec3();
-    let gi = framed(&gpu, &s, &["stages.ao=off"], ("gi.sky", "radiance"))?;
+    let wanted = Vec3::from(colour).as_dvec3();
+    let gi = framed(&gpu, &s, &["stages.ao=off", "gbuffer.precision=full"], ("gi.sky", "radiance"))?;
     let mirrored = framed(&gpu, &s, &["stages.ao=off"], ("reflections.sky", "radiance"))?;
     let truth = traced(&gpu, &s, Only::All, 256)?;
     println!("even sky: frame {:.4} % off, reference {:.4} %", 100.0 * off(gi, wanted), 100.0 * off(truth, wanted));
@@ -123,7 +126,8 @@ fn a_coloured_mirror_shows_its_reflectance() -> Result<()> {
     ] {
         let mut s = seen_at(degrees, Material { ior, ..dielectric([0.0; 3], 0.0, specular, colour) });
         s.environment = Some(even(Vec3::ONE));
-        let wanted = schlick(ior, specular.into(), Vec3::from(colour).as_dvec3(), degrees.to_radians().cos());
+        let wanted =
+            schlick(f64::from(ior), f64::from(specular), Vec3::from(colour).as_dvec3(), degrees.to_radians().cos());
         let truth = traced(&gpu, &s, Only::All, 64)?;
         let frame = framed(&gpu, &s, &["stages.ao=off"], ("reflections.sky", "radiance"))?;
         println!(
@@ -176,7 +180,8 @@ fn frame_and_reference_agree() -> Result<()> {
         (m.ior, m.specular, m.specular_colour) = (1.5, 1.0, Vec3::ONE);
     }
     let (ignored, _) = against::mean(&gpu, &plain, &["shadows.edges=hard"], shown, 1)?;
-    for (precision, limit, most) in [("compact", 2e-5, 0.05), ("full", 2e-5, 0.05)] {
+    // Of the smaller one the base colour of the floor is 0.7 % off, as in any scene.
+    for (precision, median, most) in [("compact", 0.012, 0.02), ("full", 0.002, 0.01)] {
         let set = format!("gbuffer.precision={precision}");
         let (found, _) = against::mean(&gpu, &s, &["shadows.edges=hard", &set], shown, 1)?;
         let [error, _] = against::relmse(&found, &truth);
@@ -198,10 +203,10 @@ fn frame_and_reference_agree() -> Result<()> {
         );
         ensure!(apart.len() > 2000, "only {} pixels are lit", apart.len());
         ensure!(
-            share(0.5) < 0.004 && share(0.95) < 0.02 && share(0.99) < most,
+            share(0.5) < median && share(0.95) < most && share(0.99) < 0.05,
             "{precision}: frame and reference differ"
         );
-        ensure!(without > 20.0 * error.max(limit), "{without} against {error}: nothing would be seen of the extension");
+        ensure!(without > 100.0 * error, "{without} against {error}: nothing would be seen of the extension");
     }
     Ok(())
 }
@@ -238,12 +243,12 @@ fn textures_are_read_where_the_extension_has_them() -> Result<()> {
         ..Default::default()
     };
     let mut reference = Reference::new(&gpu, &s, &s.cameras[0], options)?;
-    reference.add(32)?;
+    reference.add(128)?;
     let changes = config(&["stages.ao=off", "gbuffer.precision=full"])?;
     let frame = linear(render(&gpu, &s, &changes, size, 1, Some(("reflections.sky", "radiance")))?)?;
     let eye = magpie_tests::oracle::gbuffer::Eye::new(&s.cameras[0], Extent::new(size[0], size[1]));
     let linear_of = |c: u8| ((f64::from(c) / 255.0 + 0.055) / 1.055).powf(2.4);
-    let (mut compared, mut apart, mut apart_frame) = (0, 0.0_f64, 0.0_f64);
+    let (mut compared, mut sum, mut apart, mut apart_frame) = (0, 0.0, 0.0_f64, 0.0_f64);
     for (at, (truth, shown)) in reference.estimate().mean.iter().zip(frame.values()).enumerate() {
         let ray = eye.pixel_ray(at);
         let p = eye.position - ray * (eye.position.y / ray.y);
@@ -256,14 +261,17 @@ fn textures_are_read_where_the_extension_has_them() -> Result<()> {
         let colour = DVec3::new(10.0, 5.0, 5.0) * DVec3::new(linear_of(r), linear_of(g), linear_of(b));
         let cosine = -ray.normalize().y;
         let wanted = schlick(1.5, f64::from(0.9_f32) * f64::from(a) / 255.0, colour, cosine);
-        apart = apart.max((*truth - wanted).abs().max_element());
+        let error = (*truth - wanted).abs().max_element();
+        (sum, apart) = (sum + error, apart.max(error));
         apart_frame =
             apart_frame.max((Vec3::new(shown[0], shown[1], shown[2]).as_dvec3() - wanted).abs().max_element());
         compared += 1;
     }
-    println!("{compared} pixels: reference within {apart:.4}, frame within {apart_frame:.4}");
+    let mean = sum / f64::from(compared);
+    println!("{compared} pixels: reference within {apart:.4}, {mean:.5} on average, frame within {apart_frame:.4}");
     ensure!(compared > 600, "only {compared}");
-    ensure!(apart < 0.004 && apart_frame < 0.02, "reference {apart}, frame {apart_frame}");
+    // The reference is noisy, the frame's split-sum fit up to 0.01 too bright.
+    ensure!(mean < 0.002 && apart < 0.02 && apart_frame < 0.02, "reference {mean} and {apart}, frame {apart_frame}");
     Ok(())
 }
 
@@ -384,10 +392,10 @@ fn lamps_and_emitters_see_the_same_surface() -> Result<()> {
     let factor = 4.0 * 2.0 * x / (1.0 + x * x).sqrt() * (x / (1.0 + x * x).sqrt()).atan() / (2.0 * PI);
     let wanted = DVec3::splat(6.0 * 0.5 * factor);
     for (what, s, changes, frames) in
-        [("lamp", &lamp, vec![], 1), ("emitter", &emitter, vec!["direct.emitter_rays=8", "direct.denoise=off"], 32)]
+        [("lamp", &lamp, vec![], 1), ("emitter", &emitter, vec!["direct.emitter_rays=8", "direct.denoiser=none"], 32)]
     {
         let shown = Shown { size: [EDGE, EDGE], time: 0.0 };
-        let changes: Vec<&str> = ["stages.shadows=off"].into_iter().chain(changes).collect();
+        let changes: Vec<&str> = ["stages.shadows=off", "gbuffer.precision=full"].into_iter().chain(changes).collect();
         let (found, _) = against::mean(&gpu, s, &changes, shown, frames)?;
         let found = mean(found.into_iter());
         let truth = traced(&gpu, s, Only::Direct, 1024)?;

@@ -1,8 +1,10 @@
 //! Whether what emits lights a scene: whether enough of its surfaces would be seen by that light alone.
 use super::odds::{emits, mean_emission};
 use super::supply::{Thing, things};
-use super::{Instance, Scene};
+use super::{AlphaMode, Instance, Scene};
+use crate::ray::{Occluder, Occluders};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Irradiance from which on a surface counts as lit: a hundredth of what the supplied sun and sky give one that faces the sun. A white one
@@ -13,21 +15,19 @@ pub(super) const ENOUGH: f64 = 0.25;
 /// Points of what emits, and points that may be lit.
 const FROM: usize = 256;
 const AT: usize = 1024;
+/// Of more triangles and spheres than these, none hides anything: a tree over them takes seconds.
+const MOST_OCCLUDERS: usize = 1 << 22;
 
 /// A piece of surface.
 struct Piece {
-    corners: Corners,
+    shape: Occluder,
     /// Square metres.
     area: f64,
     /// Radiance, luminance of it.
     emission: f64,
     double_sided: bool,
-}
-
-enum Corners {
-    Triangle([DVec3; 3]),
-    /// Centre, and world from unit sphere.
-    Ball(DVec3, glam::DMat3),
+    /// Hides what is behind it.
+    opaque: bool,
 }
 
 /// A point of a surface.
@@ -47,13 +47,13 @@ impl Piece {
     /// The point at two numbers of 0 to 1, evenly spread over the area of a triangle or of a round sphere.
     fn point(&self, [x, y]: [f64; 2]) -> Point {
         let double_sided = self.double_sided;
-        match self.corners {
-            Corners::Triangle([a, b, c]) => {
+        match self.shape {
+            Occluder::Triangle([a, b, c]) => {
                 let root = x.sqrt();
                 let place = a * (1.0 - root) + b * (root * (1.0 - y)) + c * (root * y);
                 Point { place, normal: (b - a).cross(c - a).normalize_or_zero(), double_sided }
             }
-            Corners::Ball(centre, shape) => {
+            Occluder::Ball(centre, shape) => {
                 let (z, around) = (1.0 - 2.0 * x, 2.0 * PI * y);
                 let flat = (1.0 - z * z).max(0.0).sqrt();
                 let out = DVec3::new(flat * around.cos(), flat * around.sin(), z);
@@ -65,7 +65,7 @@ impl Piece {
 }
 
 /// How much of a scene's surfaces is lit by what emits alone, 0 to 1, by area: irradiance of at least [`LIT`], straight from emissive
-/// triangles and spheres (factor times texture), as though nothing was in the way. It is an estimate, the same at every call.
+/// triangles and spheres (factor times texture). It is an estimate, the same at every call; below [`ENOUGH`] one from above.
 pub(super) fn share_lit(scene: &Scene) -> f64 {
     if !scene.instances.iter().any(|i| emits(&scene.materials[i.material as usize])) {
         return 0.0;
@@ -79,12 +79,22 @@ pub(super) fn share_lit(scene: &Scene) -> f64 {
         at.add(&piece, piece.area);
         from.add(&piece, piece.flux());
     }
-    let lit = at.points.iter().filter(|p| irradiance(p, &from.points, flux / FROM as f64) >= LIT).count();
-    lit as f64 / AT as f64
+    let each = flux / FROM as f64;
+    let share = |hidden: &(dyn Fn(DVec3, DVec3) -> bool + Sync)| {
+        at.points.par_iter().filter(|p| is_lit(p, &from.points, each, hidden)).count() as f64 / AT as f64
+    };
+    // As though nothing was in the way. Where that is too little, the rest need not be known.
+    let most = share(&|_, _| false);
+    let opaque = || all().filter(|p| p.opaque).map(|p| p.shape);
+    if most < ENOUGH || opaque().count() > MOST_OCCLUDERS {
+        return most;
+    }
+    let occluders = Occluders::new(opaque());
+    share(&|a, b| occluders.between(a, b))
 }
 
-/// Of light of points that each give off the same.
-fn irradiance(at: &Point, from: &[Point], flux: f64) -> f64 {
+/// Whether points that each give off the same light a point.
+fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -> bool) -> bool {
     let one = |lamp: &Point| {
         let towards = lamp.place - at.place;
         let square = towards.length_squared();
@@ -95,7 +105,14 @@ fn irradiance(at: &Point, from: &[Point], flux: f64) -> f64 {
         // Lambert's emitter of flux P has the intensity P cos / pi. Cosines are times the distance.
         if square > 0.0 { flux / (PI * sides) * cosines / (square * square) } else { 0.0 }
     };
-    from.iter().map(one).filter(|e| e.is_finite()).sum()
+    let mut sum = 0.0;
+    from.iter().any(|lamp| {
+        let more = one(lamp);
+        if more > 0.0 && more.is_finite() && !hidden(at.place, lamp.place) {
+            sum += more;
+        }
+        sum >= LIT
+    })
 }
 
 /// So many points, spread by the weight of the pieces that they lie on.
@@ -127,17 +144,18 @@ impl Spread {
 fn pieces<'a>(scene: &'a Scene, thing: &'a Thing<'a>, instance: &Instance) -> impl Iterator<Item = Piece> + 'a {
     let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
     let (shines, double_sided) = (emits(material), material.double_sided);
+    let opaque = material.alpha == AlphaMode::Opaque && material.transmission == 0.0;
     let triangles = thing.indices.chunks_exact(3).map(move |corners| {
         let [a, b, c] =
             [0, 1, 2].map(|k| thing.world.transform_point3(thing.positions[corners[k] as usize].as_dvec3()));
         let area = 0.5 * (b - a).cross(c - a).length();
         let emission = if shines { mean_emission(scene, material, mesh, corners) } else { 0.0 };
-        Piece { corners: Corners::Triangle([a, b, c]), area, emission, double_sided }
+        Piece { shape: Occluder::Triangle([a, b, c]), area, emission, double_sided, opaque }
     });
     let balls = thing.balls.iter().map(move |(centre, shape)| {
         let area = 4.0 * PI * shape.determinant().abs().powf(2.0 / 3.0);
         let emission = if shines { super::odds::luminance(material.emission) } else { 0.0 };
-        Piece { corners: Corners::Ball(*centre, *shape), area, emission, double_sided }
+        Piece { shape: Occluder::Ball(*centre, *shape), area, emission, double_sided, opaque }
     });
     triangles.chain(balls).filter(|p| p.area > 0.0 && p.area.is_finite())
 }
@@ -192,6 +210,22 @@ mod tests {
         let mut shown = room(10.0);
         shown.materials.iter_mut().for_each(|m| m.shows_light = true);
         assert!(share_lit(&shown) == 0.0 && is_given_a_sun(shown));
+    }
+
+    /// A lamp in a closed box lights nothing outside of it, whichever way the faces of what is around look.
+    #[test]
+    fn light_that_is_shut_in_does_not_count() {
+        let mut scene = Scene::default();
+        let both_sides = || Material { double_sided: true, ..Material::default() };
+        ball(&mut scene, Vec3::ZERO, 6.0, both_sides());
+        ball(&mut scene, Vec3::ZERO, 0.2, Material { emission: Vec3::splat(100.0), ..Material::default() });
+        let open = share_lit(&scene);
+        ball(&mut scene, Vec3::ZERO, 1.0, both_sides());
+        let shut = share_lit(&scene);
+        // Through a glass shade it shines all the same.
+        scene.materials[2].transmission = 1.0;
+        let shaded = share_lit(&scene);
+        assert!(open > 0.9 && shut < 0.1 && shaded > 0.9, "{open} {shut} {shaded}");
     }
 
     #[test]
