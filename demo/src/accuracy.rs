@@ -62,7 +62,7 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     let out = arguments.out.clone().ok_or_else(|| missing("--out DIR"))?;
     let slots = Slots::default();
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(scene_name, Some(&arguments.environment))?;
+    let scene = session::load_scene(scene_name, Some(&arguments.environment), arguments.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
     // Two runs would time each other, and both would add their rows.
     let _lock = Lock::take("--out", &out, &format!("accuracy {}", scene_name.display()))?;
@@ -127,7 +127,7 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let found = if arguments.no_render {
         None
     } else {
-        let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment))?;
+        let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
         let camera = session::camera(&scene, arguments.camera.as_deref())?;
         let gpu = open(arguments.device.as_ref())?;
         if !is_same_device(&report.run, &gpu.report().name) {

@@ -104,6 +104,9 @@ pub struct RenderArguments {
     /// Light from all around.
     #[command(flatten)]
     pub environment: EnvironmentArguments,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,
@@ -167,6 +170,28 @@ pub struct RenderArguments {
     /// Print the whole configuration as TOML, and do nothing else
     #[arg(long)]
     pub print_config: bool,
+}
+
+/// What a scene is given that lacks it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Supply {
+    /// Nothing: without a camera of its own or one of --camera, a scene cannot be shown.
+    None,
+    /// A camera that frames it.
+    Camera,
+    /// A camera, and a sun and a sky where nothing else is light enough.
+    All,
+}
+
+impl Supply {
+    /// As the engine names it.
+    pub fn wanted(self) -> magpie::scene::Supply {
+        match self {
+            Self::None => magpie::scene::Supply::Nothing,
+            Self::Camera => magpie::scene::Supply::Camera,
+            Self::All => magpie::scene::Supply::All,
+        }
+    }
 }
 
 /// Light from all around, for every command that renders a scene.

@@ -19,6 +19,9 @@ use crate::{
     session,
 };
 
+/// What is to be done about a scene without a camera.
+const NO_CAMERA: &str = "--supply camera adds one that frames it";
+
 impl From<BenchError> for Failure {
     fn from(error: BenchError) -> Self {
         match error {
@@ -80,7 +83,11 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     let named = || arguments.scene.clone().into_iter();
     let all = || session::scenes().into_iter().map(|(name, _)| PathBuf::from(name));
     let names: Vec<PathBuf> = if arguments.scene.is_empty() { all().collect() } else { named().collect() };
-    let scenes = names.iter().map(|name| session::load_scene(name, None)).collect::<Result<Vec<_>, _>>()?;
+    let load = |name: &PathBuf| session::load_scene(name, None, arguments.supply);
+    let scenes = names.iter().map(load).collect::<Result<Vec<_>, _>>()?;
+    for scene in &scenes {
+        session::first_camera(scene, NO_CAMERA)?;
+    }
     let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
     let mut ways: Vec<_> = arguments.rays.iter().map(|r| r.way()).collect();
     for &way in &ways {
@@ -129,7 +136,8 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
     arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(&arguments.scene, None)?;
+    let scene = session::load_scene(&arguments.scene, None, arguments.supply)?;
+    session::first_camera(&scene, NO_CAMERA)?;
     let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
     let options = MotionOptions {
         slot: arguments.slot.clone(),

@@ -40,7 +40,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     let shown = arguments.png.as_deref().map(|path| Output::plan("--png", path, &["png"])).transpose()?;
     keep_apart(&[&output].into_iter().chain(&shown).collect::<Vec<_>>(), &inputs)?;
     let config = input::configure(&session::catalogue(), None, &arguments.set)?;
-    let scene = session::load_scene(&arguments.scene, Some(&arguments.environment))?;
+    let scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
     let (only, extent) = (arguments.only.which(), arguments.size);
     let options = ReferenceOptions {

@@ -73,7 +73,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let Some(scene_name) = &arguments.scene else {
         return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
     };
-    let scene = session::load_scene(scene_name, Some(&arguments.environment))?;
+    let scene = session::load_scene(scene_name, Some(&arguments.environment), arguments.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
 
     let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();

@@ -13,7 +13,7 @@ use magpie::{
 use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
 
 use crate::{
-    args::{EnvironmentArguments, Extent, Rays, ViewName},
+    args::{EnvironmentArguments, Extent, Rays, Supply, ViewName},
     exit::Failure,
     input,
 };
@@ -35,8 +35,13 @@ pub(crate) fn scenes() -> Vec<(String, &'static str)> {
     BUILTIN.iter().map(|(name, about)| (format!("{BUILTIN_PREFIX}{name}"), *about)).collect()
 }
 
-/// Loads or makes a scene, surrounds it with an environment map if one is asked for, and supplies what it lacks: light, a camera.
-pub(crate) fn load_scene(name: &Path, environment: Option<&EnvironmentArguments>) -> Result<Scene, Failure> {
+/// Loads or makes a scene, surrounds it with an environment map if one is asked for, and supplies what it lacks of what is wanted: light,
+/// a camera.
+pub(crate) fn load_scene(
+    name: &Path,
+    environment: Option<&EnvironmentArguments>,
+    supply: Supply,
+) -> Result<Scene, Failure> {
     let mut scene = match name.to_str().and_then(|n| n.strip_prefix(BUILTIN_PREFIX)) {
         Some(wanted) => {
             let (known, _) = input::find("built-in scene", wanted, BUILTIN, |(name, _)| name)?;
@@ -45,7 +50,7 @@ pub(crate) fn load_scene(name: &Path, environment: Option<&EnvironmentArguments>
         None => scene::load(name)?,
     };
     scene.environment = environment.map(load_environment).transpose()?.flatten();
-    scene::supply_missing(&mut scene);
+    scene::supply(&mut scene, supply.wanted());
     for warning in &scene.warnings {
         log::warn!("{}: {warning}", scene.name);
     }
@@ -71,8 +76,7 @@ fn load_environment(wanted: &EnvironmentArguments) -> Result<Option<Environment>
 /// The scene's camera of that name, the camera of that file, or the scene's first one.
 pub(crate) fn camera(scene: &Scene, wanted: Option<&Path>) -> Result<Camera, Failure> {
     let Some(wanted) = wanted else {
-        let first = scene.cameras.first().cloned();
-        return first.ok_or_else(|| Failure::bad(format!("{}: the scene has no camera", scene.name)));
+        return first_camera(scene, "--supply camera adds one that frames it, --camera F.toml brings one").cloned();
     };
     if wanted.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
         let file = CameraFile::read(wanted).map_err(|e| Failure::from(e).context("--camera"))?;
@@ -81,6 +85,12 @@ pub(crate) fn camera(scene: &Scene, wanted: Option<&Path>) -> Result<Camera, Fai
     }
     let found = input::find("camera", &wanted.to_string_lossy(), &scene.cameras, |c| &c.name);
     found.cloned().map_err(|f| f.context("--camera (a camera file ends in .toml)"))
+}
+
+/// The scene's first camera, or a failure that says where one comes from.
+pub(crate) fn first_camera<'a>(scene: &'a Scene, hint: &str) -> Result<&'a Camera, Failure> {
+    let missing = || Failure::bad(format!("{}: the scene has no camera: {hint}", scene.name));
+    scene.cameras.first().ok_or_else(missing)
 }
 
 /// What a session is opened with.

@@ -28,6 +28,7 @@ use crate::{
     frame::View,
     gpu::{Gpu, RayKernel},
     graph::FrameGraph,
+    scene::ResidentScene,
 };
 
 /// One effect: adds its passes to the frame that is being declared.
@@ -50,11 +51,19 @@ pub struct Build<'a> {
     pub gpu: &'a Gpu,
     /// How rays are traced.
     pub rays: Rays,
-    /// Light may go straight through something in the scene: [`ResidentScene::lets_light_through`](crate::scene::ResidentScene).
+    /// Light may go straight through something in the scene: [`ResidentScene::lets_light_through`].
     pub lets_light_through: bool,
+    /// A material of the scene reflects otherwise than a dielectric of index 1.5: [`ResidentScene::has_own_specular`].
+    pub has_own_specular: bool,
 }
 
-impl Build<'_> {
+impl<'a> Build<'a> {
+    /// For the effects of frames that show this scene.
+    pub fn of(gpu: &'a Gpu, rays: Rays, scene: &ResidentScene) -> Self {
+        let (lets_light_through, has_own_specular) = (scene.lets_light_through(), scene.has_own_specular());
+        Self { gpu, rays, lets_light_through, has_own_specular }
+    }
+
     /// The pipeline of a ray pass, for the way that rays are traced.
     ///
     /// # Errors

@@ -5,7 +5,9 @@ use magpie::graph::{Contract, Extent, Format, FrameGraph, Handle, Image, WriteHa
 use magpie::stage::Filled;
 
 const ONE: &[Format] = &[Format::R8Unorm, Format::R16Float, Format::R32Float];
-const TWO: &[Format] = &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float];
+/// Two numbers, or four where materials have a reflection of their own.
+const MATERIAL: &[Format] =
+    &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
 /// Shares of lights in one, two or four channels.
 const SHARES: &[Format] = &[
     Format::R8Unorm,
@@ -42,7 +44,7 @@ impl Gives for GBuffer {
             ("depth", self.depth, &[Format::D32Float]),
             ("base_colour", self.base_colour, COLOUR),
             ("normal", self.normal, NORMAL),
-            ("material", self.material, TWO),
+            ("material", self.material, MATERIAL),
             ("emission", self.emission, RADIANCE),
             ("motion", self.motion, DIRECTION),
             ("ids", self.ids, &[Format::Rg32Uint]),

@@ -152,7 +152,7 @@ impl Renderer {
         let options_of_scene = resident_options(&slots.acceleration, config, options.rays)?;
         let mut resident = ResidentScene::new(gpu, scene, options_of_scene)?;
         resident.want_emitters(gpu, wants_emitters(&slots.direct, config)?)?;
-        let build = Build { gpu, rays: options.rays, lets_light_through: resident.lets_light_through() };
+        let build = Build::of(gpu, options.rays, &resident);
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
@@ -232,8 +232,7 @@ impl Renderer {
     }
 
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
-        let lets_light_through = self.scene.borrow().lets_light_through();
-        let build = Build { gpu: &self.gpu, rays: self.options.rays, lets_light_through };
+        let build = Build::of(&self.gpu, self.options.rays, &self.scene.borrow());
         let sampling = Sampling::wanted(&self.slots.post, &config)?;
         let emitters = wants_emitters(&self.slots.direct, &config)?;
         self.stages.configure(&build, &self.slots, &config)?;

@@ -30,7 +30,8 @@ pub struct GBuffer {
     pub base_colour: Handle<Image>,
     /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer. RGBA16 signed normalised, RGBA16F or RGBA32F.
     pub normal: Handle<Image>,
-    /// Metalness in red, perceptual roughness in green. RG8, RG16F or RG32F.
+    /// Metalness in red, perceptual roughness in green; where materials of the scene have a reflection of their own, that in blue and alpha
+    /// (`lib/gbuffer_specular.glsl`). An image without the two stands for an index of refraction of 1.5. RG8, RG16F or RG32F; RGBA16 signed normalised or RGBA32F.
     pub material: Handle<Image>,
     /// Emitted radiance. RGBA16F or RGBA32F.
     pub emission: Handle<Image>,

@@ -24,14 +24,15 @@ vec3 visibility(ViewBuffer view, uint light, ivec2 pixel) {
 
 // What is reflected of one light, of which the share `seen` of all its points is seen.
 vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, vec3 seen) {
-    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness);
+    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
     // A lobe is seen flattened from the side: there it is narrower.
     bool is_small = angle <= SMALL_LAMP;
     bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
     if (is_small && is_small_in_lobe) {
-        return brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness) * centre.irradiance * seen;
+        vec3 f = brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness, s.fresnel);
+        return f * centre.irradiance * seen;
     }
     float above = share_above(light, centre, s.position, s.normal);
     if (above <= 0.0) return vec3(0.0);
@@ -63,7 +64,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     vec3 radiance = load(params.emission, pixel).rgb;
     if (params.emitters != NO_EMITTERS) {
         float n_v = max(dot(s.normal, s.to_eye), 0.0);
-        radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, n_v);
+        radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, s.fresnel, n_v);
     }
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
         Light light = lights.at[i];

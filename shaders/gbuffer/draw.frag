@@ -121,6 +121,13 @@ void main() {
     fragment.base_colour = base.rgb;
     fragment.occlusion = occlusion;
     fragment.metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
+    fragment.specular = NO_SPECULAR_CODE;
+    if (material.layers != NO_LAYERS) {
+        MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
+        float strength = layers.specular * read(view, layers.specular_texture, vec4(1.0)).a;
+        vec3 tint = layers.specular_colour * read(view, layers.specular_colour_texture, vec4(1.0)).rgb;
+        fragment.specular = encode_dielectric(dielectric_of(layers.ior, strength, tint));
+    }
     fragment.emission = emission;
     fragment.motion = motion_at(view, instance, mesh, corners, hit.barycentric);
     fragment.ids = uvec2(instance_index + 1u, uint(gl_PrimitiveID));

@@ -50,6 +50,11 @@ void main() {
     fragment.base_colour = material.base_colour.rgb;
     fragment.occlusion = 1.0;
     fragment.metalness_roughness = vec2(material.metalness, material.roughness);
+    fragment.specular = NO_SPECULAR_CODE;
+    if (material.layers != NO_LAYERS) {
+        MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
+        fragment.specular = encode_dielectric(dielectric_of(layers.ior, layers.specular, layers.specular_colour));
+    }
     fragment.emission = material.emission;
     fragment.motion = motion_between(now.xyw, before.xyw);
     fragment.ids = uvec2(instance_index + 1u, sphere_index);

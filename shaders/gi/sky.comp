@@ -15,8 +15,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);
     Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!s.exists) return vec3(0.0);
-    vec3 f0 = specular_f0(s.base_colour, s.metalness);
-    vec3 albedo = diffuse_albedo(f0, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
+    vec3 albedo = diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
 
     // The occlusion map shows folds that ambient occlusion often finds again: both together would hide the light twice.
     vec3 reaches = vec3(s.occlusion);

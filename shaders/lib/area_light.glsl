@@ -135,7 +135,7 @@ vec3 diffuse_of_lamp(Light light, LightSample centre, vec3 position, Bsdf b, mat
         light_in = arriving_from_ball(dot(around[2], centre.direction), far ? sin(light.radius) : light.radius / centre.distance);
     }
     if (light_in.irradiance <= 0.0) return vec3(0.0);
-    vec3 reflected = diffuse_cosine(b.f0, (1.0 - b.metalness) * b.base_colour, v.z, light_in.cosine) / light_in.cosine;
+    vec3 reflected = diffuse_cosine(b.fresnel, (1.0 - b.metalness) * b.base_colour, v.z, light_in.cosine) / light_in.cosine;
     return reflected * light_in.irradiance * radiance;
 }
 

@@ -2,11 +2,31 @@
 #define LIB_BRDF_GLSL
 #include "lib/vector.glsl"
 // The surface model: GGX over coupled Lambert. Materials and specular part are those of glTF 2.0, appendix B:
-//   f = D V F + diffuse,   F0 = mix(0.04, base_colour, metalness)
+//   f = D V F + diffuse,   F0 = mix(dielectric F0, base_colour, metalness)
 // Its diffuse part, (1 - F(v·h)) base_colour / pi, is not taken: at grazing angles it returns up to 1.7 times the light that comes in.
 
 // Reflectance of a dielectric at normal incidence: index of refraction 1.5.
 const float DIELECTRIC_F0 = 0.04;
+
+// What the dielectric part of a material reflects at its surface (KHR_materials_ior, KHR_materials_specular).
+struct Dielectric {
+    vec3 f0;    // at normal incidence
+    float f90;  // at grazing incidence
+};
+
+const Dielectric PLAIN_DIELECTRIC = Dielectric(vec3(DIELECTRIC_F0), 1.0);
+
+// What a surface reflects by its angle (Schlick 1994, "An Inexpensive BRDF Model for Physically-Based Rendering", equation 15).
+struct Fresnel {
+    vec3 f0;              // at normal incidence
+    float f90;            // at grazing incidence
+    vec3 over_base;       // f0 as the diffuse part below sees it: of a dielectric the strongest channel in all three
+    float diffuse_share;  // what the diffuse part is multiplied with besides
+};
+
+// What rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3, the diffuse part has less, so that no surface returns
+// more light than comes in. Below a weaker reflection it has that much more: without any it is exactly Lambert's.
+const float DIFFUSE_SHARE = 0.998;
 
 // A physical floor: punctual lights are infinitely small, and a perfect mirror would show them infinitely bright. At 0.002
 // (perceptual roughness 0.045) the highlight is some 0.3 degrees wide, narrower than the disc of the sun.
@@ -46,74 +66,96 @@ float smith_v_cosine(float n_l, float n_v, float alpha) {
     return 0.5 * l / (l * view_root + v * light_root);
 }
 
-// Reflectance at normal incidence.
-vec3 specular_f0(vec3 base_colour, float metalness) {
-    return mix(vec3(DIELECTRIC_F0), base_colour, metalness);
-}
-
 // Reflectance at grazing incidence: 1, falling to 0 below the 2 % that no real material undercuts, so that black is black
 // (Lagarde and de Rousiers 2014, "Moving Frostbite to Physically Based Rendering", section 3.1.1).
 float specular_f90(vec3 f0) {
     return min(50.0 * max(max(f0.r, f0.g), f0.b), 1.0);
 }
 
-// Fresnel reflectance (Schlick 1994, "An Inexpensive BRDF Model for Physically-Based Rendering", equation 15).
-vec3 schlick_f(vec3 f0, float v_h) {
-    float m = clamp(1.0 - v_h, 0.0, 1.0);
-    float m2 = m * m;
-    return f0 + (vec3(specular_f90(f0)) - f0) * (m2 * m2 * m);
+// The dielectric part of a material. `strength` 0 to 1, `colour` at least 0: `specular` and `specularColor` of KHR_materials_specular,
+// which has f90 = strength. As above, an index of refraction near 1 takes it down.
+Dielectric dielectric_of(float ior, float strength, vec3 colour) {
+    float normal_f = (ior - 1.0) / (ior + 1.0);
+    float f0 = normal_f * normal_f;
+    return Dielectric(min(f0 * colour, vec3(1.0)) * strength, specular_f90(vec3(f0)) * strength);
 }
 
-// What rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3, the diffuse part has less, so that no surface returns
-// more light than comes in.
-const float DIFFUSE_SHARE = 0.998;
+// A coloured reflection of a dielectric takes as much from every channel of what is below as from the strongest, so that nothing gains the
+// complementary colour (KHR_materials_specular, `max_value` of `fresnel_mix`).
+Fresnel fresnel_of(Dielectric d, vec3 base_colour, float metalness) {
+    float strongest = max(d.f0.r, max(d.f0.g, d.f0.b));
+    float grazing = specular_f90(mix(vec3(DIELECTRIC_F0), base_colour, metalness));
+    // Written so that a dielectric with an f90 of 1 has 1 here, to the last bit.
+    float kept = 1.0 - (1.0 - metalness) * (1.0 - d.f90);
+    vec3 over_base = mix(vec3(strongest), base_colour, metalness);
+    return Fresnel(mix(d.f0, base_colour, metalness), grazing * kept, over_base, mix(1.0, DIFFUSE_SHARE, kept));
+}
+
+// Fresnel reflectance from f0 and f90, equation 15.
+vec3 schlick(vec3 f0, float f90, float v_h) {
+    float m = clamp(1.0 - v_h, 0.0, 1.0);
+    float m2 = m * m;
+    return f0 + (vec3(f90) - f0) * (m2 * m2 * m);
+}
+
+vec3 schlick_f(Fresnel f, float v_h) {
+    return schlick(f.f0, f.f90, v_h);
+}
+
+// Whether the surface reflects anything at all.
+bool has_reflection(Fresnel f) {
+    return f.f0 != vec3(0.0) || f.f90 > 0.0;
+}
+
+// The share of light that gets past the surface, at a cosine.
+vec3 passed_f(Fresnel f, float cosine) {
+    return vec3(1.0) - schlick(f.over_base, f.f90, cosine);
+}
 
 // Diffuse reflection under a surface that reflects F, times n·l, per steradian: light enters with 1 - F(n·l) and leaves with
 // 1 - F(n·v), and what is held back on the way is returned: with a smooth surface and white below it, all light comes back
 // (Shirley, Hu, Smits and Lafortune 1997, "A Practitioners' Assessment of Light Reflection Models", section 3).
 // `albedo`: (1 - metalness) base_colour. 0 below the horizon.
-vec3 diffuse_cosine(vec3 f0, vec3 albedo, float n_v, float n_l) {
+vec3 diffuse_cosine(Fresnel f, vec3 albedo, float n_v, float n_l) {
     // The mean of F over the hemisphere, weighed with the cosine, is f0 + (f90 - f0) / 21. A perfect mirror has 0 / 0 here: nothing.
-    vec3 held = vec3(1.0) - f0 - (vec3(specular_f90(f0)) - f0) / 21.0;
-    vec3 passed = (vec3(1.0) - schlick_f(f0, n_l)) * (vec3(1.0) - schlick_f(f0, n_v));
-    return albedo * (max(n_l, 0.0) * DIFFUSE_SHARE / PI) * (passed / max(held, vec3(1e-6)));
+    vec3 held = vec3(1.0) - f.over_base - (vec3(f.f90) - f.over_base) / 21.0;
+    vec3 passed = passed_f(f, n_l) * passed_f(f, n_v);
+    return albedo * (max(n_l, 0.0) * f.diffuse_share / PI) * (passed / max(held, vec3(1e-6)));
 }
 
 // What it reflects of uniform light: the integral over n·l.
-vec3 diffuse_albedo(vec3 f0, vec3 albedo, float n_v) {
-    return albedo * DIFFUSE_SHARE * (vec3(1.0) - schlick_f(f0, n_v));
+vec3 diffuse_albedo(Fresnel f, vec3 albedo, float n_v) {
+    return albedo * f.diffuse_share * passed_f(f, n_v);
 }
 
 // BRDF times n·l, per steradian: what incident irradiance at normal incidence is multiplied with. All vectors unit and away from
 // the surface. 0 when the light is below the surface; a viewer below it counts as a grazing one.
-vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness) {
+vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness, Fresnel f) {
     float n_l = dot(n, l);
     if (n_l <= 0.0) return vec3(0.0);
     float n_v = max(dot(n, v), 0.0);
     float alpha = alpha_of_roughness(roughness);
     // l = -v has no half vector. It needs a viewer on the horizon or below, and there the normal is a fair one.
     vec3 h = safe_normalize(v + l, n);
-    vec3 f0 = specular_f0(base_colour, metalness);
-    vec3 diffuse = diffuse_cosine(f0, (1.0 - metalness) * base_colour, n_v, n_l);
-    return diffuse + schlick_f(f0, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
+    vec3 diffuse = diffuse_cosine(f, (1.0 - metalness) * base_colour, n_v, n_l);
+    return diffuse + schlick_f(f, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
 }
 
 // Directional albedo of the specular lobe under uniform light: the integral of D V F n·l over the hemisphere.
 // Analytic fit by Karis 2014, "Physically Based Shading on Mobile". Against this model it is within 0.04 for f0 = 0.04 (0.08 at
 // grazing angles) and up to 0.16 too dark for f0 = 1 at roughness 0.3 to 0.6. It dips to -0.003 at roughness 1 and f0 = 0: hence the max.
-vec3 environment_brdf(vec3 f0, float roughness, float n_v) {
+vec3 environment_brdf(Fresnel f, float roughness, float n_v) {
     vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
     float a = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
     vec2 scale_bias = vec2(-1.04, 1.04) * a + r.zw;
-    return non_negative(f0 * scale_bias.x + specular_f90(f0) * scale_bias.y);
+    return non_negative(f.f0 * scale_bias.x + f.f90 * scale_bias.y);
 }
 
 // Roughly what a surface reflects of light from all over, above 0: light that is to be denoised is divided by it, and multiplied afterwards.
-vec3 reflectance(vec3 base_colour, float metalness, float roughness, float n_v) {
+vec3 reflectance(vec3 base_colour, float metalness, float roughness, Fresnel f, float n_v) {
     // What reflects less has no noise to speak of.
     const float LEAST = 1e-3;
-    vec3 f0 = specular_f0(base_colour, metalness);
-    return max(diffuse_albedo(f0, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f0, roughness, n_v), vec3(LEAST));
+    return max(diffuse_albedo(f, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f, roughness, n_v), vec3(LEAST));
 }
 
 #endif

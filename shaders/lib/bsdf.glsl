@@ -14,19 +14,27 @@ const uint LOBE_ALL = 7u;
 struct Bsdf {
     vec3 base_colour;
     float metalness;
-    vec3 f0;             // of the opaque part
+    Fresnel fresnel;     // of the opaque part
     float alpha;         // roughness², above 0
     float transmission;  // share of light that meets glass instead of the opaque part, 0 to 1
     float eta;           // index of refraction behind the surface over that before it
     bool thin;           // a sheet: light that goes through is not bent
     float coat;          // strength of the coat, 0 to 1
     float coat_alpha;
+    Dielectric less;     // what KHR_materials_specular takes off the reflectance of glass, below 0 where it adds
 };
 
-// One opaque material of index 1.5.
+// What glass reflects by its index of refraction alone.
+const Dielectric NO_LESS = Dielectric(vec3(0.0), 0.0);
+
+// One opaque material.
+Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness, Fresnel f) {
+    return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS);
+}
+
+// The same of index 1.5.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness) {
-    vec3 f0 = specular_f0(base_colour, metalness);
-    return Bsdf(base_colour, metalness, f0, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0);
+    return opaque_bsdf(base_colour, metalness, roughness, fresnel_of(PLAIN_DIELECTRIC, base_colour, metalness));
 }
 
 // Unpolarised Fresnel reflectance of a dielectric, for the cosine on this side and the index behind over that before; 1 where all is
@@ -40,6 +48,23 @@ float dielectric_f(float cosine, float eta) {
     float b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0);
     // Two media that are the same have 0 / 0 at grazing incidence only.
     return 0.5 * a * a * (1.0 + b * b);
+}
+
+// Reflectance of a facet of glass. Strength and colour (KHR_materials_specular) change what is reflected at normal and at grazing incidence;
+// between the two, Fresnel's equation says how far it is. Where all is reflected, nothing else is possible.
+vec3 glass_f(Bsdf b, float cosine) {
+    float f = dielectric_f(cosine, b.eta);
+    if (f >= 1.0) return vec3(1.0);
+    float normal_f = (b.eta - 1.0) / (b.eta + 1.0);
+    float f0 = normal_f * normal_f;
+    float t = max(f - f0, 0.0) / (1.0 - f0);
+    return vec3(f) - (1.0 - t) * b.less.f0 - vec3(t * b.less.f90);
+}
+
+// How much of the light a facet of glass does not let through: as much in each channel as in the strongest.
+float stopped_by_glass(Bsdf b, float cosine) {
+    vec3 f = glass_f(b, cosine);
+    return max(f.r, max(f.g, f.b));
 }
 
 // GGX of a local half vector, per steradian; the same as ggx_d.
@@ -73,7 +98,7 @@ vec3 mirrored(vec3 l) {
 
 // The share of the coat, which depends on the viewer alone.
 float coat_share(Bsdf b, vec3 v) {
-    return b.coat * schlick_f(vec3(DIELECTRIC_F0), v.z).x;
+    return b.coat * schlick(vec3(DIELECTRIC_F0), 1.0, v.z).x;
 }
 
 // What goes through, times |n·l|. Between media, radiance is compressed by the square of the index: a path that goes in and out again
@@ -82,7 +107,7 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     if (b.thin) {
         vec3 m = mirrored(l);
         vec3 h = safe_normalize(v + m, vec3(0.0, 0.0, 1.0));
-        float f = dielectric_f(max(dot(v, h), 0.0), b.eta);
+        float f = stopped_by_glass(b, max(dot(v, h), 0.0));
         return b.base_colour * ((1.0 - f) * local_d(h, b.alpha) * smith_v_cosine(m.z, v.z, b.alpha));
     }
     vec3 h = refraction_half(b, v, l);
@@ -92,7 +117,7 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     // Walter et al. 2007, equation 21, over the square of the index behind; masking and shadowing by height-correlated Smith, as above.
     float bend = v_h + b.eta * l_h;
     float visible = 4.0 * smith_v_cosine(-l.z, v.z, b.alpha);
-    return b.base_colour * ((1.0 - dielectric_f(v_h, b.eta)) * local_d(h, b.alpha) * visible * v_h * -l_h / (bend * bend));
+    return b.base_colour * ((1.0 - stopped_by_glass(b, v_h)) * local_d(h, b.alpha) * visible * v_h * -l_h / (bend * bend));
 }
 
 // The share of light, in each colour, that goes straight through a thin sheet as smooth as alpha can say; 0 of all others. It is what
@@ -100,7 +125,7 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
 vec3 straight_transmission(Bsdf b, float cosine) {
     if (!b.thin || b.transmission <= 0.0 || b.alpha > MIN_ALPHA) return vec3(0.0);
     float facing = min(cosine, 1.0);
-    return b.base_colour * ((1.0 - coat_share(b, vec3(0.0, 0.0, facing))) * b.transmission * (1.0 - dielectric_f(facing, b.eta)));
+    return b.base_colour * ((1.0 - coat_share(b, vec3(0.0, 0.0, facing))) * b.transmission * (1.0 - stopped_by_glass(b, facing)));
 }
 
 // BSDF times |n·l|, per steradian, of the lobes that are asked for.
@@ -114,12 +139,12 @@ vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
     vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
     if ((lobes & LOBE_DIFFUSE) != 0u && b.metalness < 1.0) {
         vec3 albedo = (1.0 - b.metalness) * b.base_colour;
-        sum += (1.0 - coat) * (1.0 - b.transmission) * diffuse_cosine(b.f0, albedo, v.z, l.z);
+        sum += (1.0 - coat) * (1.0 - b.transmission) * diffuse_cosine(b.fresnel, albedo, v.z, l.z);
     }
     if ((lobes & LOBE_SPECULAR) != 0u) {
         float v_h = max(dot(v, h), 0.0);
-        vec3 f = (1.0 - b.transmission) * schlick_f(b.f0, v_h);
-        if (b.transmission > 0.0) f += b.transmission * dielectric_f(v_h, b.eta);
+        vec3 f = (1.0 - b.transmission) * schlick_f(b.fresnel, v_h);
+        if (b.transmission > 0.0) f += b.transmission * glass_f(b, v_h);
         sum += (1.0 - coat) * f * (local_d(h, b.alpha) * smith_v_cosine(l.z, v.z, b.alpha));
         if (coat > 0.0) sum += coat * local_d(h, b.coat_alpha) * smith_v_cosine(l.z, v.z, b.coat_alpha);
     }
@@ -131,14 +156,14 @@ vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
 vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
     const float LEAST = 0.05;
     float coat = coat_share(b, v);
-    vec3 f = schlick_f(b.f0, v.z);
+    vec3 f = schlick_f(b.fresnel, v.z);
     float base = max(b.base_colour.r, max(b.base_colour.g, b.base_colour.b));
     float reflected = max(f.r, max(f.g, f.b));
     float opaque = 1.0 - b.transmission;
     vec4 odds = vec4(0.0);
     if ((lobes & LOBE_DIFFUSE) != 0u) odds.x = opaque * (1.0 - b.metalness) * base * max(1.0 - reflected, LEAST);
     if ((lobes & LOBE_SPECULAR) != 0u) {
-        odds.y = opaque > 0.0 ? max(opaque * reflected, LEAST) : 0.0;
+        odds.y = opaque > 0.0 && has_reflection(b.fresnel) ? max(opaque * reflected, LEAST) : 0.0;
         odds.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
     }
     if ((lobes & (LOBE_SPECULAR | LOBE_TRANSMISSION)) != 0u) odds.z = b.transmission;
@@ -150,7 +175,7 @@ vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
 // How often a facet of glass reflects rather than lets through.
 float reflection_odds(Bsdf b, float v_h, uint lobes) {
     if ((lobes & LOBE_TRANSMISSION) == 0u) return 1.0;
-    return (lobes & LOBE_SPECULAR) == 0u ? 0.0 : dielectric_f(v_h, b.eta);
+    return (lobes & LOBE_SPECULAR) == 0u ? 0.0 : stopped_by_glass(b, v_h);
 }
 
 // Density of transmitted directions, per steradian.

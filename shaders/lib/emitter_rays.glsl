@@ -113,9 +113,10 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     Surface surface = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!surface.exists) return vec3(0.0);
     Seen s;
-    s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness);
+    s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
+    bool has_lobe = has_reflection(surface.fresnel);
     // Black, as unlit surfaces are: a metal of no colour.
-    if (s.bsdf.f0 == vec3(0.0)) return vec3(0.0);
+    if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
     s.start = seen_start(scene, load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
@@ -123,7 +124,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     s.v = surface.to_eye * s.around;
     // A viewer on the horizon or below counts as a grazing one.
     s.v.z = max(s.v.z, 1e-4);
-    s.lobe_odds = 0.5 * (1.0 - surface.roughness);
+    s.lobe_odds = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
     uint seed = view.at[0].seed;
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < params.samples; i++) {
@@ -133,7 +134,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
         bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_odds;
         sum += by_lobe ? found_by_lobe(scene, lights, s, u) : found_by_emitter(scene, lights, s, which, u);
     }
-    return sum / (float(params.samples) * reflectance(surface.base_colour, surface.metalness, surface.roughness, s.v.z));
+    return sum / (float(params.samples) * reflectance(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel, s.v.z));
 }
 
 #endif

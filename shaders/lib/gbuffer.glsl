@@ -1,6 +1,8 @@
 #ifndef LIB_GBUFFER_GLSL
 #define LIB_GBUFFER_GLSL
 #include "lib/bindless.glsl"
+#include "lib/brdf.glsl"
+#include "lib/gbuffer_specular.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/vector.glsl"
 #include "shared/view.glsl"
@@ -24,6 +26,8 @@ struct Surface {
     float metalness;
     // Perceptual, 0 to 1.
     float roughness;
+    // Of the two together with the reflection of the dielectric part.
+    Fresnel fresnel;
 };
 
 // Direction of the ray through a pixel's centre, not normalised, so that the point at reversed depth d is
@@ -60,6 +64,7 @@ Surface no_surface() {
     s.occlusion = 1.0;
     s.metalness = 0.0;
     s.roughness = 1.0;
+    s.fresnel = Fresnel(vec3(0.0), 0.0, vec3(0.0), 1.0);
     return s;
 }
 
@@ -84,11 +89,12 @@ Surface load_surface(
     Surface s = load_geometry(view, pixel, depth_image, normal_image);
     if (!s.exists) return s;
     vec4 base_colour = load(base_colour_image, pixel);
-    vec2 material = load(material_image, pixel).rg;
+    vec4 material = load(material_image, pixel);
     s.base_colour = base_colour.rgb;
     s.occlusion = base_colour.a;
     s.metalness = material.r;
     s.roughness = material.g;
+    s.fresnel = fresnel_of(decode_dielectric(material.ba), s.base_colour, s.metalness);
     return s;
 }
 

@@ -1,6 +1,7 @@
 // What a fragment leaves in the G-buffer, encoded; its layout is in README.md. A fragment shader defines WRITES_GBUFFER first.
 #ifndef LIB_GBUFFER_WRITE_GLSL
 #define LIB_GBUFFER_WRITE_GLSL
+#include "lib/gbuffer_specular.glsl"
 #include "lib/normal_map.glsl"
 #include "lib/octahedral.glsl"
 #include "shared/scene.glsl"
@@ -16,6 +17,7 @@ struct Fragment {
     vec3 base_colour;
     float occlusion;           // 1 is open
     vec2 metalness_roughness;
+    vec2 specular;             // as encode_dielectric has it
     vec3 emission;
     vec2 motion;
     uvec2 ids;                 // instance + 1, primitive
@@ -31,7 +33,7 @@ vec2 motion_between(vec3 clip_now, vec3 clip_before) {
 #ifdef WRITES_GBUFFER
 layout(location = 0) out vec4 out_base_colour;
 layout(location = 1) out vec4 out_normal;
-layout(location = 2) out vec2 out_material;
+layout(location = 2) out vec4 out_material;
 layout(location = 3) out vec4 out_emission;
 layout(location = 4) out vec2 out_motion;
 layout(location = 5) out uvec2 out_ids;
@@ -46,7 +48,7 @@ void write_gbuffer(Fragment f, uint material_flags) {
     out_base_colour = vec4(f.base_colour, f.occlusion);
     out_normal.xy = octahedral_encode(turn_to_viewer(f.normal, f.to_eye));
     out_normal.zw = octahedral_encode(f.geometric_normal);
-    out_material = f.metalness_roughness;
+    out_material = vec4(f.metalness_roughness, f.specular);
     out_emission = vec4(mix(f.emission, vec3(GREATEST), greaterThan(f.emission, vec3(GREATEST))), 1.0);
     out_motion = f.motion;
     out_ids = f.ids;

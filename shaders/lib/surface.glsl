@@ -61,7 +61,8 @@ vec3 emission_at(Material material, Coordinates at) {
 }
 
 // What a material is made of at some coordinates. `vertex`: colour of the vertices; `front`: seen from its front.
-void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 vertex, bool front, inout SurfacePoint p) {
+// `textured`: there are coordinates; spheres have none.
+void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 vertex, bool front, bool textured, inout SurfacePoint p) {
     vec4 base = material.base_colour * vertex * read_texture(material.base_colour_texture, at, vec4(1.0));
     vec4 metal_rough = read_texture(material.metallic_roughness_texture, at, vec4(1.0));
     float metalness = material.metalness * metal_rough.b;
@@ -77,8 +78,16 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     if (material.layers == NO_LAYERS) return;
 
     MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
-    float normal_f = (layers.ior - 1.0) / (layers.ior + 1.0);
-    p.bsdf.f0 = mix(vec3(normal_f * normal_f), base.rgb, metalness);
+    float strength = layers.specular;
+    vec3 tint = layers.specular_colour;
+    if (textured) {
+        strength *= read_texture(layers.specular_texture, at, vec4(1.0)).a;
+        tint *= read_texture(layers.specular_colour_texture, at, vec4(1.0)).rgb;
+    }
+    Dielectric d = dielectric_of(layers.ior, strength, tint);
+    p.bsdf.fresnel = fresnel_of(d, base.rgb, metalness);
+    vec3 own_f0 = dielectric_of(layers.ior, 1.0, vec3(1.0)).f0;
+    p.bsdf.less = Dielectric(own_f0 - d.f0, 1.0 - strength);
     p.bsdf.transmission = (1.0 - metalness) * layers.transmission * read_texture(layers.transmission_texture, at, vec4(1.0)).r;
     p.bsdf.eta = front || layers.thickness == 0.0 ? layers.ior : 1.0 / layers.ior;
     // Equal media do not bend light either, and there the half vector of refraction has no direction.
@@ -107,7 +116,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         material.base_colour_texture.image = NO_TEXTURE;
         material.metallic_roughness_texture.image = NO_TEXTURE;
         material.emission_texture.image = NO_TEXTURE;
-        read_material(scene, material, at, vec4(1.0), hit.front, p);
+        read_material(scene, material, at, vec4(1.0), hit.front, false, p);
         p.normal = turn_to_viewer(p.start.normal, towards);
         return p;
     }
@@ -131,7 +140,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         at.dx = mat2(along0 * dx, along1 * dx);
         at.dy = mat2(along0 * dy, along1 * dy);
     }
-    read_material(scene, material, at, w.x * a.colour + w.y * b.colour + w.z * c.colour, hit.front, p);
+    read_material(scene, material, at, w.x * a.colour + w.y * b.colour + w.z * c.colour, hit.front, true, p);
 
     mat3 normals = mat3(
         safe_normalize(transform_normal(instance.object_from_world, a.normal), vec3(0.0, 1.0, 0.0)),

@@ -26,13 +26,12 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     // (Russell 2015, "Horizon Occlusion for Normal Mapped Reflections").
     float horizon = clamp(1.0 + dot(axis, s.geometric_normal), 0.0, 1.0);
 
-    vec3 f0 = specular_f0(s.base_colour, s.metalness);
     float n_v = max(dot(s.normal, s.to_eye), 0.0);
     float reaches = s.occlusion;
     if (params.openness != NO_IMAGE) {
         reaches = min(reaches, specular_openness(load(params.openness, pixel).r, n_v, s.roughness * s.roughness));
     }
-    return environment_brdf(f0, s.roughness, n_v) * incident * (horizon * horizon * reaches);
+    return environment_brdf(s.fresnel, s.roughness, n_v) * incident * (horizon * horizon * reaches);
 }
 
 void main() {

@@ -235,7 +235,7 @@ pub struct Material {
     pub emission_texture: TextureSlot,
 }
 
-/// What few materials have: transmission, a volume inside, a clear coat, another index of refraction than 1.5.
+/// What few materials have: transmission, a volume inside, a clear coat, another reflection than a dielectric of index 1.5.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MaterialLayers {
@@ -243,6 +243,10 @@ pub struct MaterialLayers {
     pub transmission: f32,
     /// Index of refraction, at least 1.
     pub ior: f32,
+    /// Strength of the reflection of a dielectric, 0 to 1.
+    pub specular: f32,
+    /// What its reflectance at normal incidence is multiplied with, at least 0.
+    pub specular_colour: [f32; 3],
     /// Above 0 where the surface is the border of a volume.
     pub thickness: f32,
     /// Absorption inside of the volume, per metre, at least 0.
@@ -251,6 +255,10 @@ pub struct MaterialLayers {
     pub clearcoat: f32,
     /// Perceptual roughness of the coat, 0 to 1.
     pub clearcoat_roughness: f32,
+    /// Strength of the reflection in alpha.
+    pub specular_texture: TextureSlot,
+    /// Colour of the reflection (sRGB).
+    pub specular_colour_texture: TextureSlot,
     /// Transmission in red.
     pub transmission_texture: TextureSlot,
     /// Strength of the coat in red.

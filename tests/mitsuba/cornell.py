@@ -14,8 +14,6 @@ import mitsuba
 
 mitsuba.set_variant("scalar_rgb")
 
-# What Magpie's diffuse lobe leaves of a reflectance.
-SCALE = 0.998
 WHITE = [0.73, 0.73, 0.73]
 RED = [0.63, 0.065, 0.05]
 GREEN = [0.14, 0.45, 0.091]
@@ -47,7 +45,7 @@ def mesh(name, quads, bsdf, radiance=None):
 
 
 def diffuse(reflectance):
-    value = [SCALE * r for r in reflectance]
+    value = list(reflectance)
     # Walls are seen from both sides, as in Magpie.
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": value}}}
 

@@ -178,7 +178,7 @@ impl Bench {
         first: impl FnOnce(&mut FrameGraph),
     ) -> Result<Ran> {
         let mut stages = Stages::new(
-            &magpie::stage::Build { gpu: &self.gpu, rays: Rays::Software, lets_light_through: false },
+            &magpie::stage::Build::of(&self.gpu, Rays::Software, &shot.scene.borrow()),
             &Slots::default(),
             config,
         )?;

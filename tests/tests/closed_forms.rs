@@ -10,8 +10,6 @@ use std::f64::consts::PI;
 
 /// Relative.
 const LIMIT: f64 = 0.002;
-/// What diffuse surfaces return of their base colour: see `DIFFUSE_SHARE` in `shaders/lib/brdf.glsl`.
-const SHARE: f64 = 0.998;
 const EDGE: u32 = 16;
 
 /// Without a reflection on top: the index of refraction is that of air.
@@ -49,7 +47,7 @@ fn a_closed_sphere() -> Result<()> {
         let emission = Vec3::new(0.5, 1.0, 3.0);
         let material = Material { emission, ..diffuse(Vec3::splat(albedo)) };
         add(&mut room, unit_ball(), material, Affine3A::from_scale(Vec3::splat(2.0)));
-        let wanted = emission.as_dvec3() / (1.0 - SHARE * f64::from(albedo));
+        let wanted = emission.as_dvec3() / (1.0 - f64::from(albedo));
         check(&gpu, &format!("closed sphere, albedo {albedo}"), &room, samples, wanted)?;
     }
     Ok(())
@@ -92,7 +90,7 @@ fn lights_over_a_plane() -> Result<()> {
         let mut world = scene(what, eye);
         add(&mut world, plane(20.0), diffuse(Vec3::splat(colour)), Affine3A::IDENTITY);
         world.lights.push(light);
-        let wanted = radiance.as_dvec3() * (SHARE * f64::from(colour) / PI * irradiance);
+        let wanted = radiance.as_dvec3() * (f64::from(colour) / PI * irradiance);
         check(&gpu, &format!("{what} over a plane"), &world, 2048, wanted)?;
     }
     Ok(())
@@ -106,7 +104,7 @@ fn a_furnace() -> Result<()> {
     let smooth = Material { roughness: 0.0, ..Material::default() };
     let glass = Material { metalness: 0.0, transmission: 1.0, thickness: 1.0, ..smooth.clone() };
     let balls = [
-        ("matte", diffuse(Vec3::splat(0.6)), f64::from(0.6_f32) * SHARE),
+        ("matte", diffuse(Vec3::splat(0.6)), f64::from(0.6_f32)),
         ("mirror", smooth, 1.0),
         ("glass", glass.clone(), 1.0),
         ("bubble", Material { thickness: 0.0, ..glass }, 1.0),

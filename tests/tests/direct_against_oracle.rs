@@ -122,7 +122,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();
     let mut stages = Stages::new(
-        &magpie::stage::Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
+        &magpie::stage::Build::of(&gpu, magpie::prelude::Rays::Software, &resident.borrow()),
         &Slots::default(),
         &config(&["shadows.edges=hard", "direct.area=0"])?,
     )?;

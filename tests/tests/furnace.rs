@@ -18,7 +18,17 @@ use std::sync::Arc;
 const ROUGHNESS: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0];
 /// Angles of the viewer, degrees.
 const ANGLES: [f64; 5] = [0.0, 30.0, 60.0, 80.0, 87.0];
-const KINDS: [&str; 6] = ["metal", "dielectric", "clear coat", "glass", "glass from inside", "thin glass"];
+const KINDS: [&str; 9] = [
+    "metal",
+    "dielectric",
+    "clear coat",
+    "glass",
+    "glass from inside",
+    "thin glass",
+    "no reflection",
+    "half the reflection",
+    "a strong reflection",
+];
 /// Index of refraction of the glasses.
 const IOR: f64 = 1.5;
 /// Sums of so many samples each, per case.
@@ -50,8 +60,13 @@ Bsdf bsdf_of(uint kind, float roughness) {
         coated.coat_alpha = alpha;
         return coated;
     }
+    // KHR_materials_specular: nothing is left of the reflection, half of it, and half of one that is ten times as strong face on.
+    if (kind >= 6u) {
+        Dielectric d = dielectric_of(1.5, kind == 6u ? 0.0 : 0.5, vec3(kind == 8u ? 10.0 : 1.0));
+        return opaque_bsdf(white, 0.0, roughness, fresnel_of(d, white, 0.0));
+    }
     float eta = kind == 4u ? 1.0 / 1.5 : 1.5;
-    return Bsdf(white, 0.0, vec3(0.04), alpha, 1.0, eta, kind == 5u, 0.0, 1.0);
+    return Bsdf(white, 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), alpha, 1.0, eta, kind == 5u, 0.0, 1.0, NO_LESS);
 }
 
 void main() {
@@ -168,7 +183,13 @@ fn closed_form(kind: usize, roughness: f64, cosine: f64) -> f64 {
         }
         3 => glass(IOR, false),
         4 => glass(1.0 / IOR, false),
-        _ => glass(IOR, true),
+        5 => glass(IOR, true),
+        6 => 1.0,
+        _ => {
+            let f0 = if kind == 7 { 0.02 } else { 0.2 };
+            let f = |c: f64| f0 + (0.5 - f0) * (1.0 - c).powi(5);
+            reflected(cosine, alpha, f) + 0.999 * (1.0 - f(cosine))
+        }
     }
 }
 

@@ -371,7 +371,7 @@ fn an_unknown_device_is_an_error_that_lists_the_known_ones() -> Result<()> {
 fn an_unknown_implementation_is_an_error_that_lists_the_known_ones() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let chosen = Slots::default().shadows.choose(
-        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
+        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false },
         "ray-trased",
         &Default::default(),
     );

@@ -50,7 +50,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64
     let gpu = bench.gpu.clone();
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let mut gbuffer = Slots::default().gbuffer.from_config(
-        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false },
+        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false },
         &Config::default(),
     )?;
     let desc = step.view();
@@ -248,7 +248,8 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
     let scene = builtin("carousel")?;
     let camera = &scene.cameras[0];
     let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
-    let build = Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false };
+    let build =
+        Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false };
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids", "gbuffer.draw:depth"];
     let mut followed = Followed::new();

@@ -321,7 +321,7 @@ impl Rig {
         let options = ResidentOptions { rays, ..ResidentOptions::default() };
         let resident = ResidentScene::new(&gpu, scene, options)?.shared();
         resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
-        let build = Build { gpu: &gpu, rays, lets_light_through: false };
+        let build = Build { gpu: &gpu, rays, lets_light_through: false, has_own_specular: false };
         let (slots, config) = (Slots::default(), Config::default());
         let mut gbuffer = slots.gbuffer.from_config(&build, &config)?;
         let mut reprojection = Reprojection::new(&gpu)?;

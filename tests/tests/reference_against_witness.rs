@@ -126,6 +126,21 @@ fn six_scenes() -> Result<()> {
     Ok(())
 }
 
+/// KHR_materials_specular, whole and by parts.
+#[test]
+fn reflections_of_their_own() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = scenes::own_reflections();
+    for (only, [device, witness]) in [(Only::All, [2, 1]), (Only::Reflections, [4, 4])] {
+        let pixel = if only == Only::All { PixelSampling::Area } else { PixelSampling::Centre };
+        let options =
+            ReferenceOptions { width: SIZE[0], height: SIZE[1], only, pixel, check: true, ..Default::default() };
+        let samples = [device, witness].map(|n| n * samples());
+        agree(&format!("{}, {}", scene.name, only.name()), &both(&gpu, &scene, options, samples)?, LIMIT)?;
+    }
+    Ok(())
+}
+
 #[test]
 fn every_part() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

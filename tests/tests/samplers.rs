@@ -248,7 +248,10 @@ fn visible_normals() -> Result<()> {
 fn surface_models() -> Result<()> {
     let opaque = |metal: f32, rough: f32| format!("opaque_bsdf(vec3(0.7, 0.5, 0.3), {metal:?}, {rough:?})");
     let glass = |eta: f32, thin: bool, rough: f32| {
-        format!("Bsdf(vec3(0.9), 0.0, vec3(0.04), {:?}, 1.0, {eta:?}, {thin}, 0.0, 1.0)", rough * rough)
+        format!(
+            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), {:?}, 1.0, {eta:?}, {thin}, 0.0, 1.0, NO_LESS)",
+            rough * rough
+        )
     };
     let models = [
         ("matte", opaque(0.0, 0.9), "LOBE_ALL"),
@@ -257,13 +260,19 @@ fn surface_models() -> Result<()> {
         ("plastic, diffuse lobe", opaque(0.0, 0.3), "LOBE_DIFFUSE"),
         ("metal", opaque(1.0, 0.5), "LOBE_ALL"),
         ("half metal", opaque(0.5, 0.4), "LOBE_ALL"),
-        ("coated", "Bsdf(vec3(0.7), 0.0, vec3(0.04), 0.4, 0.0, 1.5, false, 1.0, 0.05)".to_owned(), "LOBE_ALL"),
+        (
+            "coated",
+            "Bsdf(vec3(0.7), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), 0.4, 0.0, 1.5, false, 1.0, 0.05, NO_LESS)"
+                .to_owned(),
+            "LOBE_ALL",
+        ),
         ("glass from outside", glass(1.5, false, 0.5), "LOBE_ALL"),
         ("glass from inside", glass(1.0 / 1.5, false, 0.5), "LOBE_ALL"),
         ("thin glass", glass(1.5, true, 0.5), "LOBE_ALL"),
         (
             "half glass, what goes through",
-            "Bsdf(vec3(0.9), 0.0, vec3(0.04), 0.3, 0.5, 1.5, false, 0.0, 1.0)".to_owned(),
+            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), 0.3, 0.5, 1.5, false, 0.0, 1.0, NO_LESS)"
+                .to_owned(),
             "LOBE_TRANSMISSION",
         ),
     ];

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use magpie_accuracy::sweep::Shard;
 
-use super::{EnvironmentArguments, Extent, Rays};
+use super::{EnvironmentArguments, Extent, Rays, Supply};
 
 /// Arguments of `magpie accuracy`.
 #[derive(Args, Debug)]
@@ -59,6 +59,9 @@ pub struct AccuracyArguments {
     /// Light from an image
     #[command(flatten)]
     pub environment: EnvironmentArguments,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
 }
 
 /// What else `magpie accuracy` does.
@@ -109,6 +112,9 @@ pub struct TuneArguments {
     /// Light from an image
     #[command(flatten)]
     pub environment: EnvironmentArguments,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {

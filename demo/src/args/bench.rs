@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{Extent, Rays};
+use super::{Extent, Rays, Supply};
 
 /// What `magpie bench` measures.
 #[derive(Debug, Subcommand)]
@@ -45,6 +45,9 @@ pub struct BenchRaysArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<PathBuf>,
+    /// What a scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
     /// Write JSON to this file, or to standard output in place of the table
     #[arg(long, value_name = "F.json", num_args = 0..=1)]
     pub json: Option<Option<PathBuf>>,
@@ -75,6 +78,9 @@ pub struct BenchMotionArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
     pub scene: PathBuf,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
     /// The slot, one with a denoiser
     #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao"])]
     pub slot: String,

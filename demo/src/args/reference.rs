@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use magpie_passes::reference::{self, PixelSampling};
 
-use super::{EnvironmentArguments, Extent, Rays};
+use super::{EnvironmentArguments, Extent, Rays, Supply};
 
 /// Arguments of `magpie reference`.
 #[derive(Args, Debug)]
@@ -49,6 +49,9 @@ pub struct ReferenceArguments {
     /// Light from all around.
     #[command(flatten)]
     pub environment: EnvironmentArguments,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,

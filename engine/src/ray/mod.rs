@@ -6,6 +6,7 @@
 mod bounds;
 mod cwbvh;
 mod fit;
+mod occluders;
 mod sort;
 mod split;
 mod top;
@@ -13,6 +14,7 @@ mod top;
 pub use bounds::Bounds;
 pub use cwbvh::MeshBvh;
 pub use fit::{Child, Levels, children};
+pub(crate) use occluders::{Occluder, Occluders};
 pub use sort::RaySort;
 pub use top::{Placement, SceneBvh, object_from_world, placements};
 

@@ -12,6 +12,7 @@ mod daylight;
 mod deform;
 mod environment;
 mod error;
+mod glow;
 mod import;
 mod mesh;
 pub mod odds;
@@ -35,12 +36,12 @@ pub use pose::{Animator, Pose};
 pub use resident::{
     Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene,
 };
-pub use supply::supply_missing;
+pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};
 
 /// Everything that is drawn, in plain memory.
 ///
-/// After [`load`] and [`supply_missing`], or from [`builtin`], a scene holds at least one instance, camera and material; every index is
+/// After [`load`] and [`supply`], or from [`builtin`], a scene holds at least one instance, camera and material; every index is
 /// in range and every number finite.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
@@ -216,6 +217,10 @@ pub struct Material {
     pub transmission: f32,
     /// Index of refraction, at least 1 (KHR_materials_ior).
     pub ior: f32,
+    /// Strength of the reflection of a dielectric, 0 to 1: at normal and at grazing incidence (KHR_materials_specular). At 0 it is Lambert's.
+    pub specular: f32,
+    /// What its reflectance at normal incidence is multiplied with, linear, at least 0.
+    pub specular_colour: Vec3,
     /// Above 0 where the surface is the border of a volume, which refracts; 0 where it is a thin sheet (KHR_materials_volume).
     pub thickness: f32,
     /// What is left of white light after `attenuation_distance` inside of the volume, linear, 0 to 1.
@@ -236,6 +241,10 @@ pub struct Material {
     pub occlusion_texture: Option<TextureUse>,
     /// sRGB emission.
     pub emission_texture: Option<TextureUse>,
+    /// Strength of the reflection in alpha.
+    pub specular_texture: Option<TextureUse>,
+    /// sRGB colour of the reflection at normal incidence.
+    pub specular_colour_texture: Option<TextureUse>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureUse>,
     /// Strength of the coat in red.
@@ -363,9 +372,19 @@ pub enum Light {
 const LEAST_ALPHA: f32 = 0.002;
 
 impl Material {
-    /// Whether it has any of transmission, a coat, or an index of refraction of its own.
+    /// Whether it has any of transmission, a coat, or a reflection of its own.
     pub fn is_layered(&self) -> bool {
-        self.transmission > 0.0 || self.clearcoat > 0.0 || self.ior != Self::default().ior
+        self.transmission > 0.0 || self.clearcoat > 0.0 || self.has_own_specular()
+    }
+
+    /// Whether it reflects otherwise than a dielectric of index 1.5: by its index of refraction, or as KHR_materials_specular says.
+    pub fn has_own_specular(&self) -> bool {
+        let plain = Self::default();
+        self.ior != plain.ior
+            || self.specular != plain.specular
+            || self.specular_colour != plain.specular_colour
+            || self.specular_texture.is_some()
+            || self.specular_colour_texture.is_some()
     }
 
     /// Whether light may go straight through it where it is solid: a thin sheet that transmits, smooth or with a texture that may say so.
@@ -400,6 +419,8 @@ impl Default for Material {
             shows_light: false,
             transmission: 0.0,
             ior: 1.5,
+            specular: 1.0,
+            specular_colour: Vec3::ONE,
             thickness: 0.0,
             attenuation_colour: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
@@ -410,6 +431,8 @@ impl Default for Material {
             normal_texture: None,
             occlusion_texture: None,
             emission_texture: None,
+            specular_texture: None,
+            specular_colour_texture: None,
             transmission_texture: None,
             clearcoat_texture: None,
             clearcoat_roughness_texture: None,

@@ -104,13 +104,23 @@ pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<
     first
 }
 
-/// Mean luminance that a triangle emits, roughly, less what alpha takes.
+/// The weight of what a triangle emits: its mean, and a little of what it might emit.
 fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     let full = luminance(material.emission);
+    share_of_emission(scene, material, mesh, corners).map_or(full, |share| full * (EVEN + (1.0 - EVEN) * share))
+}
+
+/// Mean luminance that a triangle emits, roughly: factor times texture, less what alpha takes.
+pub fn mean_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
+    luminance(material.emission) * share_of_emission(scene, material, mesh, corners).unwrap_or(1.0)
+}
+
+/// What textures and alpha leave of the emission of a triangle, on average; `None` for all of it.
+fn share_of_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> Option<f64> {
     let texture = |used: Option<TextureUse>| used.and_then(|u| Some((u, scene.textures.get(u.texture as usize)?)));
     let (glow, base) = (texture(material.emission_texture), texture(material.base_colour_texture));
     if glow.is_none() && material.alpha == AlphaMode::Opaque {
-        return full;
+        return None;
     }
     let mut sum = 0.0;
     for i in 0..LOOK_UPS * LOOK_UPS {
@@ -132,7 +142,7 @@ fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) ->
         };
         sum += covers * glow.map_or(1.0, |glow| luminance(from_srgb(read(glow))));
     }
-    full * (EVEN + (1.0 - EVEN) * sum / f64::from(LOOK_UPS * LOOK_UPS))
+    Some(sum / f64::from(LOOK_UPS * LOOK_UPS))
 }
 
 /// The texel there, tiled, of a mip that is small enough for few look-ups to see it all.

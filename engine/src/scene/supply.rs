@@ -1,4 +1,5 @@
 //! What a scene lacks to make a picture: a camera that frames it, a sun, a sky.
+use super::glow::{ENOUGH, share_lit};
 use super::{Animator, Camera, Daylight, Material, Scene, deform};
 use crate::ray::COORDINATE_LIMIT;
 use glam::{DMat3, DVec3, Vec3};
@@ -30,25 +31,57 @@ const SUN: [f32; 2] = [50.0, 50.0];
 /// Resolution at which visible instances are counted.
 const PROBE: [usize; 2] = [256, 144];
 
-/// Supplies what is missing, a notice for each: a camera that frames the geometry; where there is neither light nor
-/// daylight nor an environment map, a sun and a sky that match, even if materials emit; a default material.
+/// What a scene that lacks it is given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Supply {
+    /// Nothing: a scene without lights is dark but for what emits, and one without a camera cannot be shown by a camera of its own.
+    Nothing,
+    /// A camera.
+    Camera,
+    /// A camera, a sun and a sky.
+    #[default]
+    All,
+}
+
+/// Supplies all that is missing: [`supply`] with [`Supply::All`].
 pub fn supply_missing(scene: &mut Scene) {
+    supply(scene, Supply::All);
+}
+
+/// Supplies what is missing, as far as it is wanted, a notice for each in [`Scene::supplied`]: a camera that frames the geometry; a sun and
+/// a sky that match, where there is neither light nor daylight nor an environment map, and what emits does not light a quarter of the
+/// scene's surfaces. A scene without materials gets the default one in any case.
+pub fn supply(scene: &mut Scene, wanted: Supply) {
     if scene.materials.is_empty() {
         scene.materials.push(Material::default());
     }
-    if scene.cameras.is_empty() {
+    if wanted != Supply::Nothing && scene.cameras.is_empty() {
         let camera = frame(scene);
         let eye = camera.eye();
         scene.supplied.push(format!("the scene has no camera: one at {eye:.2} frames it"));
         scene.cameras.push(camera);
     }
-    if scene.lights.is_empty() && scene.daylight.is_none() && scene.environment.is_none() {
-        let to_sun = sun_for(&scene.cameras[0]);
-        let daylight = Daylight { to_sun, ..Daylight::default() };
-        scene.lights.push(daylight.sun());
-        scene.daylight = Some(daylight);
-        scene.supplied.push(format!("the scene has no light: a sun from {to_sun:.2} and a clear sky are supplied"));
+    if wanted == Supply::All && scene.lights.is_empty() && scene.daylight.is_none() && scene.environment.is_none() {
+        supply_light(scene);
     }
+}
+
+/// A sun and a sky, unless what emits is light enough.
+fn supply_light(scene: &mut Scene) {
+    let Some(camera) = scene.cameras.first() else { return };
+    let to_sun = sun_for(camera);
+    let lit = share_lit(scene);
+    let percent = (100.0 * lit).round();
+    if lit >= ENOUGH {
+        scene.supplied.push(format!("what emits lights {percent} % of the surfaces: no sun and no sky are supplied"));
+        return;
+    }
+    let daylight = Daylight { to_sun, ..Daylight::default() };
+    scene.lights.push(daylight.sun());
+    scene.daylight = Some(daylight);
+    let glow =
+        if lit > 0.0 { format!(", and what emits lights only {percent} % of the surfaces") } else { String::new() };
+    scene.supplied.push(format!("the scene has no light{glow}: a sun from {to_sun:.2} and a clear sky are supplied"));
 }
 
 /// Behind the camera, to its left and above: fronts are lit, and shadows fall to the right and away, where they are seen.
@@ -74,12 +107,12 @@ struct View {
 }
 
 /// An instance as it stands at the start of the animation.
-struct Thing<'a> {
-    world: glam::DAffine3,
-    positions: Cow<'a, [Vec3]>,
-    indices: Cow<'a, [u32]>,
+pub(super) struct Thing<'a> {
+    pub world: glam::DAffine3,
+    pub positions: Cow<'a, [Vec3]>,
+    pub indices: Cow<'a, [u32]>,
     /// Centres in the world, and world from unit sphere.
-    balls: Vec<(DVec3, DMat3)>,
+    pub balls: Vec<(DVec3, DMat3)>,
     double_sided: bool,
 }
 
@@ -94,7 +127,8 @@ fn reachable(p: DVec3) -> bool {
     p.is_finite() && p.abs().max_element() <= f64::from(COORDINATE_LIMIT)
 }
 
-fn things(scene: &Scene) -> Vec<Thing<'_>> {
+/// All of a scene's instances, in their order.
+pub(super) fn things(scene: &Scene) -> Vec<Thing<'_>> {
     let pose = Animator::new(scene).pose(0.0);
     let thing = |(i, instance): (usize, &super::Instance)| {
         let (mesh, world) = (&scene.meshes[instance.mesh as usize], pose.instances[i]);
@@ -335,18 +369,25 @@ mod tests {
     }
 
     #[test]
-    fn an_environment_map_is_light_enough_and_emission_is_not() {
-        let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
-        scene.materials.push(Material { emission: Vec3::ONE, ..Material::default() });
-        let mut surrounded = scene.clone();
+    fn only_what_is_wanted_is_supplied() {
+        for (wanted, cameras, lights) in [(Supply::Nothing, 0, 0), (Supply::Camera, 1, 0), (Supply::All, 1, 1)] {
+            let mut scene = cloud(corners(Vec3::ONE, Vec3::ZERO));
+            supply(&mut scene, wanted);
+            assert_eq!((scene.cameras.len(), scene.lights.len()), (cameras, lights), "{wanted:?}");
+            assert_eq!((scene.daylight.iter().count(), scene.supplied.len()), (lights, cameras + lights), "{wanted:?}");
+            assert_eq!(scene.materials.len(), 1, "{wanted:?}: a material in any case");
+        }
+    }
+
+    #[test]
+    fn an_environment_map_is_light_enough() {
+        let mut surrounded = cloud(corners(Vec3::ONE, Vec3::ZERO));
         let name = "grey".to_owned();
         let radiance = [Vec3::ONE].into();
         surrounded.environment = Some(Environment { name, width: 1, height: 1, radiance, scale: 1.0, turn: 0.0 });
         supply_missing(&mut surrounded);
         assert!(surrounded.lights.is_empty() && surrounded.daylight.is_none(), "{:?}", surrounded.supplied);
         assert_eq!(surrounded.supplied.len(), 1, "the camera");
-        supply_missing(&mut scene);
-        assert!(scene.lights.len() == 1 && scene.daylight.is_some());
     }
 
     #[test]

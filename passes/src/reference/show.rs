@@ -22,8 +22,7 @@ impl Reference {
     /// # Errors
     /// [`ReferenceError`].
     pub fn display(&mut self, slots: &Slots, config: &Config) -> Result<Pixels, ReferenceError> {
-        let build =
-            Build { gpu: &self.gpu, rays: self.options.rays, lets_light_through: self.scene.lets_light_through() };
+        let build = Build::of(&self.gpu, self.options.rays, &self.scene);
         let mut post = slots.post.from_config(&build, config)?;
         let kernel = self.gpu.kernel(&REFERENCE_PRESENT_COMP)?;
         let mut staging = Staging::new(&self.gpu, "reference mean");

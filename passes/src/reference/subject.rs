@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hasher};
 
 /// Changes whenever the same scene comes to another picture: the model of lights and surfaces.
-const MODEL: u32 = 2;
+const MODEL: u32 = 3;
 
 impl ReferenceOptions {
     /// What estimates with these options are estimates of. Two that have the same can be merged, if their samples are independent.

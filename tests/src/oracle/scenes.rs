@@ -139,6 +139,27 @@ pub fn rough_dielectric() -> Scene {
     s
 }
 
+/// Reflections of their own (KHR_materials_specular): none, strong, coloured, of half a metal and of glass.
+pub fn own_reflections() -> Scene {
+    let mut s = scene("own reflections", camera([0.0, 1.5, 4.4], [0.0, 0.35, 0.0]));
+    let with = |m: Material, ior: f32, specular: f32, colour: [f32; 3]| {
+        let specular_colour = Vec3::from(colour);
+        Material { ior, specular, specular_colour, ..m }
+    };
+    add(&mut s, plane(2.2), with(matte([0.6; 3]), 1.5, 0.0, [1.0; 3]), at(0.0, 0.0, 0.0));
+    let things = [
+        with(material([0.2, 0.3, 0.7], 0.0, 0.4), 1.5, 1.0, [15.0, 5.0, 1.0]),
+        with(material([0.8, 0.5, 0.3], 0.0, 0.5), 2.0, 0.6, [0.3, 1.0, 6.0]),
+        with(material([0.9, 0.7, 0.4], 0.5, 0.4), 1.5, 0.3, [1.0, 0.0, 4.0]),
+        with(glass(0.45), 1.5, 0.4, [1.0, 3.0, 8.0]),
+    ];
+    for (i, m) in (0_u8..).zip(things) {
+        add(&mut s, ball(0.36), m, at(f32::from(i) * 0.8 - 1.2, 0.4, 0.0));
+    }
+    s.environment = Some(surroundings());
+    s
+}
+
 /// A ball of smooth, tinted glass under an environment map.
 pub fn glass_ball() -> Scene {
     let mut s = scene("glass ball", camera([0.0, 1.1, 3.4], [0.0, 0.6, 0.0]));
@@ -189,7 +210,7 @@ pub fn many_lights() -> Scene {
 }
 
 /// The built-in Cornell box, purely Lambertian: with an index of refraction of 1 nothing is left of the surface's reflection, and the
-/// diffuse part is 0.998 of the base colour.
+/// diffuse part is Lambert's.
 pub fn cornell_diffuse() -> Scene {
     let mut s = builtin("cornell").unwrap_or_default();
     s.name = "cornell diffuse".to_owned();

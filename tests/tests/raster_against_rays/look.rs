@@ -131,7 +131,7 @@ pub struct Both {
 pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays, policy: &Policy) -> Result<Both> {
     let kernel = bench.ray_kernel("raster_against_rays.ray", GLSL, rays)?;
     let gpu = bench.gpu.clone();
-    let build = magpie::stage::Build { gpu: &gpu, rays, lets_light_through: false };
+    let build = magpie::stage::Build { gpu: &gpu, rays, lets_light_through: false, has_own_specular: false };
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let shot = Shot { scene, camera, extent: EXTENT };
     let wanted = [

@@ -1,10 +1,10 @@
-//! What lies over and under the surface of a material: KHR_materials_transmission, ior, volume and clearcoat.
+//! What lies over and under the surface of a material: KHR_materials_transmission, ior, specular, volume and clearcoat.
 use super::material::{Slot, finite, unit};
 use crate::scene::error::Fault;
 use crate::scene::{ColourSpace, Material};
 use glam::Vec3;
 use gltf::json;
-use json::extensions::material::{Material as Extensions, Volume};
+use json::extensions::material::{Material as Extensions, Specular, Volume};
 use json::texture::Info;
 use serde::Deserialize;
 
@@ -15,10 +15,14 @@ pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
 pub(super) struct Layers<'a> {
     pub transmission: f32,
     pub ior: f32,
+    pub specular: f32,
+    pub specular_colour: Vec3,
     pub thickness: f32,
     pub attenuation_colour: Vec3,
     pub attenuation_distance: f32,
     pub clearcoat: Clearcoat,
+    specular_texture: Option<&'a Info>,
+    specular_colour_texture: Option<&'a Info>,
     transmission_texture: Option<&'a Info>,
 }
 
@@ -39,16 +43,20 @@ pub(super) struct Clearcoat {
 }
 
 impl<'a> Layers<'a> {
-    /// Reads the four extensions of one material; without them, what glTF takes for their absence.
+    /// Reads the five extensions of one material; without them, what glTF takes for their absence.
     pub fn read(from: Option<&'a Extensions>, name: &str, notices: &mut Vec<String>) -> Result<Self, Fault> {
         let none = Material::default();
         let mut layers = Self {
             transmission: none.transmission,
             ior: none.ior,
+            specular: none.specular,
+            specular_colour: none.specular_colour,
             thickness: none.thickness,
             attenuation_colour: none.attenuation_colour,
             attenuation_distance: none.attenuation_distance,
             clearcoat: Clearcoat::default(),
+            specular_texture: None,
+            specular_colour_texture: None,
             transmission_texture: None,
         };
         let Some(from) = from else { return Ok(layers) };
@@ -59,6 +67,9 @@ impl<'a> Layers<'a> {
         if let Some(i) = &from.ior {
             layers.ior = ior(i.ior.0, name, notices)?;
         }
+        if let Some(s) = &from.specular {
+            layers.specular(s, name, notices)?;
+        }
         if let Some(v) = &from.volume {
             layers.volume(v, name, notices)?;
         }
@@ -66,6 +77,21 @@ impl<'a> Layers<'a> {
             layers.clearcoat = Clearcoat::read(value, name, notices)?;
         }
         Ok(layers)
+    }
+
+    fn specular(&mut self, from: &'a Specular, name: &str, notices: &mut Vec<String>) -> Result<(), Fault> {
+        self.specular = unit(from.specular_factor.0, "specularFactor", name, notices)?;
+        // A colour may be brighter than white: the reflectance that comes of it is limited to 1 where it is used.
+        for (to, c) in self.specular_colour.as_mut().iter_mut().zip(from.specular_color_factor.0) {
+            let value = finite(c, "specularColorFactor")?;
+            if value < 0.0 {
+                notices.push(format!("material {name}: specularColorFactor {value} is below 0: 0 is used"));
+            }
+            *to = value.max(0.0);
+        }
+        self.specular_texture = from.specular_texture.as_ref();
+        self.specular_colour_texture = from.specular_color_texture.as_ref();
+        Ok(())
     }
 
     fn volume(&mut self, from: &Volume, name: &str, notices: &mut Vec<String>) -> Result<(), Fault> {
@@ -90,6 +116,14 @@ impl<'a> Layers<'a> {
             ));
         }
         Ok(())
+    }
+
+    pub fn specular_slot(&self) -> Option<Slot<'a>> {
+        Slot::of("specularTexture", self.specular_texture, ColourSpace::Linear)
+    }
+
+    pub fn specular_colour_slot(&self) -> Option<Slot<'a>> {
+        Slot::of("specularColorTexture", self.specular_colour_texture, ColourSpace::Srgb)
     }
 
     pub fn transmission_slot(&self) -> Option<Slot<'a>> {

@@ -23,11 +23,12 @@ mod tests;
 use accessor::Data;
 
 /// Extensions that are carried out.
-const SUPPORTED: [&str; 9] = [
+const SUPPORTED: [&str; 10] = [
     "KHR_lights_punctual",
     layers::CLEARCOAT,
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",

@@ -130,6 +130,7 @@ pub struct ResidentScene {
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
     lets_light_through: bool,
+    has_own_specular: bool,
     emission: Emission,
     sky: Option<Sky>,
 }
@@ -351,6 +352,7 @@ impl ResidentScene {
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
             lets_light_through,
+            has_own_specular: tables::has_own_specular(scene),
             emission: Emission::new(scene),
             sky,
             textures,
@@ -518,11 +520,6 @@ impl ResidentScene {
             Caster { light, placed: self.state.light(index), moved: self.state.light_moved(index) }
         };
         self.casters.iter().map(|light| caster(*light)).collect()
-    }
-
-    /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.
-    pub fn lets_light_through(&self) -> bool {
-        self.lets_light_through
     }
 
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.

@@ -1,4 +1,5 @@
 //! The scene's tables in the layout that shaders read.
+use super::ResidentScene;
 use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
@@ -25,6 +26,23 @@ pub(super) fn attributes(mesh: &Mesh) -> Vec<shared::VertexAttributes> {
 pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     let (a, t) = (m.matrix3, m.translation);
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
+}
+
+impl ResidentScene {
+    /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.
+    pub fn lets_light_through(&self) -> bool {
+        self.lets_light_through
+    }
+
+    /// Whether any material reflects otherwise than a dielectric of index 1.5 or a metal: [`Material::has_own_specular`].
+    pub fn has_own_specular(&self) -> bool {
+        self.has_own_specular
+    }
+}
+
+/// Whether any material that is shown reflects in a way of its own.
+pub(super) fn has_own_specular(scene: &Scene) -> bool {
+    scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular())
 }
 
 /// Whether light may go straight through it. Of materials that are blended but cover all, none does.
@@ -128,10 +146,14 @@ pub(super) fn materials(
             layers.push(shared::MaterialLayers {
                 transmission: m.transmission,
                 ior: m.ior,
+                specular: m.specular,
+                specular_colour: m.specular_colour.to_array(),
                 thickness: m.thickness,
                 absorption: m.absorption().to_array(),
                 clearcoat: m.clearcoat,
                 clearcoat_roughness: m.clearcoat_roughness,
+                specular_texture: slot(m.specular_texture)?,
+                specular_colour_texture: slot(m.specular_colour_texture)?,
                 transmission_texture: slot(m.transmission_texture)?,
                 clearcoat_texture: slot(m.clearcoat_texture)?,
                 clearcoat_roughness_texture: slot(m.clearcoat_roughness_texture)?,

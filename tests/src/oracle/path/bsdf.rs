@@ -7,8 +7,8 @@ use crate::oracle::shading::{ggx_d, smith_g2, smith_lambda};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// What diffuse light is multiplied with, so that a white surface gives back no more than it gets.
-const DIFFUSE_SCALE: f64 = 0.998;
+/// What diffuse light below a surface that reflects all at grazing incidence loses, so that a white one gives back no more than it gets.
+const DIFFUSE_LOSS: f64 = 0.002;
 /// Reflectance of a clear coat at normal incidence (KHR_materials_clearcoat).
 const COAT_F0: f64 = 0.04;
 /// Least share of the samples that a lobe gets which exists at all.
@@ -43,12 +43,32 @@ pub struct Schlick {
     pub f0: DVec3,
     /// At grazing incidence; the same in every channel.
     pub f90: f64,
+    /// f0 as what lies below sees it.
+    pub below: DVec3,
+    /// How much of the loss [`DIFFUSE_LOSS`] there is.
+    pub loss: f64,
 }
 
 impl Schlick {
-    /// Grazing reflectance falls below f0 of 2 %.
-    pub fn new(f0: DVec3) -> Self {
-        Self { f0, f90: (50.0 * f0.max_element()).min(1.0) }
+    /// Of a mixture of a dielectric and a metal (KHR_materials_specular, with the mixture of glTF 2.0, appendix B). Grazing reflectance falls
+    /// with an f0 below 2 %.
+    pub fn new(m: &Layers) -> Self {
+        let by_index = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        let dielectric = (by_index * m.specular_colour).min(DVec3::ONE) * m.specular;
+        let mixed = |dielectric: DVec3| dielectric.lerp(m.base, m.metalness);
+        let black = (50.0 * mixed(DVec3::splat(0.04)).max_element()).min(1.0);
+        let grazing = (50.0 * by_index).min(1.0) * m.specular * (1.0 - m.metalness) + m.metalness;
+        Self {
+            f0: mixed(dielectric),
+            f90: black * grazing,
+            loss: grazing,
+            below: mixed(DVec3::splat(dielectric.max_element())),
+        }
+    }
+
+    /// As what lies below sees it.
+    pub fn seen_from_below(&self) -> Self {
+        Self { f0: self.below, ..*self }
     }
 
     /// At a cosine.
@@ -87,6 +107,10 @@ pub struct Layers {
     pub transmission: f64,
     /// Index of refraction, at least 1.
     pub ior: f64,
+    /// Strength of the reflection of the dielectric part, 0 to 1.
+    pub specular: f64,
+    /// Its colour at normal incidence, at least 0.
+    pub specular_colour: DVec3,
     /// The border of a volume, which refracts; else a thin sheet.
     pub volume: bool,
     /// The viewer is inside of the volume.
@@ -135,13 +159,15 @@ impl Scatterer {
             let v_h = v.dot(h);
             let surface = self.schlick();
             let microfacets = |alpha| ggx_d(n.dot(h), alpha) * smith_g2(n_v, n_l, alpha) / (4.0 * n_v);
-            let reflected = surface.at(v_h) * (1.0 - glass) + DVec3::splat(glass * fresnel(v_h, self.eta()));
+            let reflected = surface.at(v_h) * (1.0 - glass) + glass * self.glass(v_h);
             lobes.specular = under * reflected * microfacets(m.alpha);
             lobes.coat = DVec3::splat((1.0 - under) * microfacets(m.coat_alpha));
-            let lost = DVec3::ONE - surface.mean();
-            let coupled = (DVec3::ONE - surface.at(n_v)) * (DVec3::ONE - surface.at(n_l));
+            let above = surface.seen_from_below();
+            let lost = DVec3::ONE - above.mean();
+            let coupled = (DVec3::ONE - above.at(n_v)) * (DVec3::ONE - above.at(n_l));
             let coupled = DVec3::select(lost.cmpgt(DVec3::ZERO), coupled / lost, DVec3::ZERO);
-            lobes.diffuse = under * (1.0 - glass) * DIFFUSE_SCALE * (1.0 - m.metalness) * m.base / PI * coupled * n_l;
+            let scale = 1.0 - DIFFUSE_LOSS * above.loss;
+            lobes.diffuse = under * (1.0 - glass) * scale * (1.0 - m.metalness) * m.base / PI * coupled * n_l;
         }
         if n_l < 0.0 && p_l < 0.0 && glass > 0.0 {
             let through = if m.volume { self.refracted(l) } else { self.through_sheet(l) };
@@ -157,7 +183,7 @@ impl Scatterer {
         let Some(h) = self.refracting(l) else { return 0.0 };
         let (v_h, l_h) = (v.dot(h), l.dot(h));
         let g_d = smith_g2(n.dot(v), -n.dot(l), alpha) * ggx_d(n.dot(h), alpha);
-        v_h * -l_h * (1.0 - fresnel(v_h, eta)) * g_d / (n.dot(v) * (v_h + eta * l_h).powi(2))
+        v_h * -l_h * (1.0 - self.glass(v_h).max_element()) * g_d / (n.dot(v) * (v_h + eta * l_h).powi(2))
     }
 
     /// The half vector of refraction, on the side of the viewer; none where no microfacet refracts so.
@@ -173,12 +199,25 @@ impl Scatterer {
         let mirrored = l - 2.0 * n.dot(l) * n;
         let h = (v + mirrored).normalize();
         let microfacets = ggx_d(n.dot(h), alpha) * smith_g2(n.dot(v), n.dot(mirrored), alpha) / (4.0 * n.dot(v));
-        (1.0 - fresnel(v.dot(h), self.layers.ior)) * microfacets
+        (1.0 - self.glass(v.dot(h)).max_element()) * microfacets
     }
 
     fn schlick(&self) -> Schlick {
-        let d = (self.layers.ior - 1.0) / (self.layers.ior + 1.0);
-        Schlick::new(DVec3::splat(d * d).lerp(self.layers.base, self.layers.metalness))
+        Schlick::new(&self.layers)
+    }
+
+    /// Reflectance of glass: Fresnel's, on the way from its value at normal incidence to 1, stands for how far it is from the reflectance that
+    /// strength and colour give at normal incidence to the one at grazing incidence. Total reflection stays so.
+    fn glass(&self, cosine: f64) -> DVec3 {
+        let (m, f) = (&self.layers, fresnel(cosine, self.eta()));
+        if f >= 1.0 {
+            return DVec3::ONE;
+        }
+        let by_index = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
+        let (far, normal) =
+            ((f - by_index).max(0.0) / (1.0 - by_index), (by_index * m.specular_colour).min(DVec3::ONE));
+        let plain = by_index * (1.0 - far) + far;
+        (normal * m.specular).lerp(DVec3::splat(m.specular), far) + DVec3::splat(f - plain)
     }
 
     /// Index of refraction behind the surface over that on the viewer's side.

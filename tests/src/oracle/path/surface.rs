@@ -147,6 +147,8 @@ impl Materials {
             alpha: alpha_of_roughness(f64::from(m.roughness) * metal_rough.y),
             transmission: f64::from(m.transmission) * self.read(&m.transmission_texture, &at.uv).x,
             ior: m.ior.into(),
+            specular: f64::from(m.specular) * self.read(&m.specular_texture, &at.uv).w,
+            specular_colour: m.specular_colour.as_dvec3() * self.read(&m.specular_colour_texture, &at.uv).truncate(),
             volume: volume.is_some(),
             inside: volume.is_some() && !hit.front,
             coat: f64::from(m.clearcoat) * self.read(&m.clearcoat_texture, &at.uv).x,

@@ -1,4 +1,4 @@
-//! Transmission, index of refraction, volume and clear coat.
+//! Transmission, index of refraction, reflection, volume and clear coat.
 use super::*;
 
 fn layered() -> (Value, Vec<u8>) {
@@ -7,6 +7,10 @@ fn layered() -> (Value, Vec<u8>) {
     root["materials"][0]["extensions"] = json!({
         "KHR_materials_transmission": { "transmissionFactor": 0.75, "transmissionTexture": moved },
         "KHR_materials_ior": { "ior": 1.33 },
+        "KHR_materials_specular": {
+            "specularFactor": 0.25, "specularTexture": moved,
+            "specularColorFactor": [0.5, 2, 0], "specularColorTexture": { "index": 0, "texCoord": 1 },
+        },
         "KHR_materials_volume": {
             "thicknessFactor": 0.5, "attenuationDistance": 2, "attenuationColor": [0.25, 0.5, 1],
         },
@@ -15,7 +19,7 @@ fn layered() -> (Value, Vec<u8>) {
             "clearcoatTexture": moved, "clearcoatRoughnessTexture": { "index": 0, "texCoord": 1 },
         },
     });
-    let used = ["transmission", "ior", "volume", "clearcoat"].map(|e| format!("KHR_materials_{e}"));
+    let used = ["transmission", "ior", "specular", "volume", "clearcoat"].map(|e| format!("KHR_materials_{e}"));
     root["extensionsRequired"] = json!(used);
     root["extensionsUsed"].as_array_mut().unwrap().extend(used.map(|e| json!(e)));
     (root, bin)
@@ -27,6 +31,7 @@ fn layers_are_read_whole() {
     let scene = load_json(&root, &bin).unwrap();
     let m = &scene.materials[0];
     assert_eq!((m.transmission, m.ior, m.thickness), (0.75, 1.33, 0.5));
+    assert_eq!((m.specular, m.specular_colour), (0.25, Vec3::new(0.5, 2.0, 0.0)));
     assert_eq!((m.attenuation_distance, m.attenuation_colour), (2.0, Vec3::new(0.25, 0.5, 1.0)));
     assert_eq!((m.clearcoat, m.clearcoat_roughness), (0.5, 0.125));
     assert!(m.is_layered());
@@ -37,6 +42,10 @@ fn layers_are_read_whole() {
     let rough = m.clearcoat_roughness_texture.unwrap();
     assert_eq!((transmission.rows[0].z, coat.rows[0].z, rough.rows[0].z), (0.25, 0.25, 0.0));
     assert_eq!((transmission.uv_set, rough.uv_set), (0, 1));
+    let [strength, colour] = [m.specular_texture, m.specular_colour_texture].map(Option::unwrap);
+    assert_eq!((strength.rows[0].z, strength.uv_set, colour.uv_set), (0.25, 0, 1));
+    assert_eq!(strength.texture, transmission.texture);
+    assert_eq!(scene.textures[colour.texture as usize].colour_space, ColourSpace::Srgb);
     // One image, linear: shared with the normal map.
     for used in [transmission, coat, rough] {
         assert_eq!(used.texture, m.normal_texture.unwrap().texture);
@@ -60,6 +69,27 @@ fn without_the_extensions_there_are_no_layers() {
     assert!(!scene.materials[0].is_layered() && scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
+/// A material that reflects in its own way has a layer by that alone; a texture of strength is enough.
+#[test]
+fn a_reflection_alone_makes_a_layer() {
+    for (extension, own) in [
+        (json!({}), false),
+        (json!({ "specularFactor": 1, "specularColorFactor": [1, 1, 1] }), false),
+        (json!({ "specularFactor": 0 }), true),
+        (json!({ "specularColorFactor": [1, 1, 0.5] }), true),
+        (json!({ "specularTexture": { "index": 0 } }), true),
+        (json!({ "specularColorTexture": { "index": 0 } }), true),
+    ] {
+        let (mut root, bin) = good();
+        root["materials"][0]["extensions"] = json!({ "KHR_materials_specular": extension });
+        root["extensionsUsed"].as_array_mut().unwrap().push(json!("KHR_materials_specular"));
+        let scene = load_json(&root, &bin).unwrap();
+        let m = &scene.materials[0];
+        assert_eq!((m.has_own_specular(), m.is_layered()), (own, own), "{extension}");
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+    }
+}
+
 #[test]
 fn what_lies_outside_is_moved_in_and_said() {
     type Get = fn(&crate::scene::Material) -> f32;
@@ -68,6 +98,15 @@ fn what_lies_outside_is_moved_in_and_said() {
         ("transmission/transmissionFactor", json!(-1), |m| m.transmission, 0.0, "transmissionFactor -1"),
         ("ior/ior", json!(0.5), |m| m.ior, 1.0, "ior 0.5 is below 1"),
         ("ior/ior", json!(0), |m| m.ior, 1.5, "an ior of 0 is not supported"),
+        ("specular/specularFactor", json!(1.25), |m| m.specular, 1.0, "specularFactor 1.25 lies outside 0 to 1"),
+        ("specular/specularFactor", json!(-2), |m| m.specular, 0.0, "specularFactor -2 lies outside 0 to 1"),
+        (
+            "specular/specularColorFactor",
+            json!([1, -0.5, 1]),
+            |m| m.specular_colour.y,
+            0.0,
+            "specularColorFactor -0.5 is below 0",
+        ),
         ("volume/thicknessFactor", json!(-2), |m| m.thickness, 0.0, "thicknessFactor -2"),
         ("volume/attenuationColor", json!([0.5, 3, 0]), |m| m.attenuation_colour.y, 1.0, "attenuationColor 3"),
         ("clearcoat/clearcoatFactor", json!(7), |m| m.clearcoat, 1.0, "clearcoatFactor 7"),
@@ -107,6 +146,14 @@ fn what_cannot_be_repaired_is_an_error() {
             "material 0 transmissionTexture: refers to texture 8 of 1",
         ),
         ("ior/ior", json!(1e39), "material 0: ior is inf"),
+        ("specular/specularFactor", json!(1e39), "material 0: specularFactor is inf"),
+        ("specular/specularColorFactor", json!([0, 0, 1e39]), "material 0: specularColorFactor is inf"),
+        ("specular/specularTexture", json!({ "index": 7 }), "material 0 specularTexture: refers to texture 7 of 1"),
+        (
+            "specular/specularColorTexture",
+            json!({ "index": 1 }),
+            "material 0 specularColorTexture: refers to texture 1 of 1",
+        ),
         ("volume/thicknessFactor", json!(1e39), "material 0: thicknessFactor is inf"),
         ("volume/attenuationDistance", json!(0), "material 0: attenuationDistance is 0, wanted a number above 0"),
         ("volume/attenuationDistance", json!(-1), "material 0: attenuationDistance is -1"),

@@ -1,0 +1,266 @@
+//! Whether what emits lights a scene: whether enough of its surfaces would be seen by that light alone.
+use super::odds::{emits, mean_emission};
+use super::supply::{Thing, things};
+use super::{AlphaMode, Instance, Scene};
+use crate::ray::{Occluder, Occluders};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Irradiance from which on a surface counts as lit: a hundredth of what the supplied sun and sky give one that faces the sun. A white one
+/// then has a radiance of 0.01, which a display shows as a tenth of its range.
+pub(super) const LIT: f64 = 0.01 * PI;
+/// Share of all surfaces, by area, that must be lit.
+pub(super) const ENOUGH: f64 = 0.25;
+/// Points of what emits, and points that may be lit.
+const FROM: usize = 256;
+const AT: usize = 1024;
+/// Of more triangles and spheres than these, none hides anything: a tree over them takes seconds.
+const MOST_OCCLUDERS: usize = 1 << 22;
+
+/// A piece of surface.
+struct Piece {
+    shape: Occluder,
+    /// Square metres.
+    area: f64,
+    /// Radiance, luminance of it.
+    emission: f64,
+    double_sided: bool,
+    /// Hides what is behind it.
+    opaque: bool,
+}
+
+/// A point of a surface.
+struct Point {
+    place: DVec3,
+    /// Unit.
+    normal: DVec3,
+    double_sided: bool,
+}
+
+impl Piece {
+    /// What it gives off, both sides together.
+    fn flux(&self) -> f64 {
+        PI * self.area * self.emission * if self.double_sided { 2.0 } else { 1.0 }
+    }
+
+    /// The point at two numbers of 0 to 1, evenly spread over the area of a triangle or of a round sphere.
+    fn point(&self, [x, y]: [f64; 2]) -> Point {
+        let double_sided = self.double_sided;
+        match self.shape {
+            Occluder::Triangle([a, b, c]) => {
+                let root = x.sqrt();
+                let place = a * (1.0 - root) + b * (root * (1.0 - y)) + c * (root * y);
+                Point { place, normal: (b - a).cross(c - a).normalize_or_zero(), double_sided }
+            }
+            Occluder::Ball(centre, shape) => {
+                let (z, around) = (1.0 - 2.0 * x, 2.0 * PI * y);
+                let flat = (1.0 - z * z).max(0.0).sqrt();
+                let out = DVec3::new(flat * around.cos(), flat * around.sin(), z);
+                let normal = (shape.inverse().transpose() * out).normalize_or_zero();
+                Point { place: centre + shape * out, normal, double_sided }
+            }
+        }
+    }
+}
+
+/// How much of a scene's surfaces is lit by what emits alone, 0 to 1, by area: irradiance of at least [`LIT`], straight from emissive
+/// triangles and spheres (factor times texture). It is an estimate, the same at every call; below [`ENOUGH`] one from above.
+pub(super) fn share_lit(scene: &Scene) -> f64 {
+    if !scene.instances.iter().any(|i| emits(&scene.materials[i.material as usize])) {
+        return 0.0;
+    }
+    let things = things(scene);
+    let all = || things.iter().zip(&scene.instances).flat_map(|(thing, instance)| pieces(scene, thing, instance));
+    // Scenes are too large to keep all of it: sums first, points after that.
+    let [area, flux] = all().fold([0.0; 2], |[area, flux], p| [area + p.area, flux + p.flux()]);
+    let (mut at, mut from) = (Spread::new(area, AT), Spread::new(flux, FROM));
+    for piece in all() {
+        at.add(&piece, piece.area);
+        from.add(&piece, piece.flux());
+    }
+    let each = flux / FROM as f64;
+    let share = |hidden: &(dyn Fn(DVec3, DVec3) -> bool + Sync)| {
+        at.points.par_iter().filter(|p| is_lit(p, &from.points, each, hidden)).count() as f64 / AT as f64
+    };
+    // As though nothing was in the way. Where that is too little, the rest need not be known.
+    let most = share(&|_, _| false);
+    let opaque = || all().filter(|p| p.opaque).map(|p| p.shape);
+    if most < ENOUGH || opaque().count() > MOST_OCCLUDERS {
+        return most;
+    }
+    let occluders = Occluders::new(opaque());
+    share(&|a, b| occluders.between(a, b))
+}
+
+/// Whether points that each give off the same light a point.
+fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -> bool) -> bool {
+    let one = |lamp: &Point| {
+        let towards = lamp.place - at.place;
+        let square = towards.length_squared();
+        let sided = |cosine: f64, both: bool| if both { cosine.abs() } else { cosine.max(0.0) };
+        let cosines =
+            sided(at.normal.dot(towards), at.double_sided) * sided(-lamp.normal.dot(towards), lamp.double_sided);
+        let sides = if lamp.double_sided { 2.0 } else { 1.0 };
+        // Lambert's emitter of flux P has the intensity P cos / pi. Cosines are times the distance.
+        if square > 0.0 { flux / (PI * sides) * cosines / (square * square) } else { 0.0 }
+    };
+    let mut sum = 0.0;
+    from.iter().any(|lamp| {
+        let more = one(lamp);
+        if more > 0.0 && more.is_finite() && !hidden(at.place, lamp.place) {
+            sum += more;
+        }
+        sum >= LIT
+    })
+}
+
+/// So many points, spread by the weight of the pieces that they lie on.
+struct Spread {
+    points: Vec<Point>,
+    before: f64,
+    step: f64,
+    count: usize,
+}
+
+impl Spread {
+    /// `whole`: the sum of all weights. Where it is nothing, there are no points.
+    fn new(whole: f64, count: usize) -> Self {
+        Self { points: Vec::new(), before: 0.0, step: whole / count as f64, count }
+    }
+
+    fn add(&mut self, piece: &Piece, weight: f64) {
+        self.before += weight;
+        while self.points.len() < self.count && (self.points.len() as f64 + 0.5) * self.step < self.before {
+            // Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences".
+            let i = self.points.len() as f64 + 1.0;
+            let u = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (i * step).fract());
+            self.points.push(piece.point(u));
+        }
+    }
+}
+
+/// The triangles and spheres of an instance that have an area.
+fn pieces<'a>(scene: &'a Scene, thing: &'a Thing<'a>, instance: &Instance) -> impl Iterator<Item = Piece> + 'a {
+    let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
+    let (shines, double_sided) = (emits(material), material.double_sided);
+    let opaque = material.alpha == AlphaMode::Opaque && material.transmission == 0.0;
+    let triangles = thing.indices.chunks_exact(3).map(move |corners| {
+        let [a, b, c] =
+            [0, 1, 2].map(|k| thing.world.transform_point3(thing.positions[corners[k] as usize].as_dvec3()));
+        let area = 0.5 * (b - a).cross(c - a).length();
+        let emission = if shines { mean_emission(scene, material, mesh, corners) } else { 0.0 };
+        Piece { shape: Occluder::Triangle([a, b, c]), area, emission, double_sided, opaque }
+    });
+    let balls = thing.balls.iter().map(move |(centre, shape)| {
+        let area = 4.0 * PI * shape.determinant().abs().powf(2.0 / 3.0);
+        let emission = if shines { super::odds::luminance(material.emission) } else { 0.0 };
+        Piece { shape: Occluder::Ball(*centre, *shape), area, emission, double_sided, opaque }
+    });
+    triangles.chain(balls).filter(|p| p.area > 0.0 && p.area.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Material, Mesh, Sphere, Supply, builtin, supply};
+    use glam::{Affine3A, Vec3};
+
+    /// The Cornell box whose lamp emits itself, so and so bright.
+    fn room(radiance: f32) -> Scene {
+        let mut scene = builtin("cornell").unwrap();
+        scene.lights.clear();
+        for material in scene.materials.iter_mut().filter(|m| m.emission != Vec3::ZERO) {
+            (material.shows_light, material.emission) = (false, Vec3::splat(radiance));
+        }
+        scene
+    }
+
+    fn ball(scene: &mut Scene, centre: Vec3, radius: f32, material: Material) {
+        let (mesh, made) = (scene.meshes.len() as u32, scene.materials.len() as u32);
+        scene.meshes.push(Mesh { spheres: vec![Sphere { centre, radius }], ..Mesh::default() });
+        scene.materials.push(material);
+        scene.instances.push(Instance::fixed("ball", mesh, made, Affine3A::IDENTITY));
+    }
+
+    /// A ball with a few bright spots on it, which shine past it.
+    fn helmet() -> Scene {
+        let mut scene = Scene::default();
+        ball(&mut scene, Vec3::ZERO, 1.0, Material::default());
+        for at in [Vec3::X, Vec3::Y, Vec3::new(0.6, 0.0, 0.8)] {
+            ball(&mut scene, at, 0.04, Material { emission: Vec3::splat(8.0), ..Material::default() });
+        }
+        scene
+    }
+
+    fn is_given_a_sun(mut scene: Scene) -> bool {
+        supply(&mut scene, Supply::All);
+        assert!(!scene.supplied.is_empty(), "either way it is said");
+        scene.daylight.is_some()
+    }
+
+    #[test]
+    fn a_room_lit_by_a_panel_needs_no_sun() {
+        let bright = room(10.0);
+        assert!(share_lit(&bright) > 0.5, "{}", share_lit(&bright));
+        assert!(!is_given_a_sun(bright));
+        // A panel that only just glows.
+        assert!(share_lit(&room(0.02)) < 0.05 && is_given_a_sun(room(0.02)));
+        // What only shows a light is no light.
+        let mut shown = room(10.0);
+        shown.materials.iter_mut().for_each(|m| m.shows_light = true);
+        assert!(share_lit(&shown) == 0.0 && is_given_a_sun(shown));
+    }
+
+    /// A lamp in a closed box lights nothing outside of it, whichever way the faces of what is around look.
+    #[test]
+    fn light_that_is_shut_in_does_not_count() {
+        let mut scene = Scene::default();
+        let both_sides = || Material { double_sided: true, ..Material::default() };
+        ball(&mut scene, Vec3::ZERO, 6.0, both_sides());
+        ball(&mut scene, Vec3::ZERO, 0.2, Material { emission: Vec3::splat(100.0), ..Material::default() });
+        let open = share_lit(&scene);
+        ball(&mut scene, Vec3::ZERO, 1.0, both_sides());
+        let shut = share_lit(&scene);
+        // Through a glass shade it shines all the same.
+        scene.materials[2].transmission = 1.0;
+        let shaded = share_lit(&scene);
+        assert!(open > 0.9 && shut < 0.1 && shaded > 0.9, "{open} {shut} {shaded}");
+    }
+
+    #[test]
+    fn a_few_glowing_spots_on_a_thing_leave_it_dark() {
+        assert!(share_lit(&helmet()) < 0.1, "{}", share_lit(&helmet()));
+        assert!(is_given_a_sun(helmet()));
+    }
+
+    /// A small sphere in the middle of a large one has one irradiance everywhere: radiance times the square of the ratio of radii.
+    #[test]
+    fn irradiance_in_a_ball_has_a_closed_form() {
+        let lit = |radiance: f64| {
+            let mut scene = Scene::default();
+            ball(&mut scene, Vec3::ZERO, 4.0, Material { double_sided: true, ..Material::default() });
+            ball(
+                &mut scene,
+                Vec3::ZERO,
+                0.5,
+                Material { emission: Vec3::splat(radiance as f32), ..Material::default() },
+            );
+            share_lit(&scene)
+        };
+        let just = LIT / (PI * (0.5_f64 / 4.0).powi(2));
+        assert!(lit(1.1 * just) > 0.95, "{}", lit(1.1 * just));
+        assert!(lit(0.9 * just) < 0.05, "{}", lit(0.9 * just));
+    }
+
+    #[test]
+    fn whatever_the_numbers_there_is_an_answer() {
+        for (radius, radiance) in [(1e-20, 1.0), (1e12, 1.0), (1.0, 1e30), (1.0, f32::MAX)] {
+            let mut scene = Scene::default();
+            ball(&mut scene, Vec3::ZERO, radius, Material { emission: Vec3::splat(radiance), ..Material::default() });
+            let share = share_lit(&scene);
+            assert!((0.0..=1.0).contains(&share), "{radius} {radiance}: {share}");
+        }
+        assert_eq!(share_lit(&Scene::default()), 0.0);
+    }
+}
