@@ -3,10 +3,10 @@ use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
 use magpie::stage::{SettingSpec, Stage};
-use magpie_accuracy::report::{Image, Metric, REPORT_CSV, REPORT_HTML, REPORT_JSON, Report};
+use magpie_accuracy::report::{Image, Judge, Metric, REPORT_CSV, REPORT_HTML, REPORT_JSON, Report};
 use magpie_accuracy::results::{Folder, RESULTS_FILE, merge};
 use magpie_accuracy::sweep::{Options, Progress, Shard, Subject, sweep};
-use magpie_accuracy::tune::{Goal, Tuner, verify};
+use magpie_accuracy::tune::{Confirmer, Goal, Tuner, confirmed};
 use magpie_passes::Slots;
 use magpie_tests::harness::{builtin, gpu};
 use std::collections::BTreeMap;
@@ -18,6 +18,8 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
         truths: None,
         stages: ["gbuffer", "shadows", "gi"].map(str::to_owned).to_vec(),
         quick: true,
+        minutes: None,
+        judge: Judge::default(),
         size: Some([48, 32]),
         samples: Some(8),
         shard,
@@ -91,16 +93,17 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     ensure!(a.context("no pictures")?.setups == b.context("no pictures")?.setups, "pictures of both parts");
 
     // The cheapest configuration keeps its promise.
-    let tuner = Tuner::new(&report, &whole)?;
-    let front = tuner.front();
-    let choice = tuner.choose(Goal::Error(front[0].relmse))?;
-    let found = verify(&subject, &report, &whole, &tuner.config(&choice), Rays::Software)?;
-    println!("promised {:.4}, found {:.4}", choice.relmse, found.relmse);
+    let mut tuner = Tuner::new(&report, &whole, Metric::FlipLdr)?;
+    let cheapest = tuner.front()[0].error();
+    let mut confirmer = Confirmer::new(&subject, &report, &tuner, &whole, Rays::Software)?;
+    let choice = confirmed(&mut tuner, Goal::Error(1.02 * cheapest), &mut |config| confirmer.render(config))?;
+    let found = choice.found.context("not rendered")?;
+    println!("predicted {:.4}, found {:.4}", choice.predicted_error, found.error);
     ensure!(
-        (found.relmse / choice.relmse - 1.0).abs() < 0.15,
-        "{} was promised, {} found",
-        choice.relmse,
-        found.relmse
+        (found.error / choice.predicted_error - 1.0).abs() < 0.15,
+        "{} was predicted, {} found",
+        choice.predicted_error,
+        found.error
     );
     Ok(())
 }
