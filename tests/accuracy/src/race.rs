@@ -45,15 +45,15 @@ fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) 
         let worst = compared.min_by(|a, b| a.1.total_cmp(&b.1));
         return Certainty { sure: worst.map_or(1.0, |w| w.1), rival: worst.map(|w| w.0) };
     }
-    // One that is more accurate and not dearer is enough.
     let Standing::DominatedBy(by) = standing[at] else { return Certainty { sure: 1.0, rival: None } };
-    let beaten = compared.map(|(k, sure)| (k, 1.0 - sure)).max_by(|a, b| a.1.total_cmp(&b.1));
-    // What is as accurate and cheaper stands in front of what comes before it, too.
-    let by_cheaper = points[by].surely_cheaper(point, least_ms);
-    match beaten {
-        Some((k, sure)) if sure >= by_cheaper => Certainty { sure, rival: Some(k) },
-        _ => Certainty { sure: by_cheaper, rival: Some(by) },
-    }
+    // One that is more accurate, or as accurate and earlier in the plan, is enough if this is not cheaper than it; or one that is as
+    // accurate and cheaper.
+    let tied = (by, point.surely_cheaper(&points[by], least_ms));
+    let beaten = compared.chain([tied]).map(|(k, sure)| (k, 1.0 - sure));
+    let beaten = beaten.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((by, 0.0));
+    let by_cheaper = (by, points[by].surely_cheaper(point, least_ms));
+    let (rival, sure) = if beaten.1 >= by_cheaper.1 { beaten } else { by_cheaper };
+    Certainty { sure, rival: Some(rival) }
 }
 
 /// The rows of a slot that run another round, in their order; none where every place is clear or has had its rounds. `frame_ms` is
@@ -157,5 +157,8 @@ mod tests {
         }
         assert!(next(&enough, 0.0, 1.0).is_empty(), "a tie ends as well");
         assert!(next(&[], 0.0, 1.0).is_empty());
+        // As accurate and not noticeably cheaper: decided by the order of the plan, whichever error is the smaller by a hair.
+        let alike = [runner("first", 0.2, 2.6), runner("second", 0.1999, 2.0)];
+        assert!(next(&alike, 0.0, 300.0).is_empty(), "a saving that does not show in the frame");
     }
 }

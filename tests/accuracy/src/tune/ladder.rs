@@ -26,7 +26,8 @@ pub fn steps(frame_ms: f64) -> Vec<Step> {
     if frame_ms <= MILLISECONDS[5] {
         return MILLISECONDS.map(|ms| Step { name: format!("{ms}ms"), budget_ms: ms }).to_vec();
     }
-    let share = |share: f64| Step { name: format!("{}-percent", 100.0 * share), budget_ms: share * frame_ms };
+    let micros = |ms: f64| (1e3 * ms).round() / 1e3;
+    let share = |share: f64| Step { name: format!("{}-percent", 100.0 * share), budget_ms: micros(share * frame_ms) };
     SHARES.map(share).to_vec()
 }
 

@@ -140,10 +140,11 @@ impl<'a> Tuner<'a> {
             for (effect, (at, d)) in chosen() {
                 let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
                 if effect.slot == *stage && effect.price == Price::Stage {
-                    own = beside(row, d);
+                    own = row.ms * speed(effect, row, d);
                 } else if effect.price == Price::Frame && at_differs(row, d) {
                     let (now, before) = (row.stages_ms.get(stage), d.stages_ms.get(stage));
-                    own *= now.zip(before).filter(|(_, b)| **b > 0.0).map_or(1.0, |(now, before)| now / before);
+                    let ratio = now.zip(before).filter(|(_, b)| **b > 0.0).map(|(now, before)| now / before);
+                    own *= ratio.map_or(1.0, |ratio| ratio * speed(effect, row, d));
                 }
             }
             ms += own;
@@ -152,8 +153,8 @@ impl<'a> Tuner<'a> {
         for (effect, (at, d)) in chosen() {
             let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
             match effect.price {
-                Price::Stage if !default.stages_ms.contains_key(&effect.slot) => ms += row.ms,
-                Price::Frame if at_differs(row, d) => ms += rest(row) - rest(d),
+                Price::Stage if !default.stages_ms.contains_key(&effect.slot) => ms += row.ms * speed(effect, row, d),
+                Price::Frame if at_differs(row, d) => ms += rest(row) * speed(effect, row, d) - rest(d),
                 _ => {}
             }
         }
@@ -335,12 +336,20 @@ fn at_differs(row: &Row, default: &Row) -> bool {
     row.variant.setup != default.variant.setup
 }
 
-/// A row's price at the speed that the machine had for the default: the ratio in the rounds that both ran in.
-fn beside(row: &Row, default: &Row) -> f64 {
+/// What a row's times are multiplied with, to be at the speed that the machine had for the default: by the rounds that both ran in; of a
+/// slot that leaves the passes of others alone, by what these took beside it where there are none.
+fn speed(effect: &Effect, row: &Row, default: &Row) -> f64 {
     let (a, b) = (row.point(0.0).ms, default.point(0.0).ms);
     let ratio = |(round, ms): (&u32, &f64)| b.get(round).filter(|b| **b > 0.0).map(|b| ms / b);
-    let ratios: Vec<f64> = a.range(1..).filter_map(ratio).collect();
-    if ratios.is_empty() { row.ms } else { middle(&ratios) * default.ms }
+    let mut ratios: Vec<f64> = a.range(1..).filter_map(ratio).collect();
+    if ratios.is_empty() && effect.price == Price::Stage {
+        let others = |row: &Row| -> f64 { row.stages_ms.iter().filter(|s| *s.0 != effect.slot).map(|s| s.1).sum() };
+        return if others(row) > 0.0 { others(default) / others(row) } else { 1.0 };
+    }
+    if ratios.is_empty() {
+        ratios = a.iter().filter_map(ratio).collect();
+    }
+    if ratios.is_empty() || row.ms <= 0.0 { 1.0 } else { middle(&ratios) * default.ms / row.ms }
 }
 
 /// Choices whose error is at most by this share above that of the best that is not dearer, from the cheapest on.

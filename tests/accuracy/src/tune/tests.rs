@@ -59,6 +59,32 @@ fn the_default_promises_what_was_measured() {
     assert_eq!(tuner.told(&defaults), "none");
 }
 
+#[test]
+fn times_of_a_busy_machine_are_taken_beside_the_default() {
+    // In the rounds of the second row the machine was three times as slow, which the default saw in one of them or in none.
+    for (common, others) in [(vec![1, 2, 3], 12.0), (vec![4], 12.0)] {
+        let mut report = report();
+        let shadows = report.effects.iter_mut().find(|e| e.slot == "shadows").unwrap();
+        let of_default = shadows.rows[0].rounds_ms.clone();
+        let row = &mut shadows.rows[1];
+        let fair = row.ms;
+        let slow = if common.len() == 1 { 3.0 } else { 1.0 };
+        row.rounds = common;
+        row.rounds_ms = row.rounds_ms[..row.rounds.len()].iter().map(|_| slow * fair).collect();
+        if slow > 1.0 {
+            row.ms = slow * fair;
+            row.stages_ms = [("gi".to_owned(), others), ("shadows".to_owned(), row.ms)].into();
+        } else {
+            row.rounds_ms = of_default.iter().map(|ms| ms * fair / 8.0).collect();
+        }
+        let tuner = tuner(&report);
+        let mut rows = tuner.defaults.clone();
+        rows[0] = 1;
+        let ms = tuner.predict(&rows).unwrap().predicted_ms;
+        assert!((ms - (40.0 - 8.0 + fair)).abs() < 1e-9, "{ms}, {fair}");
+    }
+}
+
 /// Sky light that is half as much too bright again, as where nothing occludes it, or none.
 fn sky_or_none(metric: Metric) -> String {
     let report = report();
