@@ -13,7 +13,7 @@ use magpie_accuracy::{
     report::{Judge, REPORT_HTML, Report},
     results::{Folder, merge},
     sweep::{Options, QUICK_MINUTES, Subject, sweep},
-    tune::{Choice, Confirmer, Found, Goal, Tuner, confirmed, is_same_device, ladder, table},
+    tune::{Choice, Confirmer, Goal, Render, Tuner, confirmed, is_same_device, ladder, table},
 };
 use magpie_passes::{RenderError, Slots};
 
@@ -151,9 +151,6 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     };
     choose(arguments, &mut tuner, goal.zip(output), Some(&mut render))
 }
-
-/// Renders a configuration to see what it comes to.
-type Render<'a> = &'a mut dyn FnMut(&Config) -> Result<Found, AccuracyError>;
 
 /// Chooses for one goal, or for every step of the ladder, and writes what was chosen.
 fn choose(

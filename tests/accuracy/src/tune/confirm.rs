@@ -32,6 +32,9 @@ pub struct Found {
     pub stops: f64,
 }
 
+/// Renders a configuration to see what it comes to.
+pub type Render<'a> = &'a mut dyn FnMut(&Config) -> Result<Found, AccuracyError>;
+
 /// Renders choices as the rows of a report were rendered.
 pub struct Confirmer<'a> {
     bench: Bench<'a>,
@@ -108,11 +111,7 @@ impl<'a> Confirmer<'a> {
 ///
 /// # Errors
 /// [`AccuracyError::Unreachable`], and whatever `render` says.
-pub fn confirmed(
-    tuner: &mut Tuner<'_>,
-    goal: Goal,
-    render: &mut dyn FnMut(&Config) -> Result<Found, AccuracyError>,
-) -> Result<Choice, AccuracyError> {
+pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Result<Choice, AccuracyError> {
     for _ in 0..MOST_RENDERED {
         let choice = tuner.choose(goal)?;
         if choice.found.is_some() {

@@ -1,7 +1,6 @@
 //! A configuration for each of several budgets.
-use super::{Choice, Found, Goal, Tuner, confirmed, figure};
+use super::{Choice, Goal, Render, Tuner, confirmed, figure};
 use crate::AccuracyError;
-use magpie::config::Config;
 use std::fmt::Write;
 
 /// Milliseconds of the steps.
@@ -35,10 +34,7 @@ pub fn steps(frame_ms: f64) -> Vec<Step> {
 ///
 /// # Errors
 /// Whatever `render` says. A step that nothing meets is no error.
-pub fn ladder(
-    tuner: &mut Tuner<'_>,
-    mut render: Option<&mut dyn FnMut(&Config) -> Result<Found, AccuracyError>>,
-) -> Result<Vec<Rung>, AccuracyError> {
+pub fn ladder(tuner: &mut Tuner<'_>, mut render: Option<Render<'_>>) -> Result<Vec<Rung>, AccuracyError> {
     let mut rungs = Vec::new();
     for step in steps(tuner.frame_ms) {
         let goal = Goal::Budget(step.budget_ms);

@@ -7,7 +7,7 @@ mod confirm;
 mod ladder;
 mod toml;
 
-pub use confirm::{Confirmer, Found, confirmed};
+pub use confirm::{Confirmer, Found, Render, confirmed};
 pub use ladder::{Rung, Step, ladder, steps, table};
 
 use crate::AccuracyError;
