@@ -9,10 +9,11 @@ use magpie::{
 };
 use magpie_accuracy::{
     AccuracyError,
-    report::{REPORT_HTML, Report},
+    agreement::Agreement,
+    report::{Judge, REPORT_HTML, Report},
     results::{Folder, merge},
-    sweep::{Options, Subject, sweep},
-    tune::{Goal, Tuner, is_same_device, verify},
+    sweep::{Options, QUICK_MINUTES, Subject, sweep},
+    tune::{Choice, Confirmer, Goal, Render, Tuner, confirmed, is_same_device, ladder, table},
 };
 use magpie_passes::{RenderError, Slots};
 
@@ -26,7 +27,7 @@ use crate::{
     session,
 };
 
-/// How far a rendered configuration may be from its promise before it is said, as a share.
+/// How far a prediction may be from what rendering it comes to before it is said, as a share.
 const OFF: f64 = 0.15;
 
 impl From<AccuracyError> for Failure {
@@ -52,10 +53,13 @@ impl From<AccuracyError> for Failure {
 
 /// `magpie accuracy`.
 pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Result<(), Failure> {
-    if let Some(AccuracyCommand::Merge { folders, out }) = &arguments.command {
-        let _lock = Lock::take("--out", out, "accuracy merge")?;
-        let folder = merge(folders, out)?;
-        return write(&folder, out);
+    match &arguments.command {
+        Some(AccuracyCommand::Merge { folders, out }) => {
+            let _lock = Lock::take("--out", out, "accuracy merge")?;
+            return write(merge(folders, out)?, out);
+        }
+        Some(AccuracyCommand::Compare { first, second, json }) => return agree(first, second, *json),
+        None => {}
     }
     let missing = |what: &str| Failure::Usage(format!("{what} is missing"));
     let scene_name = arguments.scene.as_ref().ok_or_else(|| missing("SCENE"))?;
@@ -72,6 +76,8 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
         truths: arguments.truths.clone(),
         stages: arguments.stages.clone(),
         quick: arguments.quick,
+        minutes: arguments.minutes.or(arguments.quick.then_some(QUICK_MINUTES)),
+        judge: Judge { metric: arguments.metric, image: arguments.image },
         size: arguments.size.map(|e| [e.width, e.height]),
         samples: arguments.samples,
         shard: arguments.shard,
@@ -81,8 +87,8 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     };
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &camera, slots: &slots, config: &config };
     let mut bar: Option<Progress> = None;
-    let folder = sweep(&subject, &options, &mut |at| {
-        let bar = bar.get_or_insert_with(|| Progress::of(at.all, "steps", loudness));
+    let mut folder = sweep(&subject, &options, &mut |at| {
+        let bar = bar.get_or_insert_with(|| Progress::of(at.all, at.unit, loudness));
         bar.show(at.done, at.skipped, &at.what);
     })?;
     drop(bar);
@@ -91,7 +97,18 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
         log::info!("part {index} of {count} is done; `magpie accuracy merge` makes the report of all parts");
         return Ok(());
     }
-    write(&folder, &out)
+    // Whatever the folder was begun with.
+    folder.run.judge = options.judge;
+    write(folder, &out)
+}
+
+/// `magpie accuracy compare`.
+fn agree(first: &Path, second: &Path, as_json: bool) -> Result<(), Failure> {
+    let agreement = Agreement::of(&Report::read(first)?, &Report::read(second)?);
+    if as_json {
+        return console::print(&(serde_json::to_string_pretty(&agreement).map_err(Failure::running)? + "\n"));
+    }
+    console::print(&agreement.table())
 }
 
 fn open(device: Option<&String>) -> Result<Gpu, Failure> {
@@ -101,8 +118,8 @@ fn open(device: Option<&String>) -> Result<Gpu, Failure> {
 }
 
 /// Makes and writes the report, and prints what is on the fronts.
-fn write(folder: &Folder, out: &Path) -> Result<(), Failure> {
-    let report = Report::build(folder, out)?;
+fn write(folder: Folder, out: &Path) -> Result<(), Failure> {
+    let report = Report::build(&folder, out)?;
     report.write(out)?;
     console::print(&report.table())?;
     log::info!("{}", out.join(REPORT_HTML).display());
@@ -111,40 +128,84 @@ fn write(folder: &Folder, out: &Path) -> Result<(), Failure> {
 
 /// `magpie tune`.
 pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
-    let output = Output::plan("--out", &arguments.out, &["toml"])?;
-    let goal = match (arguments.budget_ms, arguments.max_error) {
-        (Some(ms), None) => Goal::Budget(ms),
-        (None, Some(error)) => Goal::Error(error),
-        _ => return Err(Failure::Usage("wanted one of --budget-ms and --max-error".to_owned())),
+    let goal = match (arguments.budget_ms, arguments.max_error, arguments.all) {
+        (Some(ms), None, false) => Some(Goal::Budget(ms)),
+        (None, Some(error), false) => Some(Goal::Error(error)),
+        (None, None, true) => None,
+        _ => return Err(Failure::Usage("wanted one of --budget-ms, --max-error and --all".to_owned())),
     };
+    let output = goal.is_some().then(|| Output::plan("--out", &arguments.out, &["toml"])).transpose()?;
     let report = Report::read(&arguments.report)?;
-    let tuner = Tuner::new(&report, &arguments.report)?;
-    let choice = tuner.choose(goal)?;
-    let config = tuner.config(&choice);
-    let catalogue = session::catalogue();
-    catalogue.check(&config, "the report")?;
-
-    let found = if arguments.no_render {
-        None
-    } else {
-        let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
-        let camera = session::camera(&scene, arguments.camera.as_deref())?;
-        let gpu = open(arguments.device.as_ref())?;
-        if !is_same_device(&report.run, &gpu.report().name) {
-            log::warn!("{} is not {}, on which the report was made", gpu.report().name, report.run.device.name);
-        }
-        let rays = session::choose_rays(&gpu, arguments.rays)?;
-        let none = Config::default();
-        let slots = Slots::default();
-        let subject = Subject { gpu: &gpu, scene: &scene, camera: &camera, slots: &slots, config: &none };
-        let found = verify(&subject, &report, &arguments.report, &config, rays)?;
-        let off = found.relmse / choice.relmse - 1.0;
-        if off.abs() > OFF {
-            log::warn!("rendering it came to an error {:+.1} % from what was promised", 100.0 * off);
-        }
-        Some(found)
+    let mut tuner = Tuner::new(&report, &arguments.report, arguments.metric)?;
+    if arguments.no_render {
+        return choose(arguments, &mut tuner, goal.zip(output), None);
+    }
+    let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
+    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    let gpu = open(arguments.device.as_ref())?;
+    if !is_same_device(&report.run, &gpu.report().name) {
+        log::warn!("{} is not {}, on which the report was made", gpu.report().name, report.run.device.name);
+    }
+    let rays = session::choose_rays(&gpu, arguments.rays)?;
+    let (none, slots) = (Config::default(), Slots::default());
+    let subject = Subject { gpu: &gpu, scene: &scene, camera: &camera, slots: &slots, config: &none };
+    let mut confirmer = Confirmer::new(&subject, &report, &tuner, &arguments.report, rays)?;
+    let mut render = |config: &Config| {
+        let found = confirmer.render(config)?;
+        log::info!("rendered: error {:.4}, {:.3} ms, {:+.2} stops", found.error, found.ms, found.stops);
+        Ok(found)
     };
-    let text = tuner.to_toml(&choice, goal, found, &catalogue);
-    output.write_text(&text)?;
+    choose(arguments, &mut tuner, goal.zip(output), Some(&mut render))
+}
+
+/// Chooses for one goal, or for every step of the ladder, and writes what was chosen.
+fn choose(
+    arguments: &TuneArguments,
+    tuner: &mut Tuner<'_>,
+    one: Option<(Goal, Output)>,
+    render: Option<Render<'_>>,
+) -> Result<(), Failure> {
+    let catalogue = session::catalogue();
+    let toml = |tuner: &Tuner<'_>, choice: &Choice, goal: Goal| -> Result<String, Failure> {
+        catalogue.check(&tuner.config(choice), "the report")?;
+        warn(choice);
+        Ok(tuner.to_toml(choice, goal, &catalogue))
+    };
+    if let Some((goal, output)) = one {
+        let choice = match render {
+            Some(render) => confirmed(tuner, goal, render)?,
+            None => tuner.choose(goal)?,
+        };
+        let text = toml(tuner, &choice, goal)?;
+        output.write_text(&text)?;
+        return console::print(&text);
+    }
+    let folder = &arguments.out;
+    let failed = |error: std::io::Error| Failure::bad(format!("--out {}: {error}", folder.display()));
+    std::fs::create_dir_all(folder).map_err(failed)?;
+    let rungs = ladder(tuner, render)?;
+    for (step, choice) in &rungs {
+        if let Ok(choice) = choice {
+            let output = Output::plan("--out", &folder.join(format!("{}.toml", step.name)), &["toml"])?;
+            output.write_text(&toml(tuner, choice, Goal::Budget(step.budget_ms))?)?;
+        }
+    }
+    let text = table(tuner, &rungs);
+    Output::plan("--out", &folder.join("ladder.txt"), &["txt"])?.write_text(&text)?;
     console::print(&text)
+}
+
+/// Says where a rendered choice is not what it was predicted to be, or far from the truth's brightness.
+fn warn(choice: &Choice) {
+    let Some(found) = choice.found else { return };
+    let off = |predicted: f64, found: f64| 100.0 * (predicted / found - 1.0);
+    let (error, ms) = (off(choice.predicted_error, found.error), off(choice.predicted_ms, found.ms));
+    if error.abs().max(ms.abs()) > 100.0 * OFF {
+        log::warn!(
+            "predicted {error:+.1} % in error and {ms:+.1} % in time from what rendering it came to, which the file promises"
+        );
+    }
+    if found.stops.abs() >= 1.0 {
+        log::warn!("the picture is {:+.2} stops from the truth's brightness", found.stops);
+    }
 }

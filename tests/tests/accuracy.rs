@@ -3,14 +3,18 @@ use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
 use magpie::stage::{SettingSpec, Stage};
-use magpie_accuracy::report::{Image, Metric, REPORT_CSV, REPORT_HTML, REPORT_JSON, Report};
+use magpie_accuracy::agreement::Agreement;
+use magpie_accuracy::display::Display;
+use magpie_accuracy::metrics::Picture;
+use magpie_accuracy::report::{Image, Judge, Metric, REPORT_CSV, REPORT_HTML, REPORT_JSON, Report};
 use magpie_accuracy::results::{Folder, RESULTS_FILE, merge};
 use magpie_accuracy::sweep::{Options, Progress, Shard, Subject, sweep};
-use magpie_accuracy::tune::{Goal, Tuner, verify};
-use magpie_passes::Slots;
+use magpie_accuracy::tune::{Confirmer, Goal, Tuner, confirmed};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, gpu};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Instant;
 
 fn options(out: &Path, shard: Option<Shard>) -> Options {
     Options {
@@ -18,6 +22,8 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
         truths: None,
         stages: ["gbuffer", "shadows", "gi"].map(str::to_owned).to_vec(),
         quick: true,
+        minutes: None,
+        judge: Judge::default(),
         size: Some([48, 32]),
         samples: Some(8),
         shard,
@@ -91,17 +97,71 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     ensure!(a.context("no pictures")?.setups == b.context("no pictures")?.setups, "pictures of both parts");
 
     // The cheapest configuration keeps its promise.
-    let tuner = Tuner::new(&report, &whole)?;
-    let front = tuner.front();
-    let choice = tuner.choose(Goal::Error(front[0].relmse))?;
-    let found = verify(&subject, &report, &whole, &tuner.config(&choice), Rays::Software)?;
-    println!("promised {:.4}, found {:.4}", choice.relmse, found.relmse);
+    let mut tuner = Tuner::new(&report, &whole, Metric::FlipLdr)?;
+    let cheapest = tuner.front()[0].error();
+    let mut confirmer = Confirmer::new(&subject, &report, &tuner, &whole, Rays::Software)?;
+    let choice = confirmed(&mut tuner, Goal::Error(1.02 * cheapest), &mut |config| confirmer.render(config))?;
+    let found = choice.found.context("not rendered")?;
+    println!("predicted {:.4}, found {:.4}", choice.predicted_error, found.error);
     ensure!(
-        (found.relmse / choice.relmse - 1.0).abs() < 0.15,
-        "{} was promised, {} found",
-        choice.relmse,
-        found.relmse
+        (found.error / choice.predicted_error - 1.0).abs() < 0.15,
+        "{} was predicted, {} found",
+        choice.predicted_error,
+        found.error
     );
+    Ok(())
+}
+
+#[test]
+fn a_race_keeps_its_time_and_says_how_sure_it_is() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let (scene, slots, config) = (builtin("cornell")?, slots(), Config::default());
+    let subject = Subject { gpu: &gpu, scene: &scene, camera: &scene.cameras[0], slots: &slots, config: &config };
+    let place = tempfile::tempdir()?;
+    let out = place.path().join("race");
+    let stages = ["shadows", "post"].map(str::to_owned).to_vec();
+    let options = Options { minutes: Some(0.5), stages, ..options(&out, None) };
+    let start = Instant::now();
+    let folder = sweep(&subject, &options, &mut |_| {})?;
+    let seconds = start.elapsed().as_secs_f64();
+    // What has begun is brought to its end.
+    ensure!(seconds < 40.0, "{seconds} s of 30");
+    let report = Report::build(&folder, &out)?;
+    println!("{}in {seconds:.1} s", report.table());
+    let post = report.effect("post").context("post")?;
+    ensure!(post.judged_by == Image::Picture && post.rows.len() > 1, "{} rows of post", post.rows.len());
+    for row in report.effects.iter().flat_map(|e| &e.rows) {
+        let label = &row.variant.label;
+        ensure!(!row.rounds.is_empty() && row.ms_interval >= 0.0 && (0.0..=1.0).contains(&row.sure), "{label}");
+        // Slots that look back at frames before were seen in motion, and nothing else was.
+        ensure!(row.moving.is_some() == (row.variant.slot == "post" || row.variant.is_default), "{label}");
+    }
+    let same = Agreement::of(&report, &report);
+    ensure!(same.error_tau.is_none_or(|tau| tau == 1.0), "{}", same.table());
+    Ok(())
+}
+
+/// Light as radiance and as the display has it, of the default frame.
+#[test]
+fn a_display_on_the_host_shows_what_the_frame_shows() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let options = RenderOptions { width: 48, height: 32, rays: Rays::Software, ..RenderOptions::default() };
+    for (curve, stops) in [("agx", 0.0), ("aces", 1.5), ("none", -1.0)] {
+        let mut config = Config::default();
+        config.set(&format!("post.tone_map={curve}"))?;
+        config.set(&format!("post.exposure={stops}"))?;
+        let config = Slots::default().catalogue().complete(&config);
+        let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config, options)?;
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
+        let images = renderer.frame(request)?.and_then(|f| f.images).context("no frame")?;
+        let shown = Display::of(&config).show(&Picture::from_numbers(&images.linear)?).to_srgb8();
+        let wanted = images.display.context("no display")?;
+        let wanted = wanted.bytes.chunks_exact(4).flat_map(|rgba| &rgba[..3]);
+        let off = shown.iter().zip(wanted).map(|(a, b)| a.abs_diff(*b)).max().context("no pixel")?;
+        ensure!(off <= 1, "{curve}: {off} of 255");
+        ensure!(shown.iter().max() > shown.iter().min(), "{curve}: nothing is seen");
+    }
     Ok(())
 }
 
@@ -117,7 +177,7 @@ fn rows_are_plausible(report: &Report) -> Result<()> {
     }
     let off = &shadows.rows[2];
     ensure!(off.variant.implementation == "off" && off.ms == 0.0 && shadows.is_front(off), "what costs nothing");
-    ensure!(shadows.is_front(&shadows.rows[0]), "what is most accurate");
+    ensure!(shadows.rows[0].is_front(Image::Slot, Metric::Rmse), "what is most accurate");
     let half = &shadows.rows[1].stage;
     ensure!(half.passes == 2 && half.denoise_ms > 0.0 && half.trace_ms > 0.0, "{half:?}");
     ensure!(shadows.rows[0].stage.rays_any > 3 * half.rays_any && half.rays_any > 0, "a quarter of the rays");

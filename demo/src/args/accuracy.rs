@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use magpie_accuracy::sweep::Shard;
+use magpie_accuracy::{
+    report::{Image, Metric},
+    sweep::Shard,
+};
 
 use super::{EnvironmentArguments, Extent, Rays, Supply};
 
@@ -23,13 +26,23 @@ pub struct AccuracyArguments {
     /// The stages to measure, separated by commas; without it all
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     pub stages: Vec<String>,
-    /// A smaller picture, fewer samples and frames
+    /// A smaller picture, fewer samples and frames, and ten minutes at most
     #[arg(long)]
     pub quick: bool,
+    /// Take so many minutes at most: configurations race for the fronts, and the report says how sure each place is [default: no limit,
+    /// 10 with --quick]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = above_zero)]
+    pub minutes: Option<f64>,
+    /// What the fronts stand for: flip, hdr-flip, relmse, rmse, smape, dssim
+    #[arg(long, value_name = "METRIC", default_value = "flip")]
+    pub metric: Metric,
+    /// Of which image: `picture`, `moving` (the picture while the camera moves) or `slot` (the stage's own image), where there is one
+    #[arg(long, value_name = "IMAGE", default_value = "picture")]
+    pub image: Image,
     /// Measure one part of several, on one machine of several
     #[arg(long, value_name = "I/N")]
     pub shard: Option<Shard>,
-    /// Width and height of the picture, pixels [default: 640x360, 256x144 with --quick]
+    /// Width and height of the picture, pixels [default: 640x360, 160x90 with --quick]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<Extent>,
     /// Samples per pixel of the truths [default: 1024, 128 with --quick]
@@ -76,11 +89,23 @@ pub enum AccuracyCommand {
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
+    /// Say how far two reports agree: the order of the rows of each stage (Kendall's tau), and the fronts
+    Compare {
+        /// The folder of a report
+        #[arg(value_name = "A")]
+        first: PathBuf,
+        /// The folder of another
+        #[arg(value_name = "B")]
+        second: PathBuf,
+        /// As JSON
+        #[arg(long)]
+        json: bool,
+    },
 }
 
 /// Arguments of `magpie tune`.
 #[derive(Args, Debug)]
-#[group(id = "goal", required = true, multiple = false, args = ["budget_ms", "max_error"])]
+#[group(id = "goal", required = true, multiple = false, args = ["budget_ms", "max_error", "all"])]
 pub struct TuneArguments {
     /// The scene of the report: `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE")]
@@ -91,13 +116,19 @@ pub struct TuneArguments {
     /// The least error in so many milliseconds of the GPU per frame
     #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = above_zero)]
     pub budget_ms: Option<f64>,
-    /// The least time with so much relative mean squared error of the picture
+    /// The least time with so much error of the picture, by --metric
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = above_zero)]
     pub max_error: Option<f64>,
-    /// Write the configuration
-    #[arg(long, value_name = "F.toml")]
+    /// A configuration for each of 1, 2, 4, 8, 16 and 33 ms, or for shares of the default's time where that is more; --out names a folder
+    #[arg(long)]
+    pub all: bool,
+    /// What error is: flip, hdr-flip, relmse, rmse, smape, dssim
+    #[arg(long, value_name = "METRIC", default_value = "flip")]
+    pub metric: Metric,
+    /// Write the configuration, or with --all the configurations and their table into this folder
+    #[arg(long, value_name = "F.toml|DIR")]
     pub out: PathBuf,
-    /// Do not render the configuration to see whether it keeps its promise
+    /// Do not render what is best by prediction to see whether it keeps its promise
     #[arg(long)]
     pub no_render: bool,
     /// The camera of the report: by name, or a camera file
@@ -142,13 +173,24 @@ mod tests {
         else {
             panic!("no sweep")
         };
-        assert_eq!((sweep.stages.len(), sweep.quick, sweep.seed), (2, false, 0));
+        assert_eq!((sweep.stages.len(), sweep.quick, sweep.seed, sweep.minutes), (2, false, 0, None));
+        assert_eq!((sweep.metric, sweep.image), (Metric::FlipLdr, Image::Picture));
         let Ok(Command::Accuracy(merge)) = parse(&["accuracy", "merge", "a", "b", "--out", "c"]) else {
             panic!("no merge")
         };
         assert!(matches!(merge.command, Some(AccuracyCommand::Merge { folders, .. }) if folders.len() == 2));
+        let Ok(Command::Accuracy(compare)) = parse(&["accuracy", "compare", "a", "b", "--json"]) else {
+            panic!("no comparison")
+        };
+        assert!(matches!(compare.command, Some(AccuracyCommand::Compare { json: true, .. })));
+        let within = &["accuracy", "s", "--out", "r", "--minutes", "2.5", "--metric", "hdr-flip", "--image", "moving"];
+        let Ok(Command::Accuracy(within)) = parse(within) else { panic!("no race") };
+        assert_eq!((within.minutes, within.metric, within.image), (Some(2.5), Metric::FlipHdr, Image::Moving));
         for bad in [
             &["accuracy"][..],
+            &["accuracy", "s", "--out", "r", "--minutes", "0"],
+            &["accuracy", "s", "--out", "r", "--metric", "psnr"],
+            &["accuracy", "compare", "a"],
             &["accuracy", "s"],
             &["accuracy", "merge", "--out", "c"],
             &["accuracy", "s", "--out", "r", "--shard", "3/2"],
@@ -161,8 +203,14 @@ mod tests {
     fn tuning_has_one_goal() {
         let with = |goal: &[&str]| parse(&[&["tune", "s", "--report", "r", "--out", "f.toml"], goal].concat());
         assert!(with(&["--budget-ms", "16.7"]).is_ok() && with(&["--max-error", "0.01"]).is_ok());
-        for bad in [&[][..], &["--budget-ms", "1", "--max-error", "1"], &["--budget-ms", "0"], &["--max-error", "nan"]]
-        {
+        assert!(with(&["--all"]).is_ok() && with(&["--all", "--metric", "relmse"]).is_ok());
+        for bad in [
+            &[][..],
+            &["--all", "--budget-ms", "1"],
+            &["--budget-ms", "1", "--max-error", "1"],
+            &["--budget-ms", "0"],
+            &["--max-error", "nan"],
+        ] {
             assert!(with(bad).is_err(), "{bad:?}");
         }
     }

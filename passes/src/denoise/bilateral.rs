@@ -34,7 +34,7 @@ impl Bilateral {
                     view: c.id(block),
                     not_finite: c.not_finite(),
                     guide: c.id(guide),
-                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).0),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
                     reach: reach.map_or(NO_IMAGE, |t| c.id(t).index()),

@@ -53,7 +53,8 @@ pub fn stage() -> Stage<PostIn, PostOut> {
              frame on. `none` looks at the centres: edges are steps.",
             "none",
             &["none", "taa"],
-        ),
+        )
+        .sweep_all(),
         SettingSpec::float(
             "resolution_scale",
             "",
@@ -61,7 +62,8 @@ pub fn stage() -> Stage<PostIn, PostOut> {
              blur; with `taa` they return where the picture stands still, without it they do not.",
             1.0,
             (0.5, 1.0),
-        ),
+        )
+        .sweep([1.0, 0.8, 0.67, 0.5]),
         SettingSpec::float(
             "sharpening",
             "",

@@ -7,6 +7,7 @@
 //! Rows whose errors are alike count as equally accurate, and the cheaper one stays. What cannot be told apart either way is decided by
 //! the order of the plan.
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Times closer than this share count as the same.
 pub const LEAST_TIME: f64 = 0.06;
@@ -20,8 +21,8 @@ pub const LEAST_ERROR: f64 = 0.01;
 pub struct Point {
     /// How wrong it is, at least 0.
     pub error: f64,
-    /// What it took in every round, milliseconds; as many for every point.
-    pub ms: Vec<f64>,
+    /// What it took, milliseconds, by the round; two points are compared in the rounds that both have.
+    pub ms: BTreeMap<u32, f64>,
 }
 
 /// Where a row stands.
@@ -56,16 +57,79 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     sorted[low] + (sorted[high] - sorted[low]) * at.fract()
 }
 
+/// Standard deviation of the ratio of two times in one round, where nothing else is known.
+const USUAL: f64 = 0.05;
+/// The same in round 0, in which rows are minutes apart.
+const USUAL_APART: f64 = 0.15;
+/// As many rounds as that knowledge counts.
+const KNOWN_ROUNDS: f64 = 2.0;
+
+/// Half of a 95 % interval around the median of these times, from how they spread and from what is usual.
+pub fn interval(values: &[f64]) -> f64 {
+    let (at, count) = (middle(values), values.len() as f64);
+    let squares: f64 = values.iter().map(|v| (v - at).powi(2)).sum();
+    let variance = (KNOWN_ROUNDS * (USUAL * at).powi(2) + squares) / (KNOWN_ROUNDS + count);
+    if values.is_empty() { 0.0 } else { 1.96 * (variance / count).sqrt() }
+}
+
+/// Share of a normal distribution below so many standard deviations (Abramowitz and Stegun 1964, 26.2.17; to 8e-8).
+fn normal(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
+    let terms = [0.319_381_53, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
+    let tail = terms.iter().rev().fold(0.0, |sum, c| (sum + c) * t);
+    let upper = tail * (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    if x >= 0.0 { 1.0 - upper } else { upper }
+}
+
 impl Point {
+    /// Times of both in the rounds that both have. Round 0 counts where there is no other.
+    fn pairs(&self, other: &Self) -> Vec<(f64, f64)> {
+        let pair = |(round, a): (&u32, &f64)| other.ms.get(round).map(|b| (*a, *b));
+        let later: Vec<_> = self.ms.range(1..).filter_map(pair).collect();
+        if later.is_empty() { self.ms.range(..1).filter_map(pair).collect() } else { later }
+    }
+
+    /// Whether the two have run in the same round after the one of their errors.
+    fn has_run_beside(&self, other: &Self) -> bool {
+        self.ms.range(1..).any(|(round, _)| other.ms.contains_key(round))
+    }
+
+    /// How sure it is that this is cheaper than another, from 0 to 1: one half where the ratio of their times is just what
+    /// [`Point::is_cheaper`] asks for, or where they have no round in common.
+    pub fn surely_cheaper(&self, other: &Self, least_ms: f64) -> f64 {
+        let pairs = self.pairs(other);
+        if pairs.is_empty() {
+            return 0.5;
+        }
+        if pairs.iter().all(|(a, _)| *a <= 0.0) {
+            return if pairs.iter().any(|(_, b)| *b > 0.0) { 1.0 } else { 0.0 };
+        }
+        let least = middle(&pairs.iter().map(|(_, b)| *b).collect::<Vec<_>>());
+        let share = (1.0 - LEAST_TIME).min(1.0 - least_ms / least.max(1e-12));
+        if share <= 0.0 {
+            return 0.0; // it would have to cost nothing
+        }
+        let logs: Vec<f64> = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0).map(|(a, b)| (a / b).ln()).collect();
+        let (at, count) = (middle(&logs), logs.len() as f64);
+        if logs.is_empty() {
+            return 0.0;
+        }
+        let squares: f64 = logs.iter().map(|x| (x - at).powi(2)).sum();
+        let usual = if self.has_run_beside(other) { USUAL } else { USUAL_APART };
+        let variance = (KNOWN_ROUNDS * usual * usual + squares) / (KNOWN_ROUNDS + count);
+        normal((share.ln() - at) / (variance / count).sqrt())
+    }
+
     /// Cheaper than another by more than can be mistaken: the median ratio of the times is below 1 by [`LEAST_TIME`], and by the
     /// interquartile range of the ratios where that is more; and the median difference is at least `least_ms`, where it does cost
     /// anything.
     pub fn is_cheaper(&self, other: &Self, least_ms: f64) -> bool {
-        let saved: Vec<f64> = self.ms.iter().zip(&other.ms).map(|(a, b)| b - a).collect();
-        if self.ms.iter().any(|ms| *ms > 0.0) && middle(&saved) < least_ms {
+        let pairs = self.pairs(other);
+        let saved: Vec<f64> = pairs.iter().map(|(a, b)| b - a).collect();
+        if pairs.iter().any(|(a, _)| *a > 0.0) && middle(&saved) < least_ms {
             return false;
         }
-        let ratios: Vec<f64> = self.ms.iter().zip(&other.ms).filter(|(_, b)| **b > 0.0).map(|(a, b)| a / b).collect();
+        let ratios: Vec<f64> = pairs.iter().filter(|(_, b)| *b > 0.0).map(|(a, b)| a / b).collect();
         if ratios.is_empty() {
             return false; // nothing is cheaper than what costs nothing
         }
@@ -130,7 +194,7 @@ mod tests {
     use super::*;
 
     fn points(of: &[(f64, f64)]) -> Vec<Point> {
-        of.iter().map(|(error, ms)| Point { error: *error, ms: vec![*ms; 5] }).collect()
+        of.iter().map(|(error, ms)| Point { error: *error, ms: (1..=5).map(|round| (round, *ms)).collect() }).collect()
     }
 
     #[test]
@@ -178,12 +242,32 @@ mod tests {
             let noisy: Vec<Point> = truth
                 .iter()
                 .map(|(error, ms)| {
-                    let ms = rounds.iter().map(|busy| ms * busy * (0.97 + 0.06 * random())).collect();
+                    let ms = (1..).zip(rounds.iter().map(|busy| ms * busy * (0.97 + 0.06 * random()))).collect();
                     Point { error: *error, ms }
                 })
                 .collect();
             assert_eq!(front(&noisy, 0.0, 0.0), calm, "seed {seed}");
         }
+    }
+
+    #[test]
+    fn certainty_grows_with_rounds_and_with_distance() {
+        let point = |ms: &[f64]| Point { error: 0.0, ms: (1..).zip(ms.iter().copied()).collect() };
+        let sure = |a: &[f64], b: &[f64]| point(a).surely_cheaper(&point(b), 0.0);
+        assert!(sure(&[5.0], &[10.0]) > 0.99 && sure(&[20.0], &[10.0]) < 0.01);
+        let one = sure(&[9.0], &[10.0]);
+        assert!((0.6..0.95).contains(&one) && sure(&[9.0; 9], &[10.0; 9]) > 0.98, "{one}");
+        // The same ratio from times that jump about is worth less; rounds apart are worth nothing.
+        assert!(sure(&[9.0, 6.0, 12.0], &[10.0, 9.0, 9.0]) < sure(&[9.0; 3], &[10.0; 3]));
+        let once = |round: u32, ms: f64| Point { error: 0.0, ms: [(round, ms)].into() };
+        assert_eq!(once(7, 1.0).surely_cheaper(&point(&[10.0]), 0.0), 0.5);
+        // In round 0 rows are minutes apart.
+        assert!(once(0, 9.0).surely_cheaper(&once(0, 10.0), 0.0) < one);
+        assert_eq!((sure(&[0.0], &[1.0]), sure(&[0.0], &[0.0]), sure(&[1.0], &[0.0])), (1.0, 0.0, 0.0));
+        // A saving below what shows in the frame is none.
+        assert!(point(&[5.0; 9]).surely_cheaper(&point(&[10.0; 9]), 6.0) < 0.05);
+        assert!((normal(1.96) - 0.975).abs() < 1e-4 && (normal(-1.0) - 0.158_655).abs() < 1e-5);
+        assert!(interval(&[10.0; 9]) < interval(&[10.0]) && interval(&[10.0]) > 0.5 && interval(&[]) == 0.0);
     }
 
     #[test]

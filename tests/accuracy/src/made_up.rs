@@ -1,4 +1,6 @@
 //! A sweep that nobody ran, for tests.
+use crate::compose::{Composer, Parts};
+use crate::display::Display;
 use crate::metrics::{Comparison, Picture};
 use crate::plan::Plan;
 use crate::report::{Combination, Report};
@@ -99,7 +101,7 @@ pub fn measurement(run: &Run, setup: &str, round: u32) -> Measurement {
     let slots: BTreeMap<String, Comparison> = setup.slots.iter().map(|s| (s.clone(), found)).collect();
     let errors = |frame: &u32| Errors { frame: *frame, picture: found, slots: slots.clone() };
     let errors = if round == 0 { run.frames.iter().map(errors).collect() } else { Vec::new() };
-    Measurement { setup: setup.id.clone(), round, cost, errors }
+    Measurement { setup: setup.id.clone(), round, cost, errors, moving: None }
 }
 
 /// A folder with everything in it.
@@ -116,6 +118,14 @@ pub fn folder() -> Folder {
         floor,
     });
     Folder { measurements: all.collect(), truths: truths.to_vec(), run }
+}
+
+/// Composes its pictures.
+pub fn composer() -> Composer {
+    let run = run();
+    let others = run.plan.setups.iter().filter(|s| s.label != "default");
+    let parts = others.map(|s| (s.id.clone(), Parts::of_whole(rendered(&s.label)))).collect();
+    Composer::new(truth(), Display::PLAIN, (rendered("default"), None), parts)
 }
 
 /// Its report, with pictures that add up.

@@ -1,5 +1,7 @@
 //! Rendering one configuration: what it costs and how wrong it is.
 use crate::AccuracyError;
+use crate::compose::TERMS;
+use crate::display::Display;
 use crate::metrics::{Comparison, Picture};
 use crate::plan::Setup;
 use crate::results::{Cost, Errors, Measurement, Run, StageCost};
@@ -40,9 +42,18 @@ const DENOISING: [&str; 12] = [
 pub struct Images {
     /// Linear radiance.
     pub picture: Picture,
-    /// The slots' own images, those that have a truth.
+    /// The slots' own images: those that have a truth, and those that add up to the picture.
     pub slots: BTreeMap<String, Picture>,
 }
+
+/// Keys of truths of the picture: at rest at the centres of pixels, and with `post` over their squares; the same in motion.
+pub const PICTURE: &str = "";
+/// Over the squares of pixels.
+pub const AREA: &str = "post";
+/// After the camera has moved.
+pub const MOVING: &str = "moving";
+/// Over the squares of pixels, after the camera has moved.
+pub const MOVING_AREA: &str = "moving.post";
 
 /// Renders configurations of one scene from one camera.
 pub struct Bench<'a> {
@@ -51,6 +62,8 @@ pub struct Bench<'a> {
     camera: &'a Camera,
     rays: Rays,
     slots: Slots,
+    /// Where the camera goes after the frames at rest.
+    ways: Vec<Camera>,
     /// One for each way to load the scene.
     renderers: Vec<(Vec<Option<Value>>, Renderer)>,
 }
@@ -58,7 +71,12 @@ pub struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// Nothing is loaded yet.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, rays: Rays, slots: &Slots) -> Self {
-        Self { gpu, scene, camera, rays, slots: slots.clone(), renderers: Vec::new() }
+        Self { gpu, scene, camera, rays, slots: slots.clone(), ways: Vec::new(), renderers: Vec::new() }
+    }
+
+    /// Goes through these places after the frames at rest, with configurations that look back at frames before.
+    pub fn go(&mut self, ways: Vec<Camera>) {
+        self.ways = ways;
     }
 
     /// The renderer for a configuration, begun anew.
@@ -94,32 +112,42 @@ impl<'a> Bench<'a> {
         truths: &BTreeMap<String, Truth>,
     ) -> Result<(Measurement, Option<Images>), AccuracyError> {
         let camera = self.camera;
+        let ways = if round == 0 && setup.turns { self.ways.clone() } else { Vec::new() };
         let renderer = self.renderer(setup, run)?;
-        let looked_at: Vec<&str> =
-            truths.keys().map(String::as_str).filter(|s| setup.slots.iter().any(|w| w == s)).collect();
+        let mut looked_at: Vec<&str> =
+            truths.keys().map(String::as_str).filter(|s| has_truth(s) && setup.slots.iter().any(|w| w == s)).collect();
+        let terms = TERMS.into_iter().filter(|_| !setup.is_whole());
+        terms.for_each(|term| looked_at.extend((!looked_at.contains(&term)).then_some(term)));
         renderer.read_slots(&looked_at)?;
 
         // A scene that moves has its errors measured at the last frame only, which shows the moment of the truth.
         let all = run.frames.last().copied().unwrap_or(1);
         let last = if round == 0 { all } else { WARM_UP + run.timed };
-        let (mut samples, mut errors, mut images) = (Vec::new(), Vec::new(), None);
-        for frame in 1..=last {
+        let races = run.minutes.is_some();
+        let (mut samples, mut errors, mut images, mut moving) = (Vec::new(), Vec::new(), None, None);
+        for frame in 1..=last + ways.len() as u32 {
             let is_compared = round == 0 && run.frames.contains(&frame) && (!setup.moving || frame == last);
+            let ends = frame > last && frame == last + ways.len() as u32;
             let back = if setup.moving { f64::from(last - frame) * run.time_step } else { 0.0 };
-            let request = FrameRequest { camera, time: run.time - back, view: None, read_back: is_compared };
+            let camera = frame.checked_sub(last + 1).and_then(|at| ways.get(at as usize)).unwrap_or(camera);
+            let read_back = is_compared || ends;
+            let request = FrameRequest { camera, time: run.time - back, view: None, read_back };
             let lacks = |what: &str| AccuracyError::Lacks { setup: setup.label.clone(), frame, what: what.to_owned() };
             let result = renderer.frame(request)?.ok_or_else(|| lacks("anything"))?;
             if is_compared {
                 let found = pictures(&result, setup, frame)?;
-                errors.push(compare(&found, truths, setup, frame)?);
+                errors.push(compare(&found, truths, [PICTURE, AREA], setup, frame)?);
                 images = Some(found);
-            } else if frame > WARM_UP && samples.len() < run.timed as usize {
+            } else if ends {
+                let found = Images { slots: BTreeMap::new(), ..pictures(&result, setup, frame)? };
+                moving = Some(compare(&found, truths, [MOVING, MOVING_AREA], setup, frame)?);
+            } else if frame > WARM_UP && frame <= last && (samples.len() < run.timed as usize || races) {
                 samples.push(result.sample);
             }
         }
         let device = || AccuracyError::NoTimes { device: run.device.name.clone() };
         let cost = cost(&samples).ok_or_else(device)?;
-        Ok((Measurement { setup: setup.id.clone(), round, cost, errors }, images))
+        Ok((Measurement { setup: setup.id.clone(), round, cost, errors, moving }, images))
     }
 }
 
@@ -146,26 +174,34 @@ fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, A
     Ok(Images { picture, slots })
 }
 
+/// Compares what a frame gave with what it should have: the slots' own images, and the picture with the truth under the first of
+/// `keys`; where `post` is measured, as its image with that under the second.
 fn compare(
     images: &Images,
     truths: &BTreeMap<String, Truth>,
+    keys: [&str; 2],
     setup: &Setup,
     frame: u32,
 ) -> Result<Errors, AccuracyError> {
+    let display = Display::of(&setup.config);
     let against = |what: &str, test: &Picture, truth: &Truth| {
+        let display = if SHARES.contains(&what) { Display::PLAIN } else { display };
         let what = format!("{}: frame {frame}: {what}", setup.label);
-        Comparison::of(test, &truth.picture).map_err(AccuracyError::metric(&what))
+        Comparison::displayed(test, &truth.picture, &display).map_err(AccuracyError::metric(&what))
     };
-    let whole = truths.get("").ok_or_else(|| AccuracyError::Lacks {
+    let whole = truths.get(keys[0]).ok_or_else(|| AccuracyError::Lacks {
         setup: setup.label.clone(),
         frame,
         what: "a truth of the picture".to_owned(),
     })?;
     let mut slots = BTreeMap::new();
-    for (slot, image) in &images.slots {
+    for (slot, image) in images.slots.iter().filter(|(slot, _)| setup.slots.contains(slot)) {
         if let Some(truth) = truths.get(slot) {
             slots.insert(slot.clone(), against(slot, image, truth)?);
         }
+    }
+    if let Some(truth) = truths.get(keys[1]).filter(|_| setup.slots.iter().any(|s| s == AREA)) {
+        slots.insert(AREA.to_owned(), against("picture", &images.picture, truth)?);
     }
     Ok(Errors { frame, picture: against("picture", &images.picture, whole)?, slots })
 }

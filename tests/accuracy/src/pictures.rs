@@ -1,35 +1,27 @@
 //! Pictures of a report as files: what a slot gave, what it should have given, and where FLIP sees a difference.
 use crate::AccuracyError;
-use crate::metrics::{Picture, flip_hdr_map, flip_ldr_map, magma};
+use crate::display::Display;
+use crate::metrics::{Picture, flip_ldr_map, magma};
 use image::{DynamicImage, Rgb32FImage, RgbImage, imageops};
 use std::path::Path;
 
 /// Greatest width of a thumbnail, pixels.
 const WIDEST: u32 = 480;
 
-/// How bright a picture is shown: the factor that brings the 95th percentile of the luminance to 0.8.
-pub fn exposure(truth: &Picture) -> f32 {
-    let mut values: Vec<f32> = truth.pixels.iter().map(|p| 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]).collect();
-    values.sort_by(f32::total_cmp);
-    let bright = values.get(values.len() * 95 / 100).copied().unwrap_or(0.0);
-    if bright > 1e-6 { 0.8 / bright } else { 1.0 }
-}
-
-/// Writes what a display shows of it at this exposure.
+/// Writes what a display shows of it.
 ///
 /// # Errors
 /// [`AccuracyError::Image`].
-pub fn write_shown(path: &Path, picture: &Picture, exposure: f32) -> Result<(), AccuracyError> {
-    let scaled = Picture { pixels: picture.pixels.iter().map(|p| p.map(|x| x * exposure)).collect(), ..*picture };
-    write_rgb(path, picture, scaled.to_srgb8())
+pub fn write_shown(path: &Path, picture: &Picture, display: &Display) -> Result<(), AccuracyError> {
+    write_rgb(path, picture, display.show(picture).to_srgb8())
 }
 
-/// Writes the FLIP map of it: of radiance over all exposures, of visibility as it is.
+/// Writes the FLIP map of what a display shows of both.
 ///
 /// # Errors
 /// [`AccuracyError`].
-pub fn write_flip(path: &Path, test: &Picture, truth: &Picture, is_radiance: bool) -> Result<(), AccuracyError> {
-    let map = if is_radiance { flip_hdr_map(test, truth) } else { flip_ldr_map(test, truth) };
+pub fn write_flip(path: &Path, test: &Picture, truth: &Picture, display: &Display) -> Result<(), AccuracyError> {
+    let map = flip_ldr_map(&display.show(test), &display.show(truth));
     let map = map.map_err(AccuracyError::metric(&path.display().to_string()))?;
     write_rgb(path, test, magma(&map))
 }
@@ -109,12 +101,5 @@ mod tests {
         let path = folder.path().join("p.exr");
         write_exr(&path, &picture).unwrap();
         assert_eq!(read_exr(&path).unwrap(), picture);
-    }
-
-    #[test]
-    fn the_exposure_shows_the_bright_part_bright() {
-        let grey = Picture::grey(10, 10, &[0.01; 100]);
-        assert!((exposure(&grey) * 0.01 - 0.8).abs() < 1e-3);
-        assert_eq!(exposure(&Picture::grey(10, 10, &[0.0; 100])), 1.0);
     }
 }

@@ -6,11 +6,11 @@ use magpie::stage::{ImplementationInfo, SettingSpec, SlotInfo};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Slots that do not change the linear picture, and why.
-const NOT_PICTURED: [(&str, &str); 2] = [
-    ("rays", "it is there for looking at, and no part of the picture"),
-    ("post", "errors are measured in linear radiance, before it"),
-];
+/// Slots that do not change the picture, and why.
+const NOT_PICTURED: [(&str, &str); 1] = [("rays", "it is there for looking at, and no part of the picture")];
+
+/// Settings of what looks back at frames before: rows of a slot that has one are also judged while the camera moves.
+const OF_HISTORIES: [&str; 2] = ["denoiser", "anti_aliasing"];
 
 /// Settings that only matter while something moves.
 const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
@@ -52,6 +52,16 @@ pub struct Setup {
     pub slots: Vec<String>,
     /// The scene moves while it is measured.
     pub moving: bool,
+    /// The camera moves after that, for a slot that looks back at frames before.
+    #[serde(default)]
+    pub turns: bool,
+}
+
+impl Setup {
+    /// Whether its picture is taken as a whole: a slot makes it of the finished sum.
+    pub fn is_whole(&self) -> bool {
+        self.slots == ["post"]
+    }
 }
 
 /// Everything that is measured, in a fixed order.
@@ -113,9 +123,11 @@ impl Plan {
             Some(Row { implementation, settings, preset: Some(preset.name.to_owned()), config, label })
         }));
         let moving = moves && slot.implementations.iter().flat_map(|i| &i.settings).any(|s| is_of_motion(slot, s));
+        let has_history = |i: &ImplementationInfo| i.settings.iter().any(|s| OF_HISTORIES.contains(&s.key));
+        let turns = !moving && slot.implementations.iter().any(has_history);
         for Row { implementation, settings, preset, config, label } in rows {
             let is_default = config == *base;
-            let setup = self.setup(slot, config, base, &label, moving);
+            let setup = self.setup(slot, config, base, &label, (moving, turns));
             let known = self.variants.iter().position(|v| v.slot == slot.name && v.setup == setup);
             let at = known.unwrap_or_else(|| {
                 let (slot, implementation, presets) = (slot.name.clone(), implementation.name.clone(), Vec::new());
@@ -131,7 +143,14 @@ impl Plan {
     }
 
     /// The setup of a configuration: a new one, or one that is the same.
-    fn setup(&mut self, slot: &SlotInfo, config: Config, base: &Config, label: &str, moving: bool) -> String {
+    fn setup(
+        &mut self,
+        slot: &SlotInfo,
+        config: Config,
+        base: &Config,
+        label: &str,
+        (moving, turns): (bool, bool),
+    ) -> String {
         let text = format!("{config:?}");
         let id = short(&[&text, if moving { "moving" } else { "still" }]);
         match self.setups.iter_mut().find(|s| s.id == id) {
@@ -139,10 +158,12 @@ impl Plan {
                 if !known.slots.contains(&slot.name) {
                     known.slots.push(slot.name.clone());
                 }
+                known.turns |= turns;
             }
             None => {
                 let label = if config == *base { "default".to_owned() } else { format!("{}: {label}", slot.name) };
-                self.setups.push(Setup { id: id.clone(), label, config, slots: vec![slot.name.clone()], moving });
+                let slots = vec![slot.name.clone()];
+                self.setups.push(Setup { id: id.clone(), label, config, slots, moving, turns });
             }
         }
         id
@@ -158,6 +179,23 @@ impl Plan {
         let mut slots: Vec<String> = self.variants.iter().map(|v| v.slot.clone()).collect();
         slots.dedup();
         slots
+    }
+
+    /// The setups in the order of what they tell: the default, presets, implementations as they are by default, all else.
+    pub fn best_first(&self) -> Vec<&Setup> {
+        let rank = |setup: &Setup| {
+            let variants = self.variants.iter().filter(|v| v.setup == setup.id);
+            let of = |v: &Variant| match v {
+                v if v.is_default => 0,
+                v if !v.presets.is_empty() => 1,
+                v if v.label == v.implementation => 2,
+                _ => 3,
+            };
+            variants.map(of).min().unwrap_or(3)
+        };
+        let mut setups: Vec<&Setup> = self.setups.iter().collect();
+        setups.sort_by_key(|s| rank(s));
+        setups
     }
 
     /// The default setup, with nothing moving.
@@ -409,8 +447,25 @@ mod tests {
         };
         assert_eq!(wanted("shadows").unwrap().slots(), ["shadows"]);
         assert!(wanted("shadow").unwrap_err().contains("did you mean \"shadows\"?"));
-        assert!(wanted("post").unwrap_err().contains("linear radiance"));
+        assert!(wanted("post").unwrap_err().contains("one way"));
         assert!(wanted("compose").unwrap_err().contains("one way"));
+    }
+
+    #[test]
+    fn what_tells_most_comes_first_and_histories_are_seen_in_motion() {
+        let denoiser = SettingSpec::choice("denoiser", "About.", "none", &["none", "svgf"]).sweep_all();
+        let mut with = catalogue();
+        with.slots[1].implementations[0].settings.push(denoiser);
+        let preset = Preset { name: "high", implementation: "ray-traced", settings: &[("rays", "8")] };
+        with.slots[1].presets = vec![preset];
+        with.slots.push(slot("gi", vec![implementation("sky", vec![]), implementation("off", vec![])]));
+        let plan = Plan::new(&with, &Config::default(), &[], false).unwrap();
+        let order: Vec<&str> = plan.best_first().iter().map(|s| s.label.as_str()).collect();
+        assert_eq!(order[..4], ["default", "shadows: ray-traced, rays 8", "shadows: off", "gi: off"]);
+        assert_eq!(order.len(), plan.setups.len());
+        for setup in &plan.setups {
+            assert_eq!(setup.turns, setup.slots.contains(&"shadows".to_owned()), "{}", setup.label);
+        }
     }
 
     #[test]

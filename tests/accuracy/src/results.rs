@@ -1,5 +1,6 @@
 //! Results as they come in: a line of JSON for each measurement, so that a run can be interrupted, resumed and spread over machines.
 use crate::AccuracyError;
+use crate::metric::Judge;
 use crate::metrics::Comparison;
 use crate::plan::Plan;
 use crate::truth::TruthInfo;
@@ -64,6 +65,15 @@ pub struct Run {
     pub time_step: f64,
     /// The moment that is measured, seconds of scene time.
     pub time: f64,
+    /// The time that it may take, minutes: configurations race then. None where each has all its rounds.
+    #[serde(default)]
+    pub minutes: Option<f64>,
+    /// Frames after the last in which the camera moves on the path of `magpie bench motion`; the last of them is compared.
+    #[serde(default)]
+    pub moving_frames: u32,
+    /// What the race is about.
+    #[serde(default)]
+    pub judge: Judge,
     /// Everything that is measured.
     pub plan: Plan,
 }
@@ -71,6 +81,11 @@ pub struct Run {
 /// Seconds as far as they count: the last digit of what was read from a file may be another.
 fn nanoseconds(seconds: f64) -> String {
     format!("{seconds:.9}")
+}
+
+/// How times are taken.
+fn way(run: &Run) -> &'static str {
+    if run.minutes.is_some() { "a race within minutes" } else { "all rounds of each" }
 }
 
 impl Run {
@@ -88,6 +103,8 @@ impl Run {
             ("the size", format!("{:?}", self.size), format!("{:?}", other.size)),
             ("the number of samples", self.samples.to_string(), other.samples.to_string()),
             ("the frames", format!("{:?}", self.frames), format!("{:?}", other.frames)),
+            ("the way to time", way(self).to_owned(), way(other).to_owned()),
+            ("the number of frames in motion", self.moving_frames.to_string(), other.moving_frames.to_string()),
             ("the number of rounds", self.rounds.to_string(), other.rounds.to_string()),
             ("the number of timed frames", self.timed.to_string(), other.timed.to_string()),
             ("the seed", self.seed.to_string(), other.seed.to_string()),
@@ -150,7 +167,7 @@ pub struct Errors {
     pub frame: u32,
     /// Of the linear picture.
     pub picture: Comparison,
-    /// Of the slots' own images, where they have a truth.
+    /// Of the slots' own images, where they have a truth; of `post` the picture to the truth over the squares of pixels.
     pub slots: BTreeMap<String, Comparison>,
 }
 
@@ -165,6 +182,9 @@ pub struct Measurement {
     pub cost: Cost,
     /// How wrong it is; in round 0 only, since errors are the same every time.
     pub errors: Vec<Errors>,
+    /// The same after the frames in which the camera moved, where it did.
+    #[serde(default)]
+    pub moving: Option<Errors>,
 }
 
 /// A folder of results.
@@ -269,13 +289,17 @@ impl Folder {
         Ok(Self { run, measurements: mend(&folder.join(RESULTS_FILE))?, truths })
     }
 
-    /// Fails where a measurement is missing.
+    /// Fails where a measurement is missing. Of a race the default has to be there.
     ///
     /// # Errors
     /// [`AccuracyError::Incomplete`].
     pub fn check_complete(&self, path: &Path) -> Result<(), AccuracyError> {
         let have: BTreeSet<(&str, u32)> = self.measurements.iter().map(|m| (m.setup.as_str(), m.round)).collect();
-        let all = || self.run.plan.setups.iter().flat_map(|s| (0..=self.run.rounds).map(move |round| (s, round)));
+        let default = self.run.plan.default_setup();
+        let races = self.run.minutes.is_some();
+        let setups = || self.run.plan.setups.iter().filter(|s| !races || Some(*s) == default);
+        let rounds = if races { 0 } else { self.run.rounds };
+        let all = || setups().flat_map(|s| (0..=rounds).map(move |round| (s, round)));
         let missing: Vec<_> = all().filter(|(s, round)| !have.contains(&(s.id.as_str(), *round))).collect();
         match missing.first() {
             None => Ok(()),

@@ -1,21 +1,29 @@
 //! A sweep: truths, then every configuration round after round, each result on the disk as soon as it is there.
+mod course;
+mod truths;
+
 use crate::AccuracyError;
-use crate::measure::{Bench, Images};
+use crate::compose::{read_terms, split, write_terms};
+use crate::display::Display;
+use crate::measure::{AREA, Bench, Images};
+use crate::metric::Judge;
+use crate::metrics::Picture;
 use crate::pictures;
 use crate::plan::{Plan, Setup};
-use crate::results::{DeviceName, Folder, IMAGES, Results, Run, TRUTHS, TRUTHS_FILE, read_json, write_json};
-use crate::truth::{PathTracer, SHARES, Truth, TruthCache, TruthInfo, TruthSource, ao_range, truth_of};
+use crate::results::{DeviceName, Folder, IMAGES, Measurement, Results, Run, TRUTHS};
+use crate::truth::{PathTracer, SHARES, Truth, TruthCache, TruthSource, ao_range};
 use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
 use magpie::scene::{Camera, Scene};
+use magpie_bench::motion::around;
 use magpie_passes::Slots;
 use magpie_passes::reference::{Only, ReferenceOptions};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 /// A part of a sweep, for one of several machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +68,11 @@ pub struct Options {
     pub size: Option<[u32; 2]>,
     /// Samples per pixel of the truths.
     pub samples: Option<u32>,
+    /// The time that it may take, minutes. Configurations race for the fronts then, and it ends with what is known. None: each has all
+    /// its rounds.
+    pub minutes: Option<f64>,
+    /// What the fronts, and the race for them, stand for.
+    pub judge: Judge,
     /// The part to measure; none for all.
     pub shard: Option<Shard>,
     /// Seed of everything random.
@@ -74,19 +87,22 @@ pub struct Options {
 struct Extent {
     size: [u32; 2],
     samples: u32,
-    frames: [u32; 3],
+    /// The last two say how much an error changes from frame to frame.
+    frames: [u32; 4],
     rounds: u32,
     timed: u32,
+    moving: u32,
 }
 
-const QUICK: Extent = Extent { size: [256, 144], samples: 128, frames: [1, 8, 32], rounds: 9, timed: 8 };
-const FULL: Extent = Extent { size: [640, 360], samples: 1024, frames: [1, 8, 64], rounds: 9, timed: 16 };
+const QUICK: Extent = Extent { size: [160, 90], samples: 128, frames: [1, 8, 23, 24], rounds: 9, timed: 4, moving: 6 };
+const FULL: Extent =
+    Extent { size: [640, 360], samples: 1024, frames: [1, 8, 63, 64], rounds: 9, timed: 16, moving: 16 };
+
+/// Minutes that a quick sweep takes at most, where nothing else is said.
+pub const QUICK_MINUTES: f64 = 10.0;
 
 /// Seconds of scene time from frame to frame.
 const TIME_STEP: f64 = 1.0 / 60.0;
-
-/// What a sample of a truth takes, in frames of a measurement: for the time that is left, and nothing else.
-const SAMPLE_UNITS: u64 = 8;
 
 /// How far a sweep is.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -99,6 +115,8 @@ pub struct Progress {
     pub skipped: u64,
     /// What is being done.
     pub what: String,
+    /// Of what `all` is a number.
+    pub unit: &'static str,
 }
 
 impl fmt::Display for Progress {
@@ -130,6 +148,7 @@ pub fn sweep(
     options: &Options,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Folder, AccuracyError> {
+    let start = Instant::now();
     let Subject { gpu, scene, camera, slots, config } = *subject;
     let extent = if options.quick { QUICK } else { FULL };
     let size = options.size.unwrap_or(extent.size);
@@ -137,7 +156,7 @@ pub fn sweep(
     let moves = !scene.animations.is_empty();
     let plan = Plan::new(&slots.catalogue(), config, &options.stages, moves)?;
     // Frames before the moment that is measured have moments of their own, from 0.
-    let time = if moves { f64::from(extent.frames[2] - 1) * TIME_STEP } else { 0.0 };
+    let time = if moves { f64::from(extent.frames[3] - 1) * TIME_STEP } else { 0.0 };
     let reference = ReferenceOptions {
         width: size[0],
         height: size[1],
@@ -147,8 +166,8 @@ pub fn sweep(
         rays: options.rays,
         ..ReferenceOptions::default()
     };
-    let mut tracer = PathTracer::new(gpu, scene, camera, reference);
     let report = gpu.report();
+    let turns = plan.setups.iter().any(|s| s.turns);
     let mut run = Run {
         magpie: env!("CARGO_PKG_VERSION").to_owned(),
         commit: options.commit.clone(),
@@ -156,7 +175,7 @@ pub fn sweep(
         device: DeviceName { name: report.name.clone(), driver: report.driver.clone(), kind: report.kind.to_owned() },
         rays: options.rays.name().to_owned(),
         scene: scene.name.clone(),
-        subject: tracer.subject(Only::All),
+        subject: PathTracer::new(gpu, scene, camera, reference).subject(Only::All),
         size,
         samples: options.samples.unwrap_or(extent.samples),
         frames,
@@ -165,97 +184,77 @@ pub fn sweep(
         seed: options.seed,
         time_step: TIME_STEP,
         time,
+        minutes: options.minutes,
+        moving_frames: if turns { extent.moving } else { 0 },
+        judge: options.judge,
         plan,
     };
     let mut results = Results::open(&options.out, &mut run)?;
     let mine = |place: usize| options.shard.is_none_or(|shard| shard.has(place));
     let setups: Vec<&Setup> = run.plan.setups.iter().enumerate().filter(|(at, _)| mine(*at)).map(|(_, s)| s).collect();
 
-    let last = run.frames.last().copied().unwrap_or(1);
-    let frames_of = |round: u32| if round == 0 { u64::from(last) } else { u64::from(run.timed) };
-    let names = wanted_truths(&setups);
-    let mut at = Progress { all: names.len() as u64 * u64::from(run.samples) * SAMPLE_UNITS, ..Progress::default() };
-    at.all += (0..=run.rounds).map(|round| frames_of(round) * setups.len() as u64).sum::<u64>();
-
-    let cache = TruthCache::new(options.truths.as_deref().unwrap_or(&options.out.join(TRUTHS)), run.samples, run.seed)?;
-    let truths = find_truths(&cache, &mut tracer, &names, &run, &options.out, &mut at, progress)?;
-    drop(tracer);
+    // The camera has moved by one step in the first frame after those at rest.
+    let ways: Vec<Camera> = around(camera, run.moving_frames + 1).split_off(1);
+    let place = ways.last().unwrap_or(camera);
+    let wanted = truths::wanted(&setups, run.moving_frames > 0);
+    let units = course::Units::of(&run, &setups, wanted.len());
+    let mut at = Progress { all: units.all, unit: units.name, ..Progress::default() };
+    let mut finder = truths::Finder {
+        cache: TruthCache::new(options.truths.as_deref().unwrap_or(&options.out.join(TRUTHS)), run.samples, run.seed)?,
+        tracers: [
+            PathTracer::new(gpu, scene, camera, reference),
+            PathTracer::over_pixels(gpu, scene, camera, reference),
+            PathTracer::new(gpu, scene, place, reference),
+            PathTracer::over_pixels(gpu, scene, place, reference),
+        ],
+        run: &run,
+        display: Display::of(config),
+        out: &options.out,
+        start,
+        // What is measured stands against the truths as they were.
+        is_frozen: run.minutes.is_some() && !results.measurements.is_empty(),
+    };
+    let truths = finder.find(&wanted, &mut at, progress)?;
+    drop(finder);
 
     let mut bench = Bench::new(gpu, scene, camera, options.rays, slots);
-    for round in 0..=run.rounds {
-        for &setup in &setups {
-            at.what = match round {
-                0 => format!("errors: {}", setup.label),
-                _ => format!("times, round {round} of {}: {}", run.rounds, setup.label),
-            };
-            progress(&at);
-            if results.has(&setup.id, round) {
-                at.skipped += frames_of(round);
-            } else {
-                let (measurement, images) = bench.measure(setup, round, &run, &truths)?;
-                if let Some(images) = images {
-                    write_images(&options.out.join(IMAGES), setup, &images, &truths)?;
-                }
-                results.push(measurement)?;
-            }
-            at.done += frames_of(round);
-            progress(&at);
-        }
-    }
+    bench.go(ways);
+    let mut on_device = OnDevice { bench, run: &run, truths: &truths, out: &options.out, terms: None, start };
+    course::run(&run, &setups, &truths, &mut results, &mut on_device, &mut at, progress)?;
     Folder::read(&options.out)
 }
 
-/// Slots whose truths are needed for these setups, the whole picture's under the empty name first.
-fn wanted_truths(setups: &[&Setup]) -> Vec<(String, Only)> {
-    let mut wanted = vec![(String::new(), Only::All)];
-    for slot in setups.iter().flat_map(|s| &s.slots) {
-        if let Some(only) = truth_of(slot)
-            && !wanted.iter().any(|(name, _)| name == slot)
-        {
-            wanted.push((slot.clone(), only));
-        }
-    }
-    wanted
+/// Measures on the device, and leaves pictures in the folder.
+struct OnDevice<'a> {
+    bench: Bench<'a>,
+    run: &'a Run,
+    truths: &'a BTreeMap<String, Truth>,
+    out: &'a Path,
+    /// Of the default, once it has been measured.
+    terms: Option<[Picture; 4]>,
+    start: Instant,
 }
 
-/// Finds the truths, and leaves their pictures and what is known of them in `out`.
-fn find_truths(
-    cache: &TruthCache,
-    source: &mut dyn TruthSource,
-    wanted: &[(String, Only)],
-    run: &Run,
-    out: &Path,
-    at: &mut Progress,
-    progress: &mut dyn FnMut(&Progress),
-) -> Result<BTreeMap<String, Truth>, AccuracyError> {
-    let mut truths = BTreeMap::new();
-    let path = out.join(TRUTHS_FILE);
-    let mut infos: Vec<TruthInfo> = if path.exists() { read_json(&path)? } else { Vec::new() };
-    for (slot, only) in wanted {
-        let (before, all) = (at.done, u64::from(run.samples));
-        at.what = format!("truth of {}", only.name());
-        let mut first = true;
-        let truth = cache.get(source, *only, &mut |samples| {
-            at.done = before + samples * SAMPLE_UNITS;
-            if std::mem::take(&mut first) {
-                at.skipped += samples * SAMPLE_UNITS;
+impl course::Measures for OnDevice<'_> {
+    fn measure(&mut self, setup: &Setup, round: u32) -> Result<Measurement, AccuracyError> {
+        let (measurement, images) = self.bench.measure(setup, round, self.run, self.truths)?;
+        if let Some(images) = images {
+            let folder = self.out.join(IMAGES);
+            write_images(&folder, setup, &images, self.truths)?;
+            let default = self.run.plan.default_setup().map_or("", |s| s.id.as_str());
+            if self.terms.is_none() {
+                self.terms = read_terms(&folder, default);
             }
-            progress(at);
-        })?;
-        at.done = before + all * SAMPLE_UNITS;
-        let images = out.join(IMAGES);
-        let exposure = pictures::exposure(&truth.picture);
-        let shown = if SHARES.contains(&slot.as_str()) { 1.0 } else { exposure };
-        pictures::write_shown(&images.join(format!("truth.{}.png", only.name())), &truth.picture, shown)?;
-        if *only == Only::All {
-            pictures::write_exr(&images.join("truth.all.exr"), &truth.picture)?;
+            if let Some(terms) = split(&images.picture, &images.slots).filter(|_| !setup.is_whole() && !setup.moving) {
+                write_terms(&folder, &setup.id, &terms, self.terms.as_ref().filter(|_| setup.id != default))?;
+            }
         }
-        infos.retain(|i| i.only != truth.info.only);
-        infos.push(truth.info.clone());
-        truths.insert(slot.clone(), truth);
+        Ok(measurement)
     }
-    write_json(&path, &infos)?;
-    Ok(truths)
+
+    fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
 }
 
 /// Pictures of a configuration for the report.
@@ -268,12 +267,15 @@ fn write_images(
     pictures::write_exr(&folder.join(format!("{}.exr", setup.id)), &images.picture)?;
     let all = images.slots.iter().map(|(slot, picture)| (slot.as_str(), picture)).chain([("", &images.picture)]);
     for (slot, picture) in all {
-        let Some(truth) = truths.get(slot) else { continue };
-        let is_radiance = !SHARES.contains(&slot);
-        let exposure = if is_radiance { pictures::exposure(&truth.picture) } else { 1.0 };
+        if !slot.is_empty() && !setup.slots.iter().any(|s| s == slot) {
+            continue; // a term of the picture
+        }
+        let key = if slot.is_empty() && setup.is_whole() { AREA } else { slot };
+        let Some(truth) = truths.get(key) else { continue };
+        let display = if SHARES.contains(&slot) { Display::PLAIN } else { Display::of(&setup.config) };
         let name = |what: &str| folder.join(image_name(&setup.id, slot, what));
-        pictures::write_shown(&name("png"), picture, exposure)?;
-        pictures::write_flip(&name("flip.png"), picture, &truth.picture, is_radiance)?;
+        pictures::write_shown(&name("png"), picture, &display)?;
+        pictures::write_flip(&name("flip.png"), picture, &truth.picture, &display)?;
     }
     Ok(())
 }

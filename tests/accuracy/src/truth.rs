@@ -1,5 +1,6 @@
 //! Truths: what each slot should give, converged as far as its standard error says, and kept in files.
 use crate::AccuracyError;
+use crate::display::Display;
 use crate::hash::short;
 use crate::metrics::{Comparison, Picture};
 use glam::DVec3;
@@ -76,6 +77,11 @@ impl<'a> PathTracer<'a> {
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, options: ReferenceOptions) -> Self {
         Self { gpu, scene, camera, options: ReferenceOptions { pixel: PixelSampling::Centre, ..options }, begun: None }
     }
+
+    /// The same over the whole squares of pixels: what anti-aliasing looks for.
+    pub fn over_pixels(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, options: ReferenceOptions) -> Self {
+        Self { gpu, scene, camera, options: ReferenceOptions { pixel: PixelSampling::Area, ..options }, begun: None }
+    }
 }
 
 impl TruthSource for PathTracer<'_> {
@@ -108,7 +114,7 @@ impl TruthSource for PathTracer<'_> {
 /// What is known of a truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthInfo {
-    /// Name of the [`Only`].
+    /// Name of the [`Only`]; with `_area` over the squares of pixels, with `_moving` after the camera has moved.
     pub only: String,
     /// A hash of all that it depends on: scene, camera, size, model, samples, seed.
     pub hash: String,
@@ -157,7 +163,7 @@ impl TruthCache {
     }
 
     /// Takes the truth from its file, or finds it and writes the file. One that was interrupted goes on. `progress` is told of samples
-    /// that are there, and by it whether to go on.
+    /// that are there, and says whether to go on: what has been asked for once and has samples can end before it has all of them.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -165,7 +171,8 @@ impl TruthCache {
         &self,
         source: &mut dyn TruthSource,
         only: Only,
-        progress: &mut dyn FnMut(u64),
+        display: &Display,
+        progress: &mut dyn FnMut(u64) -> bool,
     ) -> Result<Truth, AccuracyError> {
         let (hash, subject) = (self.hash(source, only), source.subject(only));
         let path = self.folder.join(format!("{}-{hash}.exr", only.name()));
@@ -176,16 +183,17 @@ impl TruthCache {
         }
         let wanted = u64::from(self.samples);
         let begun = known.as_ref().map_or(0, |e| e.samples);
-        progress(begun.min(wanted));
-        if begun < wanted {
+        // What little there is cannot do without a first step: a standard error needs two samples.
+        let mut goes_on = progress(begun.min(wanted)) || begun < u64::from(STEP);
+        if begun < wanted && goes_on {
             source.begin(only, known.as_ref())?;
             let (mut have, mut saved) = (begun, begun);
-            while have < wanted {
+            while have < wanted && goes_on {
                 let step = STEP.min((wanted - have) as u32);
                 source.add(step)?;
                 have += u64::from(step);
-                progress(have);
-                if have == wanted || have - saved >= SAVE_EVERY {
+                goes_on = progress(have);
+                if have == wanted || !goes_on || have - saved >= SAVE_EVERY {
                     saved = have;
                     if let Some(estimate) = source.estimate() {
                         estimate.save(&path, &subject).map_err(failed)?;
@@ -196,26 +204,26 @@ impl TruthCache {
             known = Some(Estimate::load(&path, Some(&subject)).map_err(failed)?);
         }
         let estimate = known.unwrap_or_else(|| Estimate::new(1, 1));
-        Truth::new(only, hash, &estimate)
+        Truth::new(only.name(), hash, &estimate, display)
     }
 }
 
 impl Truth {
-    /// An estimate as a truth.
+    /// An estimate as a truth of that name.
     ///
     /// # Errors
     /// [`AccuracyError::Metric`] where it is not finite.
-    pub fn new(only: Only, hash: String, estimate: &Estimate) -> Result<Self, AccuracyError> {
+    pub fn new(name: &str, hash: String, estimate: &Estimate, display: &Display) -> Result<Self, AccuracyError> {
         let (width, height) = (estimate.width as usize, estimate.height as usize);
         let pixel = |v: &DVec3| v.as_vec3().to_array();
         let picture = Picture { width, height, pixels: estimate.mean.iter().map(pixel).collect() };
         let errors = estimate.standard_error();
         let mean_square = errors.iter().map(|e| e.length_squared() / 3.0).sum::<f64>() / errors.len() as f64;
         let another = perturbed(&picture, &errors);
-        let what = format!("truth of {}", only.name());
-        let floor = Comparison::of(&another, &picture).map_err(AccuracyError::metric(&what))?;
+        let what = format!("truth of {name}");
+        let floor = Comparison::displayed(&another, &picture, display).map_err(AccuracyError::metric(&what))?;
         let info = TruthInfo {
-            only: only.name().to_owned(),
+            only: name.to_owned(),
             hash,
             samples: estimate.samples,
             standard_error: mean_square.sqrt(),
@@ -300,10 +308,16 @@ mod tests {
         let cache = |samples| TruthCache::new(folder.path(), samples, 0).unwrap();
         let mut source = MadeUp { estimate: None, asked: 0 };
         let mut told = Vec::new();
-        let first = cache(100).get(&mut source, Only::Gi, &mut |n| told.push(n)).unwrap();
+        let all = &mut |_: u64| true;
+        let show = &Display::PLAIN;
+        let mut tell = |n: u64| {
+            told.push(n);
+            true
+        };
+        let first = cache(100).get(&mut source, Only::Gi, show, &mut tell).unwrap();
         assert_eq!((source.asked, first.info.samples), (100, 100));
         assert_eq!((told[0], *told.last().unwrap()), (0, 100));
-        let again = cache(100).get(&mut source, Only::Gi, &mut |_| {}).unwrap();
+        let again = cache(100).get(&mut source, Only::Gi, show, all).unwrap();
         assert_eq!((source.asked, again.clone()), (100, first.clone()), "from the file");
         assert_ne!(cache(100).hash(&source, Only::Gi), cache(100).hash(&source, Only::All));
         assert_ne!(
@@ -318,16 +332,26 @@ mod tests {
         part.add(64).unwrap();
         part.estimate().unwrap().save(&path, "made up gi").unwrap();
         source.asked = 0;
-        let resumed = cache(100).get(&mut source, Only::Gi, &mut |_| {}).unwrap();
+        let resumed = cache(100).get(&mut source, Only::Gi, show, all).unwrap();
         assert_eq!((source.asked, resumed.info.samples), (36, 100));
         assert!((resumed.info.standard_error / first.info.standard_error - 1.0).abs() < 0.02);
+
+        // Who has no time left gets what there is, and a little where there is nothing.
+        source.asked = 0;
+        let hasty = cache(200).get(&mut source, Only::Gi, show, &mut |samples| samples < 20).unwrap();
+        assert_eq!((source.asked, hasty.info.samples), (24, 24));
+        let again = cache(200).get(&mut source, Only::Gi, show, &mut |_| false).unwrap();
+        assert_eq!((source.asked, again), (24, hasty));
+        let none = cache(200).get(&mut source, Only::Direct, show, &mut |_| false).unwrap();
+        assert_eq!(none.info.samples, 8);
     }
 
     #[test]
     fn the_floor_is_what_the_standard_error_makes() {
         let folder = tempfile::tempdir().unwrap();
         let cache = TruthCache::new(folder.path(), 100, 0).unwrap();
-        let truth = cache.get(&mut MadeUp { estimate: None, asked: 0 }, Only::Gi, &mut |_| {}).unwrap();
+        let mut source = MadeUp { estimate: None, asked: 0 };
+        let truth = cache.get(&mut source, Only::Gi, &Display::PLAIN, &mut |_| true).unwrap();
         // Half the pixels have a deviation of 1 over 100 samples, divided by n - 1.
         let wanted = (0.5_f64 / 99.0).sqrt();
         assert!((truth.info.standard_error - wanted).abs() < 1e-6, "{} {wanted}", truth.info.standard_error);

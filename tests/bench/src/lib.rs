@@ -1,4 +1,4 @@
-//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
+//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`, [`pairs`] is `magpie bench pairs`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
 //!
 //! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` says
 //! what is measured and how.
@@ -10,6 +10,7 @@ mod contestant;
 mod floor;
 mod magpie;
 pub mod motion;
+pub mod pairs;
 pub mod rays;
 mod report;
 mod run;

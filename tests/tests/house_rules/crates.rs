@@ -25,7 +25,7 @@ const MAY_DEPEND: [(&str, &[&str]); 8] = [
     ("magpie", &["magpie-shaders"]),
     ("magpie-passes", &["magpie", "magpie-shaders"]),
     ("magpie-bench", &["magpie", "magpie-passes", "magpie-shaders"]),
-    ("magpie-accuracy", &["magpie", "magpie-passes", "magpie-shaders"]),
+    ("magpie-accuracy", &["magpie", "magpie-bench", "magpie-passes", "magpie-shaders"]),
     ("magpie-demo", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-passes", "magpie-shaders"]),
     ("magpie-tests", &["magpie", "magpie-accuracy", "magpie-bench", "magpie-demo", "magpie-passes", "magpie-shaders"]),
     ("xtask", &[]),

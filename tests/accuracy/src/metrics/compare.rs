@@ -1,6 +1,7 @@
 //! All spatial metrics of one pair.
 use super::picture::check_pair;
 use super::{Exposures, MetricError, Picture, exposures, flip_hdr, flip_ldr, mse, psnr_of_mse, relmse, smape, ssim};
+use crate::display::Display;
 use serde::{Deserialize, Serialize};
 
 /// How far a picture is from its reference, by every spatial metric.
@@ -33,13 +34,22 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares by every metric.
+    /// Compares by every metric. What a display shows is what the pictures are.
     ///
     /// # Errors
     /// [`MetricError`] where the pictures have not the same size or are not finite.
     pub fn of(test: &Picture, reference: &Picture) -> Result<Self, MetricError> {
+        Self::displayed(test, reference, &Display::PLAIN)
+    }
+
+    /// The same of radiance, which this display shows: PSNR, SSIM and FLIP are of that.
+    ///
+    /// # Errors
+    /// As [`Comparison::of`].
+    pub fn displayed(test: &Picture, reference: &Picture, display: &Display) -> Result<Self, MetricError> {
         check_pair(test, reference)?;
-        let shown = mse(&test.encoded(), &reference.encoded())?;
+        let (seen, wanted) = (display.show(test), display.show(reference));
+        let shown = mse(&seen.encoded(), &wanted.encoded())?;
         Ok(Self {
             width: test.width,
             height: test.height,
@@ -47,8 +57,8 @@ impl Comparison {
             relmse: relmse(test, reference)?,
             smape: smape(test, reference)?,
             psnr: if shown > 0.0 { Some(psnr_of_mse(shown, 1.0)?) } else { None },
-            ssim: ssim(test, reference)?,
-            flip_ldr: flip_ldr(test, reference)?,
+            ssim: ssim(&seen, &wanted)?,
+            flip_ldr: flip_ldr(&seen, &wanted)?,
             flip_hdr: flip_hdr(test, reference)?,
             exposures: exposures(reference)?,
             mean_test: test.mean_luminance(),

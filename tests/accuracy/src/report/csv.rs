@@ -6,19 +6,21 @@ use std::fmt::Write;
 const COLUMNS: &str = "slot,implementation,settings,default,setup,ms,spread_ms,stage_ms,stage_min_ms,trace_ms,denoise_ms,passes,\
                        rays_closest,rays_any,frame_ms,frame_min_ms,transient_bytes,history_bytes,acceleration_bytes,frame,on_front,\
                        dominated_by";
+/// Columns after the errors and presets.
+const LAST: &str = "rounds,ms_interval,error_interval,sure";
 
 impl Report {
     /// As CSV (RFC 4180), with a line of names. Errors are those after the last frame: `slot_…` of the slot's own image, empty where
-    /// it has no truth, `picture_…` of the picture. `on_front` and `dominated_by` are of the metric and image that the page shows first.
+    /// it has no truth, `picture_…` of the picture, `moving_…` of the picture after the camera has moved. `on_front` and `dominated_by` are of the metric and image that the page shows first.
     pub fn to_csv(&self) -> String {
         let mut csv = COLUMNS.to_owned();
-        for image in ["slot", "picture"] {
+        for image in Image::ALL.map(Image::word) {
             for metric in Metric::ALL {
                 let _ = write!(csv, ",{image}_{}", metric.key());
             }
             let _ = write!(csv, ",{image}_psnr");
         }
-        csv.push_str(",presets\n");
+        let _ = writeln!(csv, ",presets,{LAST}");
         for effect in &self.effects {
             for row in &effect.rows {
                 let by = row.standing.get(&effect.judged_by).and_then(|s| s.get(&effect.metric));
@@ -62,14 +64,15 @@ fn line(csv: &mut String, row: &Row, is_front: bool, better: &str) {
         is_front,
         quoted(better),
     );
-    for image in [Image::Slot, Image::Picture] {
+    for image in Image::ALL {
         let comparison = row.error(image);
         for metric in Metric::ALL {
             let _ = write!(csv, ",{}", comparison.map_or(String::new(), |c| metric.of(c).to_string()));
         }
         let _ = write!(csv, ",{}", comparison.and_then(|c| c.psnr).map_or(String::new(), |p| p.to_string()));
     }
-    let _ = writeln!(csv, ",{}", quoted(&variant.presets.join(" ")));
+    let presets = quoted(&variant.presets.join(" "));
+    let _ = writeln!(csv, ",{presets},{},{},{},{}", row.rounds.len(), row.ms_interval, row.error_interval, row.sure);
 }
 
 /// In quotation marks where a text would not stay one field.

@@ -11,8 +11,10 @@ fn rows_hold_medians_and_know_their_place() {
     // Rounds take 1, 2 and 3 times as long.
     assert_eq!((shadows.rows[0].ms, shadows.rows[0].stage.min_ms, shadows.rows[0].frame_ms), (8.0, 4.0, 40.0));
     assert_eq!(shadows.rows[3].ms, 0.0);
-    assert_eq!((shadows.judged_by, shadows.metric, shadows.price), (Image::Slot, Metric::Rmse, Price::Stage));
-    assert!(shadows.rows.iter().all(|r| shadows.is_front(r)));
+    assert_eq!((shadows.judged_by, shadows.metric, shadows.price), (Image::Picture, Metric::FlipLdr, Price::Stage));
+    assert!(shadows.rows.iter().all(|r| shadows.is_front(r) && r.rounds == [1, 2, 3] && r.sure > 0.9));
+    // Shadows stand in front of others by their own image, too.
+    assert!(shadows.rows.iter().all(|r| r.is_front(Image::Slot, Metric::Rmse)));
     // 16 bits change the error by less than 1 % and take less: they stand in front of 32.
     let gi = report.effect("gi").unwrap();
     assert_eq!(gi.rows[0].standing[&Image::Slot][&Metric::Relmse], Standing::DominatedBy(1));
@@ -50,6 +52,10 @@ fn the_json_has_the_names_that_others_stand_on_and_reads_back() {
         "/effects/0/rows/0/errors/1/slot/flip_hdr",
         "/effects/0/rows/0/errors/1/picture/relmse",
         "/effects/0/rows/0/standing/slot/rmse",
+        "/effects/0/rows/0/standing/picture/flip_ldr",
+        "/effects/0/rows/0/sure",
+        "/effects/0/rows/0/ms_interval",
+        "/effects/0/rows/0/stages_ms/gi",
         "/combination/products/0/0",
     ] {
         assert!(json.pointer(path).is_some_and(|v| !v.is_null()), "{path}");
@@ -93,4 +99,47 @@ fn a_report_of_a_part_is_refused() {
     part.measurements.pop();
     let message = Report::build(&part, Path::new("somewhere")).unwrap_err().to_string();
     assert!(message.contains("somewhere: 1 of 24 measurements are missing"), "{message}");
+}
+
+#[test]
+fn rows_are_judged_at_rest_in_motion_or_by_their_own_image() {
+    let mut moved = folder();
+    let shadows: Vec<String> =
+        moved.run.plan.variants.iter().filter(|v| v.slot == "shadows").map(|v| v.setup.clone()).collect();
+    // In motion the dearest is the worst.
+    for (at, one) in moved.measurements.iter_mut().filter(|m| m.round == 0 && shadows.contains(&m.setup)).enumerate() {
+        let mut errors = one.errors.last().unwrap().clone();
+        errors.picture.flip_ldr = if at == 1 { 0.9 } else { 0.1 };
+        one.moving = Some(errors);
+    }
+    let build = |image| {
+        let mut folder = moved.clone();
+        folder.run.judge.image = image;
+        Report::build(&folder, Path::new("nowhere")).unwrap()
+    };
+    let judged = |image| build(image).effects.iter().map(|e| e.judged_by).collect::<Vec<_>>();
+    assert_eq!(judged(Image::Picture), [Image::Picture; 2]);
+    assert_eq!(judged(Image::Slot), [Image::Slot; 2]);
+    // What was not seen in motion is judged at rest.
+    assert_eq!(judged(Image::Moving), [Image::Moving, Image::Picture]);
+    let report = build(Image::Moving);
+    let shadows = report.effect("shadows").unwrap();
+    let worst = shadows.rows.iter().find(|r| r.error(Image::Moving).unwrap().flip_ldr > 0.5).unwrap();
+    assert!(!shadows.is_front(worst) && worst.is_front(Image::Picture, Metric::FlipLdr));
+    assert!(report.table().contains("the picture while the camera moves"), "{}", report.table());
+    assert!(report.to_csv().lines().next().unwrap().contains(",moving_flip_ldr,"));
+}
+
+#[test]
+fn what_another_frame_changes_is_told() {
+    let mut two = folder();
+    two.run.frames = vec![1, 7, 8];
+    for one in two.measurements.iter_mut().filter(|m| m.round == 0) {
+        let mut before = one.errors.last().unwrap().clone();
+        before.frame = 7;
+        before.picture.flip_ldr += 0.01;
+        one.errors.insert(1, before);
+    }
+    let report = Report::build(&two, Path::new("nowhere")).unwrap();
+    assert!(report.effects.iter().flat_map(|e| &e.rows).all(|r| (r.error_interval - 0.01).abs() < 1e-9));
 }

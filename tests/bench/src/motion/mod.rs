@@ -3,7 +3,7 @@
 mod paths;
 mod report;
 
-pub use paths::{Moment, Path, Turned, paths, stand};
+pub use paths::{Moment, Path, Turned, around, paths, stand};
 pub use report::MotionReport;
 
 use magpie::config::{Catalogue, Config, ConfigError};

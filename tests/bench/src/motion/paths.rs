@@ -49,6 +49,15 @@ impl Turned for Camera {
     }
 }
 
+/// Places of a camera that goes around what it looks at, frame by frame, from where it is.
+#[must_use]
+pub fn around(camera: &Camera, frames: u32) -> Vec<Camera> {
+    // The near plane is at a thousandth of the distance to what the camera looks at.
+    let forward = -camera.world_from_camera.matrix3.z_axis;
+    let centre = camera.eye() + forward * (1e3 * f64::from(camera.near));
+    (0..frames).map(|frame| camera.turned(centre, CAMERA_TURN * f64::from(frame))).collect()
+}
+
 /// The paths that a scene has: its camera goes around what it looks at, its lights turn, what is animated moves, and its lights go on.
 #[must_use]
 pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
@@ -56,13 +65,8 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
     let all = |moment: &dyn Fn(u32) -> Moment| (0..frames).map(moment).collect::<Vec<_>>();
     let at = |frame: u32| FRAME * f64::from(frame);
-    // The near plane is at a thousandth of the distance to what the camera looks at.
-    let forward = -camera.world_from_camera.matrix3.z_axis;
-    let centre = camera.eye() + forward * (1e3 * f64::from(camera.near));
-    let around = |frame: u32| Moment { camera: camera.turned(centre, CAMERA_TURN * f64::from(frame)), ..still(0.0) };
-
-    let mut paths =
-        vec![Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments: all(&around) }];
+    let moments = around(camera, frames).into_iter().map(|camera| Moment { camera, ..still(0.0) }).collect();
+    let mut paths = vec![Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments }];
     if !scene.animations.is_empty() {
         let moments = all(&|frame| still(at(frame)));
         paths.push(Path { name: "things", scene: scene.clone(), before: Some(still(0.0)), moments });

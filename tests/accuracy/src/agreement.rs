@@ -1,0 +1,213 @@
+//! How far two reports agree: the order in which they put the rows of each slot, and their fronts.
+use crate::report::{Effect, Report, Row};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// How far two reports agree on a slot, over the rows that both have.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SlotAgreement {
+    /// Its name.
+    pub slot: String,
+    /// Rows of both.
+    pub rows: usize,
+    /// Kendall's tau-b of the errors; none where all of one report's are the same.
+    pub error_tau: Option<f64>,
+    /// The same of the prices.
+    pub price_tau: Option<f64>,
+    /// Rows on both fronts.
+    pub on_both: usize,
+    /// Labels of rows that are on the front of the first only.
+    pub on_first: Vec<String>,
+    /// Of the second only.
+    pub on_second: Vec<String>,
+    /// Of those, the ones whose place was clear in both reports: what neither of them takes for a tie.
+    pub clear: Vec<String>,
+    /// Labels of rows that one of them lacks.
+    pub missing: Vec<String>,
+}
+
+/// How far two reports agree.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// By which metric.
+    pub metric: &'static str,
+    /// Slot by slot.
+    pub slots: Vec<SlotAgreement>,
+    /// Kendall's tau-b of the errors of all slots, pairs counted within each slot.
+    pub error_tau: Option<f64>,
+    /// The same of the prices.
+    pub price_tau: Option<f64>,
+}
+
+/// Pairs of a ranking: in the same order, in the other order, equal in the first, equal in the second.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Pairs {
+    alike: f64,
+    opposed: f64,
+    tied: [f64; 2],
+}
+
+impl Pairs {
+    /// Over all pairs of these.
+    fn of(pairs: &[(f64, f64)]) -> Self {
+        let mut counts = Self::default();
+        for (at, (a, b)) in pairs.iter().enumerate() {
+            for (c, d) in &pairs[at + 1..] {
+                let (first, second) = (a.total_cmp(c) as i8, b.total_cmp(d) as i8);
+                match (first, second) {
+                    (0, 0) => {}
+                    (0, _) => counts.tied[0] += 1.0,
+                    (_, 0) => counts.tied[1] += 1.0,
+                    _ if first == second => counts.alike += 1.0,
+                    _ => counts.opposed += 1.0,
+                }
+            }
+        }
+        counts
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            alike: self.alike + other.alike,
+            opposed: self.opposed + other.opposed,
+            tied: [self.tied[0] + other.tied[0], self.tied[1] + other.tied[1]],
+        }
+    }
+
+    /// Kendall 1945, "The Treatment of Ties in Ranking Problems": tau-b, from -1 (reversed) to 1 (the same order).
+    fn tau(self) -> Option<f64> {
+        let ordered = self.alike + self.opposed;
+        let pairs = ((ordered + self.tied[0]) * (ordered + self.tied[1])).sqrt();
+        (pairs > 0.0).then(|| (self.alike - self.opposed) / pairs)
+    }
+}
+
+/// Kendall's tau-b of two rankings of the same things; none where one of them has no order.
+pub fn kendall(pairs: &[(f64, f64)]) -> Option<f64> {
+    Pairs::of(pairs).tau()
+}
+
+impl Agreement {
+    /// Compares two reports, slots and rows by name.
+    pub fn of(first: &Report, second: &Report) -> Self {
+        let (mut slots, mut errors, mut prices) = (Vec::new(), Pairs::default(), Pairs::default());
+        for a in &first.effects {
+            let Some(b) = second.effect(&a.slot) else { continue };
+            let (found, [error, price]) = compare(a, b);
+            slots.push(found);
+            (errors, prices) = (errors.and(error), prices.and(price));
+        }
+        let metric = first.effects.first().map_or("", |e| e.metric.name());
+        Self { metric, slots, error_tau: errors.tau(), price_tau: prices.tau() }
+    }
+
+    /// For people.
+    pub fn table(&self) -> String {
+        let tau = |tau: Option<f64>| tau.map_or("-".to_owned(), |t| format!("{t:.3}"));
+        let mut text = format!(
+            "{:<14} {:>5} {:>10} {:>10} {:>14}  differences of the fronts ({})\n",
+            "slot", "rows", "tau error", "tau price", "on both fronts", self.metric
+        );
+        for slot in &self.slots {
+            let mut differ = Vec::new();
+            for (which, labels) in [("first", &slot.on_first), ("second", &slot.on_second)] {
+                let mark = |l: &String| if slot.clear.contains(l) { format!("{l} (clear)") } else { l.clone() };
+                differ.extend(labels.iter().map(|l| format!("{which} only: {}", mark(l))));
+            }
+            if !slot.missing.is_empty() {
+                differ.push(format!("{} rows in one only", slot.missing.len()));
+            }
+            let differ = if differ.is_empty() { "none".to_owned() } else { differ.join("; ") };
+            let _ = writeln!(
+                text,
+                "{:<14} {:>5} {:>10} {:>10} {:>14}  {differ}",
+                slot.slot,
+                slot.rows,
+                tau(slot.error_tau),
+                tau(slot.price_tau),
+                slot.on_both
+            );
+        }
+        let (errors, prices) = (tau(self.error_tau), tau(self.price_tau));
+        let both: usize = self.slots.iter().map(|s| s.on_both).sum();
+        let one: usize = self.slots.iter().map(|s| s.on_first.len() + s.on_second.len()).sum();
+        let _ = writeln!(text, "rank agreement (Kendall's tau-b): {errors} of errors, {prices} of prices");
+        let _ = writeln!(text, "fronts: {both} rows on both, {one} on one only");
+        text
+    }
+}
+
+fn compare(a: &Effect, b: &Effect) -> (SlotAgreement, [Pairs; 2]) {
+    let has = |effect: &Effect, row: &Row| effect.rows.iter().any(|r| r.variant.label == row.variant.label);
+    let rows: Vec<(&Row, &Row)> =
+        a.rows.iter().filter_map(|r| Some((r, b.rows.iter().find(|o| o.variant.label == r.variant.label)?))).collect();
+    let error = |e: &Effect, r: &Row| r.error(e.judged_by).map_or(f64::NAN, |c| e.metric.of(c));
+    let errors = Pairs::of(&rows.iter().map(|(x, y)| (error(a, x), error(b, y))).collect::<Vec<_>>());
+    let prices = Pairs::of(&rows.iter().map(|(x, y)| (x.ms, y.ms)).collect::<Vec<_>>());
+    let label = |row: &Row| row.variant.label.clone();
+    let only = |wanted: (bool, bool)| {
+        rows.iter().filter(|(x, y)| (a.is_front(x), b.is_front(y)) == wanted).map(|(x, _)| label(x)).collect::<Vec<_>>()
+    };
+    let is_clear = |(x, y): &&(&Row, &Row)| {
+        a.is_front(x) != b.is_front(y) && x.sure >= crate::race::CLEAR && y.sure >= crate::race::CLEAR
+    };
+    let lacks = a.rows.iter().filter(|r| !has(b, r)).chain(b.rows.iter().filter(|r| !has(a, r)));
+    let found = SlotAgreement {
+        slot: a.slot.clone(),
+        rows: rows.len(),
+        error_tau: errors.tau(),
+        price_tau: prices.tau(),
+        on_both: only((true, true)).len(),
+        on_first: only((true, false)),
+        on_second: only((false, true)),
+        clear: rows.iter().filter(is_clear).map(|(x, _)| label(x)).collect(),
+        missing: lacks.map(label).collect(),
+    };
+    (found, [errors, prices])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::front::Standing;
+    use crate::made_up::report;
+
+    #[test]
+    fn tau_is_that_of_the_paper() {
+        let same: Vec<(f64, f64)> = (0..5).map(|i| (f64::from(i), f64::from(i * i))).collect();
+        let reversed: Vec<(f64, f64)> = same.iter().map(|(a, b)| (*a, -b)).collect();
+        assert_eq!((kendall(&same), kendall(&reversed)), (Some(1.0), Some(-1.0)));
+        // One pair of six in the other order: (5 - 1) / 6.
+        let one = [(1.0, 1.0), (2.0, 2.0), (3.0, 4.0), (4.0, 3.0)];
+        assert!((kendall(&one).unwrap() - 4.0 / 6.0).abs() < 1e-12);
+        // A tie in one of them: 5 pairs in order, one tied there: 5 / sqrt(5 * 6).
+        let tied = [(1.0, 1.0), (2.0, 2.0), (3.0, 3.0), (4.0, 3.0)];
+        assert!((kendall(&tied).unwrap() - 5.0 / 30.0_f64.sqrt()).abs() < 1e-12);
+        assert_eq!(kendall(&[(1.0, 1.0), (1.0, 2.0)]), None);
+        assert_eq!(kendall(&[]), None);
+    }
+
+    #[test]
+    fn reports_are_compared_row_by_row() {
+        let first = report();
+        let same = Agreement::of(&first, &first);
+        assert_eq!((same.error_tau, same.price_tau), (Some(1.0), Some(1.0)));
+        assert!(same.slots.iter().all(|s| s.on_first.is_empty() && s.on_second.is_empty() && s.missing.is_empty()));
+        assert!(same.table().contains("rank agreement (Kendall's tau-b): 1.000 of errors"), "{}", same.table());
+
+        let mut second = report();
+        let shadows = second.effects.iter_mut().find(|e| e.slot == "shadows").unwrap();
+        let (image, metric) = (shadows.judged_by, shadows.metric);
+        shadows.rows[3].standing.get_mut(&image).unwrap().insert(metric, Standing::DominatedBy(0));
+        shadows.rows.iter_mut().for_each(|r| r.sure = 1.0);
+        let ms: Vec<f64> = shadows.rows.iter().map(|r| r.ms).collect();
+        (shadows.rows[0].ms, shadows.rows[1].ms) = (ms[1], ms[0]);
+        shadows.rows.remove(2);
+        let differ = Agreement::of(&first, &second);
+        let shadows = differ.slots.iter().find(|s| s.slot == "shadows").unwrap();
+        assert_eq!((shadows.rows, shadows.missing.len()), (3, 1));
+        assert_eq!(shadows.on_first, [first.effect("shadows").unwrap().rows[3].variant.label.clone()]);
+        assert!(shadows.price_tau.unwrap() < 1.0 && shadows.error_tau == Some(1.0));
+        assert!(differ.table().contains("first only: off"), "{}", differ.table());
+    }
+}

@@ -1,0 +1,164 @@
+//! Which configurations are timed next: those whose place on a front is not yet clear, and those that they have to beat.
+//!
+//! Every configuration is rendered once for its error, and those frames are its first times. After that each slot is a race: a row whose
+//! place is sure enough runs no more; the others run another round together with the row that decides over them, one after another, so
+//! that whatever else the machine does hits them alike.
+use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
+
+/// Certainty from which a row's place counts as clear.
+pub const CLEAR: f64 = 0.95;
+/// Rounds after which a row is left as it stands, the one of its errors not counted.
+pub const MOST_ROUNDS: usize = 9;
+
+/// A row of a slot in the race.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Runner {
+    /// The configuration.
+    pub setup: String,
+    /// Its error and its times.
+    pub point: Point,
+}
+
+/// How sure a row's place is, and by the comparison with which other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certainty {
+    /// From 0 to 1: that it is on the front, or that it is not, as it stands.
+    pub sure: f64,
+    /// The row that decides; none where nothing is more accurate.
+    pub rival: Option<usize>,
+}
+
+/// How sure each place of a front is. `points` and what else [`front`] is given.
+pub fn certainties(points: &[Point], floor: f64, least_ms: f64) -> (Vec<Standing>, Vec<Certainty>) {
+    let standing = front(points, floor, least_ms);
+    let sure = (0..points.len()).map(|at| certainty(points, &standing, at, least_ms)).collect();
+    (standing, sure)
+}
+
+fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) -> Certainty {
+    let point = &points[at];
+    let is_before = |k: usize| (points[k].error, k) < (point.error, at);
+    let better = (0..points.len()).filter(|&k| k != at && is_before(k) && standing[k].is_front());
+    let compared = better.map(|k| (k, point.surely_cheaper(&points[k], least_ms)));
+    if standing[at].is_front() {
+        // It has to be cheaper than all that are more accurate.
+        let worst = compared.min_by(|a, b| a.1.total_cmp(&b.1));
+        return Certainty { sure: worst.map_or(1.0, |w| w.1), rival: worst.map(|w| w.0) };
+    }
+    let Standing::DominatedBy(by) = standing[at] else { return Certainty { sure: 1.0, rival: None } };
+    // One that is more accurate, or as accurate and earlier in the plan, is enough if this is not cheaper than it; or one that is as
+    // accurate and cheaper.
+    let tied = (by, point.surely_cheaper(&points[by], least_ms));
+    let beaten = compared.chain([tied]).map(|(k, sure)| (k, 1.0 - sure));
+    let beaten = beaten.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((by, 0.0));
+    let by_cheaper = (by, points[by].surely_cheaper(point, least_ms));
+    let (rival, sure) = if beaten.1 >= by_cheaper.1 { beaten } else { by_cheaper };
+    Certainty { sure, rival: Some(rival) }
+}
+
+/// The rows of a slot that run another round, in their order; none where every place is clear or has had its rounds. `frame_ms` is
+/// what the default's frame takes.
+pub fn next(runners: &[Runner], floor: f64, frame_ms: f64) -> Vec<String> {
+    let points: Vec<Point> = runners.iter().map(|r| r.point.clone()).collect();
+    let (_, sure) = certainties(&points, floor, LEAST_OF_FRAME * frame_ms);
+    let rounds = |at: usize| points[at].ms.keys().filter(|round| **round > 0).count();
+    let mut runs = vec![false; runners.len()];
+    for (at, certainty) in sure.iter().enumerate() {
+        if certainty.sure < CLEAR
+            && let Some(rival) = certainty.rival
+            && rounds(at).min(rounds(rival)) < MOST_ROUNDS
+        {
+            (runs[at], runs[rival]) = (true, true);
+        }
+    }
+    runners.iter().zip(runs).filter(|(_, runs)| *runs).map(|(r, _)| r.setup.clone()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    struct Random(u32);
+
+    impl Random {
+        /// From 0 to 1.
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            f64::from(self.0 >> 8) / f64::from(1 << 24)
+        }
+    }
+
+    /// Error and milliseconds of twenty rows: a front of five, four that are near to it, the rest far off.
+    fn rows() -> Vec<(f64, f64)> {
+        let mut rows = vec![(0.10, 40.0), (0.12, 22.0), (0.20, 12.0), (0.30, 5.0), (0.50, 0.0)];
+        rows.extend([(0.11, 41.0), (0.125, 23.0), (0.21, 12.3), (0.32, 5.1)]);
+        rows.extend((0..11).map(|i| (0.15 + 0.03 * f64::from(i), 60.0 + 5.0 * f64::from(i))));
+        rows
+    }
+
+    /// A time on a machine that is up to twice as slow from round to round, and 4 % here and there.
+    fn time(ms: f64, busy: f64, random: &mut Random) -> f64 {
+        ms * busy * (0.96 + 0.08 * random.next())
+    }
+
+    #[test]
+    fn a_race_ends_at_the_front_of_the_long_run_with_a_fraction_of_its_rounds() {
+        let rows = rows();
+        let exact = |(error, ms): &(f64, f64)| Point { error: *error, ms: [(0, *ms)].into() };
+        let wanted = front(&rows.iter().map(exact).collect::<Vec<_>>(), 0.0, 0.01);
+        let mut used = Vec::new();
+        for seed in 0..50 {
+            let mut random = Random(seed);
+            let mut runners: Vec<Runner> = (0..rows.len())
+                .map(|at| {
+                    let ms = BTreeMap::from([(0, time(rows[at].1, 1.0 + 0.05 * random.next(), &mut random))]);
+                    Runner { setup: at.to_string(), point: Point { error: rows[at].0, ms } }
+                })
+                .collect();
+            let (mut round, mut timed) = (0, 0);
+            loop {
+                let next = next(&runners, 0.0, 1.0);
+                if next.is_empty() {
+                    break;
+                }
+                round += 1;
+                let busy = 1.0 + random.next();
+                for setup in next {
+                    let at: usize = setup.parse().unwrap();
+                    runners[at].point.ms.insert(round, time(rows[at].1, busy, &mut random));
+                    timed += 1;
+                }
+            }
+            let points: Vec<Point> = runners.into_iter().map(|r| r.point).collect();
+            let found = front(&points, 0.0, 0.01);
+            let is_front = |s: &[Standing]| s.iter().map(|s| s.is_front()).collect::<Vec<_>>();
+            assert_eq!(is_front(&found), is_front(&wanted), "seed {seed}");
+            used.push(timed);
+        }
+        let most = *used.iter().max().unwrap();
+        assert!(most < rows.len() * MOST_ROUNDS / 2, "{most} of {}", rows.len() * MOST_ROUNDS);
+        assert!(used.iter().any(|n| *n > 0), "near rows are not decided by one round");
+    }
+
+    #[test]
+    fn what_is_far_off_runs_no_more_and_what_is_near_runs_with_its_rival() {
+        let runner = |name: &str, error: f64, ms: f64| Runner {
+            setup: name.to_owned(),
+            point: Point { error, ms: [(0, ms)].into() },
+        };
+        let runners =
+            [runner("best", 0.1, 10.0), runner("near", 0.2, 9.5), runner("far", 0.3, 30.0), runner("cheap", 0.4, 2.0)];
+        assert_eq!(next(&runners, 0.0, 1.0), ["best", "near"]);
+        let mut enough = runners.clone();
+        for round in 1..=MOST_ROUNDS as u32 {
+            enough[0].point.ms.insert(round, 10.0);
+            enough[1].point.ms.insert(round, 9.4);
+        }
+        assert!(next(&enough, 0.0, 1.0).is_empty(), "a tie ends as well");
+        assert!(next(&[], 0.0, 1.0).is_empty());
+        // As accurate and not noticeably cheaper: decided by the order of the plan, whichever error is the smaller by a hair.
+        let alike = [runner("first", 0.2, 2.6), runner("second", 0.1999, 2.0)];
+        assert!(next(&alike, 0.0, 300.0).is_empty(), "a saving that does not show in the frame");
+    }
+}

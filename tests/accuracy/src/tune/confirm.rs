@@ -1,0 +1,125 @@
+//! Rendering what was predicted.
+use super::{Choice, Goal, Tuner};
+use crate::AccuracyError;
+use crate::front::middle;
+use crate::measure::{Bench, PICTURE};
+use crate::metric::Metric;
+use crate::plan::Setup;
+use crate::report::Report;
+use crate::results::Run;
+use crate::sweep::Subject;
+use crate::truth::{PathTracer, Truth, TruthSource};
+use magpie::config::Config;
+use magpie::prelude::Rays;
+use magpie_passes::reference::{Only, ReferenceOptions};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Most combinations that are rendered for one goal.
+const MOST_RENDERED: usize = 8;
+/// Rounds in which a choice and the default are timed in turns.
+const ROUNDS: u32 = 5;
+
+/// What a choice came to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Milliseconds of the GPU per frame, at the speed that the machine had for the report: the default's time there, times the ratio
+    /// of the two in the same rounds now.
+    pub ms: f64,
+    /// Error of the picture.
+    pub error: f64,
+    /// How much brighter the picture is than the truth on the mean, stops; below 0 darker.
+    pub stops: f64,
+}
+
+/// Renders a configuration to see what it comes to.
+pub type Render<'a> = &'a mut dyn FnMut(&Config) -> Result<Found, AccuracyError>;
+
+/// Renders choices as the rows of a report were rendered.
+pub struct Confirmer<'a> {
+    bench: Bench<'a>,
+    run: Run,
+    truths: BTreeMap<String, Truth>,
+    default: Setup,
+    frame_ms: f64,
+    metric: Metric,
+}
+
+impl<'a> Confirmer<'a> {
+    /// Of this report, whose folder is named for messages.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Different`] where scene or camera are not those of the report.
+    pub fn new(
+        subject: &Subject<'a>,
+        report: &Report,
+        tuner: &Tuner<'_>,
+        folder: &Path,
+        rays: Rays,
+    ) -> Result<Self, AccuracyError> {
+        let run = &report.run;
+        let [width, height] = run.size;
+        let options =
+            ReferenceOptions { width, height, seed: run.seed, time: run.time, rays, ..ReferenceOptions::default() };
+        let tracer = PathTracer::new(subject.gpu, subject.scene, subject.camera, options);
+        let (got, wanted) = (run.subject.clone(), tracer.subject(Only::All));
+        if got != wanted {
+            let what = "the scene or its camera";
+            return Err(AccuracyError::Different { path: folder.to_owned(), what, got, wanted });
+        }
+        let lacks = |lacks: &str| AccuracyError::NotTunable { path: folder.to_owned(), lacks: lacks.to_owned() };
+        let info = report.truths.first().cloned().ok_or_else(|| lacks("nothing is known of its truths"))?;
+        let truth = Truth { picture: tuner.composer.truth().clone(), info };
+        let default = run.plan.default_setup().ok_or_else(|| lacks("the default was not measured"))?;
+        Ok(Self {
+            bench: Bench::new(subject.gpu, subject.scene, subject.camera, rays, subject.slots),
+            // Every frame at rest; where the report raced, more of them were timed.
+            run: Run { minutes: None, ..run.clone() },
+            truths: BTreeMap::from([(PICTURE.to_owned(), truth)]),
+            default: Setup { slots: Vec::new(), turns: false, ..default.clone() },
+            frame_ms: tuner.frame_ms,
+            metric: tuner.metric,
+        })
+    }
+
+    /// Renders a configuration, and the default beside it.
+    ///
+    /// # Errors
+    /// Whatever rendering says.
+    pub fn render(&mut self, config: &Config) -> Result<Found, AccuracyError> {
+        let setup =
+            Setup { id: "tuned".to_owned(), label: "tuned".to_owned(), config: config.clone(), ..self.default.clone() };
+        let (first, _) = self.bench.measure(&setup, 0, &self.run, &self.truths)?;
+        let lacks = || AccuracyError::Lacks { setup: setup.label.clone(), frame: 1, what: "an error".to_owned() };
+        let picture = first.errors.last().ok_or_else(lacks)?.picture;
+        let mut ratios = Vec::new();
+        for round in 1..=ROUNDS {
+            let mut time = |setup: &Setup| -> Result<f64, AccuracyError> {
+                Ok(self.bench.measure(setup, round, &self.run, &self.truths)?.0.cost.frame_ms)
+            };
+            ratios.push(time(&setup)? / time(&self.default)?);
+        }
+        Ok(Found {
+            ms: middle(&ratios) * self.frame_ms,
+            error: self.metric.of(&picture),
+            stops: (picture.mean_test / picture.mean_reference).log2(),
+        })
+    }
+}
+
+/// Chooses for a goal, renders what was chosen, and chooses again with what was found, until the choice is one that was rendered.
+///
+/// # Errors
+/// [`AccuracyError::Unreachable`], and whatever `render` says.
+pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Result<Choice, AccuracyError> {
+    for _ in 0..MOST_RENDERED {
+        let choice = tuner.choose(goal)?;
+        if choice.found.is_some() {
+            return Ok(choice);
+        }
+        let found = render(&tuner.config(&choice))?;
+        tuner.learn(&choice, found);
+    }
+    // Whatever else may be promising: the best of those that were rendered.
+    tuner.choose_rendered(goal)
+}

@@ -1,0 +1,391 @@
+//! From measured fronts to a configuration: the least error within a budget, or the least time within an error.
+//!
+//! Every slot takes a row of its own. The picture of a combination is [composed](crate::compose) from what each choice alone made, and
+//! its error is that of this picture; its time is the default frame's, plus what each row takes more or less than its slot's default.
+//! What is best by these predictions is rendered, until the best is one that was ([`confirmed`]).
+mod confirm;
+mod ladder;
+mod toml;
+
+pub use confirm::{Confirmer, Found, Render, confirmed};
+pub use ladder::{Rung, Step, ladder, steps, table};
+
+use crate::AccuracyError;
+use crate::compose::Composer;
+use crate::display::Display;
+use crate::front::middle;
+use crate::metric::{Image, Metric};
+use crate::report::{Effect, Price, Report, Row};
+use crate::results::{IMAGES, Run};
+use magpie::config::Config;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Combinations that go on from slot to slot in the search.
+const BEAM: usize = 24;
+/// A combination goes on if its error is at most so much above that of a cheaper one.
+const SLACK: f64 = 0.1;
+/// Combinations off the front by up to so much are kept: what is rendered may turn out better or worse.
+const NEAR: f64 = 0.03;
+/// Width of the pictures that the search composes, pixels.
+const SEARCHED: usize = 320;
+/// Errors closer than this share count as the same: the cheaper choice is taken.
+const SAME: f64 = 0.01;
+
+/// What is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// The least error in so many milliseconds of the GPU per frame.
+    Budget(f64),
+    /// The least time with so much error of the picture.
+    Error(f64),
+}
+
+/// A row of each slot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Index of the row of each effect of the report, in its order.
+    pub rows: Vec<usize>,
+    /// Milliseconds of the GPU per frame that are predicted.
+    pub predicted_ms: f64,
+    /// Error of the picture that is predicted.
+    pub predicted_error: f64,
+    /// What it came to, where it was rendered.
+    pub found: Option<Found>,
+}
+
+impl Choice {
+    /// Milliseconds of the GPU per frame: found, or else predicted.
+    pub fn ms(&self) -> f64 {
+        self.found.map_or(self.predicted_ms, |f| f.ms)
+    }
+
+    /// Error of the picture: found, or else predicted.
+    pub fn error(&self) -> f64 {
+        self.found.map_or(self.predicted_error, |f| f.error)
+    }
+}
+
+/// A report to choose from.
+#[derive(Debug)]
+pub struct Tuner<'a> {
+    report: &'a Report,
+    composer: Composer,
+    metric: Metric,
+    /// Of each effect, the rows that may be chosen.
+    candidates: Vec<Vec<usize>>,
+    /// Of each effect, the default.
+    defaults: Vec<usize>,
+    frame_ms: f64,
+    /// What the search has left.
+    choices: Vec<Choice>,
+}
+
+impl<'a> Tuner<'a> {
+    /// Reads what a report in a folder has to choose from, by this metric of the picture.
+    ///
+    /// # Errors
+    /// [`AccuracyError::NotTunable`], or what is wrong with its pictures.
+    pub fn new(report: &'a Report, folder: &Path, metric: Metric) -> Result<Self, AccuracyError> {
+        let plan = &report.run.plan;
+        let lacks = |lacks: &str| AccuracyError::NotTunable { path: folder.to_owned(), lacks: lacks.to_owned() };
+        let default = plan.default_setup().ok_or_else(|| lacks("the default was not measured"))?;
+        // Rows that were measured while the scene moved have no picture that goes with the others.
+        let still = plan.setups.iter().filter(|s| !s.moving).map(|s| (s.id.as_str(), s.is_whole()));
+        let composer = Composer::read(&folder.join(IMAGES), Display::of(&default.config), &default.id, still)?;
+        let composer = composer.ok_or_else(|| lacks("the pictures of its configurations are missing"))?;
+        Self::with(report, folder, composer, metric)
+    }
+
+    /// The same with pictures that are there.
+    pub(crate) fn with(
+        report: &'a Report,
+        folder: &Path,
+        composer: Composer,
+        metric: Metric,
+    ) -> Result<Self, AccuracyError> {
+        let lacks = |lacks: &str| AccuracyError::NotTunable { path: folder.to_owned(), lacks: lacks.to_owned() };
+        let default_id = report.run.plan.default_setup().map_or("", |s| s.id.as_str());
+        let (mut candidates, mut defaults) = (Vec::new(), Vec::new());
+        for effect in &report.effects {
+            let default = effect.rows.iter().position(|r| r.variant.is_default);
+            let default = default.ok_or_else(|| lacks(&format!("the default of {} was not measured", effect.slot)))?;
+            // What is near to the truth in the slot's own image may not be so in the picture of the default, where errors of others
+            // make up for it or hide it.
+            let is_front = |row: &Row| {
+                effect.is_front(row) || [Image::Picture, Image::Slot].iter().any(|image| row.is_front(*image, metric))
+            };
+            let known = |row: &Row| composer.knows(&row.variant.setup, default_id);
+            let takes = |at: &usize| *at == default || (is_front(&effect.rows[*at]) && known(&effect.rows[*at]));
+            candidates.push((0..effect.rows.len()).filter(takes).collect());
+            defaults.push(default);
+        }
+        let frame_ms = report.effects.iter().zip(&defaults).map(|(e, at)| e.rows[*at].frame_ms).next();
+        let frame_ms = frame_ms.ok_or_else(|| lacks("nothing was measured"))?;
+        let mut tuner = Self { report, composer, metric, candidates, defaults, frame_ms, choices: Vec::new() };
+        tuner.choices = tuner.search()?;
+        Ok(tuner)
+    }
+
+    /// Milliseconds that a choice of rows is expected to take. Each slot's own passes take what its row took beside the default; a row
+    /// that changes what other slots take (how many pixels there are, what rays see) scales theirs.
+    fn predicted_ms(&self, rows: &[usize]) -> f64 {
+        let chosen = || self.report.effects.iter().zip(rows.iter().zip(&self.defaults));
+        let Some(default) = chosen().next().map(|(effect, (_, d))| &effect.rows[*d]) else { return 0.0 };
+        let rest = |row: &Row| row.frame_ms - row.stages_ms.values().sum::<f64>();
+        let mut ms = rest(default);
+        for (stage, usual) in &default.stages_ms {
+            let mut own = *usual;
+            for (effect, (at, d)) in chosen() {
+                let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
+                if effect.slot == *stage && effect.price == Price::Stage {
+                    own = row.ms * speed(effect, row, d);
+                } else if effect.price == Price::Frame && at_differs(row, d) {
+                    let (now, before) = (row.stages_ms.get(stage), d.stages_ms.get(stage));
+                    let ratio = now.zip(before).filter(|(_, b)| **b > 0.0).map(|(now, before)| now / before);
+                    own *= ratio.map_or(1.0, |ratio| ratio * speed(effect, row, d));
+                }
+            }
+            ms += own;
+        }
+        // Slots that have no passes by default, and what rows of frames change between passes.
+        for (effect, (at, d)) in chosen() {
+            let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
+            match effect.price {
+                Price::Stage if !default.stages_ms.contains_key(&effect.slot) => ms += row.ms * speed(effect, row, d),
+                Price::Frame if at_differs(row, d) => ms += rest(row) * speed(effect, row, d) - rest(d),
+                _ => {}
+            }
+        }
+        ms.max(0.0)
+    }
+
+    fn setups<'s>(&'s self, rows: &'s [usize]) -> impl Iterator<Item = &'s str> {
+        self.report.effects.iter().zip(rows).map(|(effect, at)| effect.rows[*at].variant.setup.as_str())
+    }
+
+    /// What a choice of rows is expected to come to.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Metric`] where its picture cannot be compared.
+    pub fn predict(&self, rows: &[usize]) -> Result<Choice, AccuracyError> {
+        self.predict_by(&self.composer, rows)
+    }
+
+    fn predict_by(&self, composer: &Composer, rows: &[usize]) -> Result<Choice, AccuracyError> {
+        let error = composer.error(self.metric, self.setups(rows));
+        let predicted_error = error.map_err(AccuracyError::metric("the picture of a combination"))?;
+        Ok(Choice { rows: rows.to_vec(), predicted_ms: self.predicted_ms(rows), predicted_error, found: None })
+    }
+
+    /// Looks for combinations of which none is both cheaper and more accurate: slot by slot, going on with those that are promising,
+    /// then by exchanging single rows.
+    fn search(&self) -> Result<Vec<Choice>, AccuracyError> {
+        let small = self.composer.at_most(SEARCHED);
+        let mut seen: BTreeMap<Vec<usize>, Choice> = BTreeMap::new();
+        let first = self.predict_by(&small, &self.defaults)?;
+        seen.insert(first.rows.clone(), first.clone());
+        let mut beam = vec![first];
+        for place in 0..self.candidates.len() {
+            let all = self.exchanged(&small, &beam, &[place], &mut seen)?;
+            beam = thinned(near_front(all, SLACK), BEAM);
+        }
+        let front = thinned(near_front(seen.values().cloned().collect(), 0.0), BEAM);
+        let places: Vec<usize> = (0..self.candidates.len()).collect();
+        self.exchanged(&small, &front, &places, &mut seen)?;
+        let best = thinned(near_front(seen.into_values().collect(), NEAR), 4 * BEAM);
+        best.par_iter().map(|choice| self.predict(&choice.rows)).collect()
+    }
+
+    /// These choices with every other candidate at one of these places, and they themselves.
+    fn exchanged(
+        &self,
+        composer: &Composer,
+        of: &[Choice],
+        places: &[usize],
+        seen: &mut BTreeMap<Vec<usize>, Choice>,
+    ) -> Result<Vec<Choice>, AccuracyError> {
+        let mut all: Vec<Vec<usize>> = Vec::new();
+        for choice in of {
+            for &place in places {
+                for &row in &self.candidates[place] {
+                    let mut rows = choice.rows.clone();
+                    rows[place] = row;
+                    all.push(rows);
+                }
+            }
+        }
+        all.sort();
+        all.dedup();
+        let new: Vec<&Vec<usize>> = all.iter().filter(|rows| !seen.contains_key(*rows)).collect();
+        let found: Result<Vec<Choice>, _> = new.par_iter().map(|rows| self.predict_by(composer, rows)).collect();
+        seen.extend(found?.into_iter().map(|choice| (choice.rows.clone(), choice)));
+        Ok(all.iter().filter_map(|rows| seen.get(rows)).cloned().collect())
+    }
+
+    /// Takes what a choice came to in place of what was predicted.
+    pub fn learn(&mut self, choice: &Choice, found: Found) {
+        if let Some(known) = self.choices.iter_mut().find(|c| c.rows == choice.rows) {
+            known.found = Some(found);
+        }
+    }
+
+    /// The choices of which none is both cheaper and more accurate, from the cheapest to the most accurate. Those that were not rendered
+    /// count as predicted, and about as far off as those that were on the mean.
+    pub fn front(&self) -> Vec<Choice> {
+        let off = |of: &dyn Fn(&Choice, &Found) -> f64| {
+            let logs: Vec<f64> = self
+                .choices
+                .iter()
+                .filter_map(|c| Some(of(c, c.found.as_ref()?).ln()))
+                .filter(|l| l.is_finite())
+                .collect();
+            // As if one more had kept its promise: a single one says little of the others.
+            (logs.iter().sum::<f64>() / (logs.len() + 1) as f64).exp()
+        };
+        let ms = off(&|c, f| f.ms / c.predicted_ms);
+        let error = off(&|c, f| f.error / c.predicted_error);
+        let expected = |choice: &Choice| match choice.found {
+            Some(_) => choice.clone(),
+            None => Choice {
+                predicted_ms: choice.predicted_ms * ms,
+                predicted_error: choice.predicted_error * error,
+                ..choice.clone()
+            },
+        };
+        near_front(self.choices.iter().map(expected).collect(), 0.0)
+    }
+
+    /// The choice that meets a goal. Of choices within the budget whose errors differ by less than 1 %, the cheapest.
+    ///
+    /// # Errors
+    /// [`AccuracyError::Unreachable`], which says what comes nearest.
+    pub fn choose(&self, goal: Goal) -> Result<Choice, AccuracyError> {
+        let chosen = self.choose_of(&self.front(), goal)?;
+        // As it was predicted, not as it is expected.
+        let own = self.choices.iter().find(|c| c.rows == chosen.rows);
+        Ok(own.cloned().unwrap_or(chosen))
+    }
+
+    /// The same among those that were rendered.
+    ///
+    /// # Errors
+    /// As [`Tuner::choose`].
+    pub fn choose_rendered(&self, goal: Goal) -> Result<Choice, AccuracyError> {
+        let rendered = self.choices.iter().filter(|c| c.found.is_some()).cloned().collect();
+        self.choose_of(&near_front(rendered, 0.0), goal)
+    }
+
+    fn choose_of(&self, front: &[Choice], goal: Goal) -> Result<Choice, AccuracyError> {
+        let (cheapest, best) = (front.first(), front.last());
+        match goal {
+            Goal::Budget(budget) => {
+                let affordable: Vec<&Choice> = front.iter().take_while(|c| c.ms() <= budget).collect();
+                let least = affordable.last().map(|c| c.error() * (1.0 + SAME));
+                let found = affordable.into_iter().find(|c| least.is_some_and(|least| c.error() <= least));
+                found.cloned().ok_or_else(|| AccuracyError::Unreachable {
+                    wanted: format!("--budget-ms {budget}"),
+                    nearest: format!("cheapest takes {:.3} ms", cheapest.map_or(f64::NAN, Choice::ms)),
+                })
+            }
+            Goal::Error(error) => {
+                let found = front.iter().find(|c| c.error() <= error);
+                found.cloned().ok_or_else(|| AccuracyError::Unreachable {
+                    wanted: format!("--max-error {error}"),
+                    nearest: format!(
+                        "most accurate has a {} of {}",
+                        self.metric.name(),
+                        figure(best.map_or(f64::NAN, Choice::error))
+                    ),
+                })
+            }
+        }
+    }
+
+    /// The configuration of a choice: what was measured around, with every slot's row laid over it.
+    pub fn config(&self, choice: &Choice) -> Config {
+        let default = self.report.run.plan.default_setup().map(|s| s.config.clone());
+        let mut config = default.unwrap_or_default();
+        for (effect, &at) in self.report.effects.iter().zip(&choice.rows) {
+            let variant = &effect.rows[at].variant;
+            let slot = &effect.slot;
+            let before = config.stages.insert(slot.clone(), variant.implementation.clone());
+            if before.as_deref() != Some(&variant.implementation) {
+                config.settings.remove(slot);
+            }
+            if !variant.settings.is_empty() {
+                config.settings.entry(slot.clone()).or_default().extend(variant.settings.clone());
+            }
+        }
+        config
+    }
+
+    /// What a choice has that the defaults have not.
+    pub fn told(&self, choice: &Choice) -> String {
+        let all = self.report.effects.iter().zip(choice.rows.iter().zip(&self.defaults));
+        let told = |(effect, (at, default)): (&Effect, (&usize, &usize))| {
+            (at != default).then(|| format!("{}: {}", effect.slot, effect.rows[*at].variant.label))
+        };
+        let told: Vec<String> = all.filter_map(told).collect();
+        if told.is_empty() { "none".to_owned() } else { told.join("; ") }
+    }
+}
+
+fn at_differs(row: &Row, default: &Row) -> bool {
+    row.variant.setup != default.variant.setup
+}
+
+/// What a row's times are multiplied with, to be at the speed that the machine had for the default: by the rounds that both ran in; of a
+/// slot that leaves the passes of others alone, by what these took beside it where there are none.
+fn speed(effect: &Effect, row: &Row, default: &Row) -> f64 {
+    let (a, b) = (row.point(0.0).ms, default.point(0.0).ms);
+    let ratio = |(round, ms): (&u32, &f64)| b.get(round).filter(|b| **b > 0.0).map(|b| ms / b);
+    let mut ratios: Vec<f64> = a.range(1..).filter_map(ratio).collect();
+    if ratios.is_empty() && effect.price == Price::Stage {
+        let others = |row: &Row| -> f64 { row.stages_ms.iter().filter(|s| *s.0 != effect.slot).map(|s| s.1).sum() };
+        return if others(row) > 0.0 { others(default) / others(row) } else { 1.0 };
+    }
+    if ratios.is_empty() {
+        ratios = a.iter().filter_map(ratio).collect();
+    }
+    if ratios.is_empty() || row.ms <= 0.0 { 1.0 } else { middle(&ratios) * default.ms / row.ms }
+}
+
+/// Choices whose error is at most by this share above that of the best that is not dearer, from the cheapest on.
+fn near_front(mut all: Vec<Choice>, slack: f64) -> Vec<Choice> {
+    all.sort_by(|a, b| a.ms().total_cmp(&b.ms()).then(a.error().total_cmp(&b.error())).then(a.rows.cmp(&b.rows)));
+    let mut least = f64::INFINITY;
+    all.retain(|choice| {
+        let keeps = choice.error() < least || choice.error() < least * (1.0 + slack);
+        least = least.min(choice.error());
+        keeps
+    });
+    all
+}
+
+/// At most so many of them, evenly, the first and the last among them.
+fn thinned(all: Vec<Choice>, most: usize) -> Vec<Choice> {
+    let count = all.len();
+    if count <= most || most < 2 {
+        return all;
+    }
+    (0..most).map(|i| all[i * (count - 1) / (most - 1)].clone()).collect()
+}
+
+/// Whether this is the device of the report; its times mean nothing on another.
+pub fn is_same_device(run: &Run, name: &str) -> bool {
+    run.device.name == name
+}
+
+/// Four significant digits.
+fn figure(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return x.to_string();
+    }
+    let digits = (3 - x.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    format!("{x:.digits$}")
+}
+
+#[cfg(test)]
+mod tests;
