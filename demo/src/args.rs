@@ -10,7 +10,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use magpie::graph::Switches;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
-pub use bench::{Bench, BenchGraphArguments, BenchMotionArguments, BenchRays, BenchRaysArguments};
+pub use bench::{Bench, BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRays, BenchRaysArguments};
 pub use reference::ReferenceArguments;
 
 /// Greatest width and height of a picture, pixels.

@@ -6,12 +6,13 @@ use magpie::gpu::{Gpu, GpuOptions};
 use magpie_bench::{
     BenchError, Options,
     motion::{self, MotionError, MotionOptions},
+    pairs::{self, PairsError, PairsOptions},
     rays::{self, RayBenchError, RayOptions},
     run,
 };
 
 use crate::{
-    args::{BenchGraphArguments, BenchMotionArguments, BenchRaysArguments},
+    args::{BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRaysArguments},
     console,
     exit::Failure,
     input,
@@ -152,5 +153,34 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &report.charts().map_err(Failure::running)?)?;
     }
+    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
+}
+
+impl From<PairsError> for Failure {
+    fn from(error: PairsError) -> Self {
+        match error {
+            PairsError::Config(error) => Self::input(*error),
+            PairsError::NoCamera | PairsError::Unknown { .. } => Self::input(error),
+            other => Self::running(other),
+        }
+    }
+}
+
+/// `magpie bench pairs`.
+pub(crate) fn pairs(arguments: &BenchPairsArguments) -> Result<(), Failure> {
+    let json = json_file(arguments.json.as_ref())?;
+    keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
+    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
+    let scene = session::load_scene(&arguments.scene, None, arguments.supply)?;
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let options = PairsOptions {
+        size: [arguments.size.width, arguments.size.height],
+        rays: session::choose_rays(&gpu, arguments.rays)?,
+        only: arguments.only.clone(),
+        seed: arguments.seed,
+        config,
+        commit: env!("MAGPIE_COMMIT").to_owned(),
+    };
+    let report = pairs::run(&gpu, &scene, &options, |pair| log::info!("{pair}"))?;
     tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
 }

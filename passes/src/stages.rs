@@ -95,6 +95,8 @@ pub struct ShadowGroup {
     pub lights: [u32; 4],
     /// The first three channels belong to the first light, one for each of its colours.
     pub coloured: bool,
+    /// Single rays of the pixel, unfiltered: their mean over frames is the share, and each of them may be far beside it.
+    pub raw: bool,
 }
 
 /// Visibility of the lights that cast shadows; all others shine through everything.

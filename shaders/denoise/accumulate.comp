@@ -93,6 +93,8 @@ void main() {
         vec4 filtered = reprojected_colour(params.previous_filtered, taps);
         vec4 spread = reprojected(params.previous_variance, taps);
         bool known = is_taken(params.not_finite, before + filtered + spread);
+        // Channels in which the sample stands for itself.
+        bvec4 alone = bvec4(false);
         if (params.reach != NO_IMAGE) {
             vec4 width = penumbra_around(params.reach, pixel);
             bvec4 moves = unsettled(between, forgotten);
@@ -108,8 +110,9 @@ void main() {
             }
             frames = min(frames, mix(vec4(LONGEST), most_frames(width, between), moves));
             if (is_jittered(view)) {
-                vec4 most = most_frames(averaged_width(view, width), true);
-                frames = min(frames, mix(vec4(LONGEST), most, greaterThan(width, vec4(0.0))));
+                vec4 averaged = averaged_width(view, width);
+                alone = equal(averaged, vec4(0.0));
+                frames = min(frames, mix(most_frames(averaged, true), vec4(LONGEST), alone));
             }
         }
         vec4 share = taken ? 1.0 / frames : vec4(0.0);
@@ -121,7 +124,7 @@ void main() {
         // Of radiance there is no mean but that.
         vec4 plain = params.radiance != 0u ? fed : mean;
         vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
-        accumulated = plain + helped * (fed - plain);
+        accumulated = mix(plain + helped * (fed - plain), now, alone);
         if (!known) {
             accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
         }

@@ -9,21 +9,36 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ShadeParams params; };
 
-// The share of a light that is seen; all of those that cast no shadow.
-vec3 visibility(ViewBuffer view, uint light, ivec2 pixel) {
+// How much of a light is seen.
+struct Seen {
+    vec3 share;  // of its points
+    bool raw;    // as ShadowGroup::raw
+};
+
+// All of those that cast no shadow.
+Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
     for (uint group = 0u; group < params.group_count; group++) {
         for (uint channel = 0u; channel < 4u; channel++) {
             uint caster = (params.casters[group] >> (8u * channel)) & 255u;
             if (caster == NO_CASTER || view.at[0].casters[caster] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
-            return (params.coloured & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
+            vec3 share = (params.coloured & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
+            return Seen(share, (params.raw & (1u << group)) != 0u);
         }
     }
-    return vec3(1.0);
+    return Seen(vec3(1.0), false);
 }
 
-// What is reflected of one light, of which the share `seen` of all its points is seen.
-vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, vec3 seen) {
+// The share that is seen of those of a light's points that are above the horizon, from that of all its points. Filters may bring more light
+// there than there is; what single rays say too much in one frame they say too little in others, and cutting it off would darken their mean.
+vec3 share_of_those_above(Seen seen, float above) {
+    vec3 share = seen.share / above;
+    return seen.raw ? share : min(share, vec3(1.0));
+}
+
+// What is reflected of one light, of which a share of all its points is seen.
+vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, Seen visible) {
+    vec3 seen = visible.share;
     Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
@@ -36,7 +51,7 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
     }
     float above = share_above(light, centre, s.position, s.normal);
     if (above <= 0.0) return vec3(0.0);
-    seen = min(seen / above, vec3(1.0));
+    seen = share_of_those_above(visible, above);
     mat3 around = frame_of(s.normal);
     vec3 v = s.to_eye * around;
     // A viewer on the horizon or below counts as a grazing one.
@@ -71,8 +86,8 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
         LightSample centre = sample_light(light, s.position);
         // Lights that are out of reach stop here; most of them, in a scene with many.
         if (centre.irradiance == vec3(0.0)) continue;
-        vec3 seen = visibility(view, i, pixel);
-        if (seen != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);
+        Seen seen = visibility(view, i, pixel);
+        if (seen.share != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);
     }
     return radiance;
 }

@@ -6,8 +6,8 @@
 #include "shared/view.glsl"
 // How far noise reaches, as `shadows/reach.comp` found it: the width of the penumbrae around a pixel.
 
-// Jitter takes each frame's samples somewhere else in their pixels, and whoever makes one picture of the frames wants to see what is there: a
-// penumbra of two pixels shows another part of itself in each.
+// Jitter takes each frame's samples somewhere else in their pixels: to another part of a penumbra of two pixels, or to where a surface turns away
+// from the light. Anti-aliasing wants to see each of them: the mean of visibility times the mean of what is lit is not the mean of both.
 const float JITTERED = 2.0;
 
 bool is_jittered(ViewBuffer view) {

@@ -66,4 +66,6 @@ pub struct ShadeParams {
     pub casters: [u32; 8],
     /// A bit for each image whose first three channels belong to its first light, one for each of its colours.
     pub coloured: u32,
+    /// Those that are single rays, unfiltered: a bit for each.
+    pub raw: u32,
 }

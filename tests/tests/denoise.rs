@@ -111,7 +111,8 @@ impl Effect for Patterned {
         let i = DenoiseIn { noisy, content, gbuffer, reprojected, shading: false, change, reach, moved: 0 };
         let visibility = self.denoiser.add(g, view, i, "");
         let mut out = ShadowOut::default();
-        out.groups[0] = Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false });
+        out.groups[0] =
+            Some(ShadowGroup { visibility, lights: [0, u32::MAX, u32::MAX, u32::MAX], coloured: false, raw: false });
         out
     }
 }

@@ -15,6 +15,8 @@ pub enum Bench {
     Rays(BenchRaysArguments),
     /// How far an effect is from the truth of each frame while the camera, things or lights move, and after a light is switched on
     Motion(BenchMotionArguments),
+    /// How far the picture is from the truth with every pair of features that ship together, still and while the camera moves
+    Pairs(BenchPairsArguments),
 }
 
 /// Arguments of `magpie bench graph`.
@@ -109,6 +111,41 @@ pub struct BenchMotionArguments {
     #[arg(long, value_name = "NAME|INDEX")]
     pub device: Option<String>,
     /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
+}
+
+/// Arguments of `magpie bench pairs`.
+#[derive(Args, Debug)]
+pub struct BenchPairsArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
+    pub scene: PathBuf,
+    /// What the scene is given where it lacks it
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
+    /// Names of the features that take part, separated by commas; without it all
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Width and height, pixels
+    #[arg(long, value_name = "WxH", default_value = "128x72", allow_hyphen_values = true)]
+    pub size: Extent,
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// The configuration around the features
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// One value of it; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    pub seed: u32,
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced where a feature does not say
     #[arg(long, value_enum, default_value_t = Rays::Auto)]
     pub rays: Rays,
 }

@@ -2,7 +2,7 @@
 mod emitters;
 
 use crate::precision;
-use crate::stages::{DirectIn, DirectOut, SHADOW_GROUPS};
+use crate::stages::{DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
 use emitters::Emitters;
 pub use emitters::wants_emitters;
 use magpie::gpu::Kernel;
@@ -74,8 +74,11 @@ impl Effect for AllLights {
             let (emission, emitters) = (p.sample(gbuffer.emission), emitters.map(|image| p.sample(image)));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
             let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
-            let is_coloured = |k: usize| i.shadows.groups[k].is_some_and(|group| group.coloured);
-            let coloured = (0..SHADOW_GROUPS).map(|k| u32::from(is_coloured(k)) << k).sum();
+            let bits = |is: fn(&ShadowGroup) -> bool| {
+                let is = |k: usize| i.shadows.groups[k].as_ref().is_some_and(is);
+                (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum()
+            };
+            let (coloured, raw) = (bits(|group| group.coloured), bits(|group| group.raw));
             // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
@@ -95,6 +98,7 @@ impl Effect for AllLights {
                     visibility: groups.map(|group| group.map_or(0, |token| c.id(token).index())),
                     casters: channels,
                     coloured,
+                    raw,
                 };
                 c.dispatch(kernel, &params, extent);
             })

@@ -130,7 +130,8 @@ impl Effect for Shadows {
                 Technique::Rays | Technique::None => self.rays(g, view, i, (group, None), &name),
             };
             let lights = ray_traced::indices(&group.lights);
-            *out = Some(ShadowGroup { visibility, lights, coloured: group.coloured });
+            let raw = group.technique == Technique::Rays && self.rays.gives_raw();
+            *out = Some(ShadowGroup { visibility, lights, coloured: group.coloured, raw });
         }
         out
     }

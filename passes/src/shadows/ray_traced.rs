@@ -132,6 +132,11 @@ impl RayTraced {
         self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
     }
 
+    /// Whether what comes out are the rays of each pixel as they are: nothing filters or spreads them.
+    pub fn gives_raw(&self) -> bool {
+        !self.filtered && self.upsample.is_none()
+    }
+
     /// Whether rays tell colours: there is something that light goes through.
     pub fn is_tinted(&self) -> bool {
         self.tinted.is_some()

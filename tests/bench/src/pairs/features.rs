@@ -1,6 +1,6 @@
 //! The features that meet in a frame. A new effect joins with a line of [`FEATURES`].
 use glam::{DVec3, Vec3};
-use magpie::config::{Config, ConfigError};
+use magpie::config::{Config, ConfigError, Value};
 use magpie::graph::Switches;
 use magpie::prelude::Rays;
 use magpie::scene::{Light, Scene};
@@ -83,6 +83,12 @@ fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Re
     Ok(config)
 }
 
+/// Whether presets or settings sample pixels all over.
+pub fn is_anti_aliased(config: &Config) -> bool {
+    let full = Slots::default().catalogue().complete(config);
+    full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
+}
+
 /// Without noise, sampled at the centres of pixels or all over them.
 pub fn settle(config: &Config, anti_aliased: bool) -> Result<Config, ConfigError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
@@ -95,8 +101,8 @@ pub fn combine(
     rays: Rays,
     [first, second]: [&Feature; 2],
 ) -> Result<Option<(Config, Rays, Switches)>, ConfigError> {
-    let key = |setting: &&str| setting.split_once('=').map_or(**setting, |(key, _)| key).to_owned();
-    let opposed = first.settings.iter().any(|a| second.settings.iter().any(|b| key(&a) == key(&b) && a != b));
+    let key = |setting: &str| setting.split_once('=').map(|(key, _)| key.to_owned());
+    let opposed = first.settings.iter().any(|a| second.settings.iter().any(|b| key(a) == key(b) && a != b));
     let ways = first.rays.is_some() && second.rays.is_some() && first.rays != second.rays;
     if opposed || ways {
         return Ok(None);

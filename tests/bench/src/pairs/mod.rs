@@ -7,7 +7,7 @@ pub use features::{FEATURES, Feature};
 pub use report::PairsReport;
 
 use crate::motion::{Moment, Path, paths};
-use features::{light_up, settle};
+use features::{is_anti_aliased, light_up, settle};
 use magpie::config::{Config, ConfigError};
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
@@ -139,7 +139,7 @@ impl Bench {
         Ok(Self { renderer, label: label.to_owned() })
     }
 
-    /// The picture of the next frame; empty where nobody looks. With `slot`, that slot's image in its place.
+    /// The picture of the next frame, or the image of the slot that is read; empty where nobody looks.
     fn frame(&mut self, moment: &Moment, looks: bool) -> Result<Picture, PairsError> {
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: looks };
         let failed = |source| PairsError::Render { label: self.label.clone(), source: Box::new(source) };
@@ -188,7 +188,7 @@ fn cell(
     let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair).map_err(wrong)? else {
         return Ok(None);
     };
-    let anti_aliased = config.settings_of("post").get("anti_aliasing").is_some_and(|v| v.to_string().contains("taa"));
+    let anti_aliased = is_anti_aliased(&config);
     let kind = Kind { anti_aliased, lights: pair.iter().any(|f| f.lights) };
     if !truths.0.contains_key(&kind) {
         let pictures = self::truths(gpu, walk, kind, options)?;

@@ -128,6 +128,9 @@ mod tests {
         assert_eq!(report([0.02, 0.04]).suspicious()[0].0, ["a", "b"]);
         assert_eq!(report([f64::NAN, 0.02]).suspicious().len(), 1);
         let table = report([0.03, 0.03]).table();
-        assert!(table.contains("| b | 20.0 / 20.0 | 30.0 / 30.0 * |") && table.contains("1.50 still, 1.00 moving"), "{table}");
+        assert!(
+            table.contains("| b | 20.0 / 20.0 | 30.0 / 30.0 * |") && table.contains("1.50 still, 1.00 moving"),
+            "{table}"
+        );
     }
 }
