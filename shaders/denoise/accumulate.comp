@@ -133,7 +133,8 @@ void main() {
     // The variance of a mean is that of one of its samples over their number, where they are independent, as those of different pixels are.
     // Points of one pixel's scrambled sequence are stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997,
     // "Scrambled net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
-    vec4 independent = between ? vec4(1.0) : sqrt(frames);
+    bool elsewhere = taps.beside || any(greaterThan(abs(was - vec2(pixel)), vec2(0.01)));
+    vec4 independent = elsewhere ? vec4(1.0) : sqrt(frames);
     store(params.error, pixel, variance / max(frames * independent, vec4(1.0)));
     store(params.mean, pixel, mean);
     store(params.variance, pixel, variance);

@@ -2,7 +2,7 @@
 //! nothing becomes NaN, and what was not seen before has no history.
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::config::Config;
 use magpie::gpu::Kernel;
 use magpie::pixels::Pixels;
@@ -251,11 +251,53 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
             let values = found[0].values();
             let far = (0..values.len()).filter(|at| values[*at][0] != 0.0).map(|at| at % width + 1).max();
             let beyond = far.context("nothing is left")?.saturating_sub(middle);
-            ensure!(beyond <= reach, "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was");
+            // Half to each side, by all levels together.
+            ensure!(2 * beyond <= reach, "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was");
             farthest.push(beyond);
         }
         ensure!(farthest[0] == 0 && farthest[1] > 0 && farthest[2] > farthest[1], "{denoiser}: {farthest:?}");
     }
+    Ok(())
+}
+
+#[test]
+fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    // A camera that goes a pixel to the side in every frame, before a wall: each frame's sample is another pixel's.
+    let (frames, away) = (12, 4.0);
+    let step = 2.0 * away * 20_f64.to_radians().tan() / f64::from(SIZE[1]);
+    let at = |frame: u32| {
+        let x = step * f64::from(frame);
+        camera(DVec3::new(x, 0.0, away), DVec3::new(x, 0.0, 0.0))
+    };
+    let mut wall = scene("wall", at(0));
+    let upright = Affine3A::from_rotation_x(90_f32.to_radians());
+    add(&mut wall, plane(20.0), material([0.5; 3], 0.0, 0.8), upright);
+    wall.lights.push(sun(Vec3::new(0.3, 0.2, 1.0)));
+    let config = patterned(&["kind=2", "channels=1"])?;
+    let mut images = Vec::new();
+    for view in [("shadows.accumulate", "mean"), ("shadows.accumulate", "error"), ("shadows.accumulate", "frames")] {
+        let [width, height] = SIZE;
+        let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
+        let mut renderer = Renderer::new(&gpu, &wall, &slots(), &config, options)?;
+        let mut last = None;
+        for frame in 1..=frames {
+            let (camera, read_back) = (at(frame), frame == frames);
+            let request = FrameRequest { camera: &camera, time: 0.0, view: Some(view), read_back };
+            last = renderer.frame(request)?.context("no frame")?.images;
+        }
+        images.push(last.context("no image")?.linear.values());
+    }
+    let known: Vec<usize> =
+        (0..images[0].len()).filter(|i| (images[2][*i][0] * 255.0).round() as u32 == frames).collect();
+    ensure!(known.len() > 2000, "{} pixels know all frames", known.len());
+    let mean = |values: &dyn Fn(usize) -> f64| known.iter().map(|i| values(*i)).sum::<f64>() / known.len() as f64;
+    // Numbers from 0 to 1 have the mean 1/2.
+    let true_variance = mean(&|i| (f64::from(images[0][i][0]) - 0.5).powi(2));
+    let told = mean(&|i| f64::from(images[1][i][0]));
+    println!("variance of the mean over {frames} frames: {true_variance:.5}, estimate {told:.5}");
+    // What the samples vary by is taken about their own mean, which takes off one in so many frames.
+    ensure!((told / true_variance - 1.0).abs() < 0.2, "{told} is told, {true_variance} is true");
     Ok(())
 }
 
