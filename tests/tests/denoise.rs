@@ -252,7 +252,10 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
             let far = (0..values.len()).filter(|at| values[*at][0] != 0.0).map(|at| at % width + 1).max();
             let beyond = far.context("nothing is left")?.saturating_sub(middle);
             // Half to each side, by all levels together.
-            ensure!(2 * beyond <= reach, "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was");
+            ensure!(
+                2 * beyond <= reach,
+                "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was"
+            );
             farthest.push(beyond);
         }
         ensure!(farthest[0] == 0 && farthest[1] > 0 && farthest[2] > farthest[1], "{denoiser}: {farthest:?}");

@@ -193,7 +193,8 @@ fn bumps_keep_no_shadow_noisy() -> Result<()> {
         if bumpy {
             s.textures.push(bumps());
             s.samplers.push(Sampler::default());
-            s.materials[0].normal_texture = Some(TextureUse { texture: 0, sampler: 0, uv_set: 0, rows: [Vec3::X, Vec3::Y] });
+            s.materials[0].normal_texture =
+                Some(TextureUse { texture: 0, sampler: 0, uv_set: 0, rows: [Vec3::X, Vec3::Y] });
             s.meshes[0].uv0 = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from).to_vec();
         }
         let shadow = |changes: &[&str], frames: u32| -> Result<Values> {

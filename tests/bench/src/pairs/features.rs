@@ -1,6 +1,7 @@
 //! The features that meet in a frame. A new effect joins with a line of [`FEATURES`].
+use super::{PairsError, wrong};
 use glam::{DVec3, Vec3};
-use magpie::config::{Config, ConfigError, Value};
+use magpie::config::{Config, Value};
 use magpie::graph::Switches;
 use magpie::prelude::Rays;
 use magpie::scene::{Light, Scene};
@@ -65,21 +66,22 @@ const TRUE: [&str; 6] = [
 ];
 
 /// The configuration with changes, of which those of settings that the slot's implementation lacks are left out.
-fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, ConfigError> {
+fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, PairsError> {
     let catalogue = Slots::default().catalogue();
     let mut config = config.clone();
     let changes: Vec<&str> = changes.into_iter().collect();
     // Which implementation there is decides which settings there are.
-    let stages = changes.iter().filter(|change| change.starts_with("stages."));
-    stages.clone().try_for_each(|change| config.set(change))?;
+    for stage in changes.iter().filter(|change| change.starts_with("stages.")) {
+        config.set(stage).map_err(wrong)?;
+    }
     for change in changes.iter().filter(|change| !change.starts_with("stages.")) {
         let mut with = config.clone();
-        with.set(change)?;
+        with.set(change).map_err(wrong)?;
         if catalogue.check(&with, "bench pairs").is_ok() {
             config = with;
         }
     }
-    catalogue.check(&config, "bench pairs")?;
+    catalogue.check(&config, "bench pairs").map_err(wrong)?;
     Ok(config)
 }
 
@@ -90,7 +92,7 @@ pub fn is_anti_aliased(config: &Config) -> bool {
 }
 
 /// Without noise, sampled at the centres of pixels or all over them.
-pub fn settle(config: &Config, anti_aliased: bool) -> Result<Config, ConfigError> {
+pub fn settle(config: &Config, anti_aliased: bool) -> Result<Config, PairsError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
     change(config, TRUE.into_iter().chain([sampled]))
 }
@@ -100,7 +102,7 @@ pub fn combine(
     config: &Config,
     rays: Rays,
     [first, second]: [&Feature; 2],
-) -> Result<Option<(Config, Rays, Switches)>, ConfigError> {
+) -> Result<Option<(Config, Rays, Switches)>, PairsError> {
     let key = |setting: &str| setting.split_once('=').map(|(key, _)| key.to_owned());
     let opposed = first.settings.iter().any(|a| second.settings.iter().any(|b| key(a) == key(b) && a != b));
     let ways = first.rays.is_some() && second.rays.is_some() && first.rays != second.rays;

@@ -15,6 +15,7 @@ use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// Frames before the picture of what stands still is taken: one more than the longest history by default.
 const STILL_FRAMES: u32 = 33;
@@ -92,7 +93,22 @@ struct Kind {
 }
 
 /// What each kind of truth shows: standing still, then at each moment that is compared.
+#[derive(Default)]
 struct Truths(BTreeMap<Kind, Vec<Picture>>);
+
+impl Truths {
+    /// Those of a kind; they are made when they are asked for first.
+    fn of(
+        &mut self,
+        kind: Kind,
+        make: impl FnOnce() -> Result<Vec<Picture>, PairsError>,
+    ) -> Result<&[Picture], PairsError> {
+        Ok(match self.0.entry(kind) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(free) => free.insert(make()?),
+        })
+    }
+}
 
 /// What is seen, frame by frame.
 struct Walk {
@@ -155,7 +171,7 @@ impl Bench {
 
 /// The pictures without noise: the mean over frames of many rays, before anything is done to it.
 fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, PairsError> {
-    let config = settle(&options.config, kind.anti_aliased).map_err(wrong)?;
+    let config = settle(&options.config, kind.anti_aliased)?;
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, ("truth", &config, options.rays))?;
     let failed = |source| PairsError::Render { label: "truth".to_owned(), source: Box::new(source) };
     bench.renderer.read_slots(&["sky"]).map_err(failed)?;
@@ -185,16 +201,12 @@ fn cell(
     truths: &mut Truths,
     options: &PairsOptions,
 ) -> Result<Option<Cell>, PairsError> {
-    let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair).map_err(wrong)? else {
+    let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair)? else {
         return Ok(None);
     };
     let anti_aliased = is_anti_aliased(&config);
     let kind = Kind { anti_aliased, lights: pair.iter().any(|f| f.lights) };
-    if !truths.0.contains_key(&kind) {
-        let pictures = self::truths(gpu, walk, kind, options)?;
-        truths.0.insert(kind, pictures);
-    }
-    let truth = &truths.0[&kind];
+    let truth = truths.of(kind, || self::truths(gpu, walk, kind, options))?;
     let label = format!("{} with {}", pair[0].name, pair[1].name);
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, (&label, &config, rays))?;
     bench.renderer.set_switches(switches);
@@ -239,7 +251,7 @@ pub fn run(
     let here = |f: &&Feature| f.rays.is_none_or(|rays| known.contains(&rays));
     let wanted = |f: &&Feature| options.only.is_empty() || options.only.iter().any(|name| name == f.name);
     let taken: Vec<&Feature> = FEATURES.iter().filter(here).filter(wanted).collect();
-    let mut truths = Truths(BTreeMap::new());
+    let mut truths = Truths::default();
     let mut cells = Vec::new();
     cells.extend(cell(gpu, &walk, [&Feature::NONE; 2], &mut truths, options)?);
     for (at, first) in taken.iter().enumerate() {
