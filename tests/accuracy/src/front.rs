@@ -64,11 +64,13 @@ const USUAL_APART: f64 = 0.15;
 /// As many rounds as that knowledge counts.
 const KNOWN_ROUNDS: f64 = 2.0;
 
-/// Half of a 95 % interval around the median of these times, from how they spread and from what is usual.
-pub fn interval(values: &[f64]) -> f64 {
+/// Half of a 95 % interval around the median of these times, from how they spread and from what is usual. `apart`: of the round of
+/// errors only.
+pub fn interval(values: &[f64], apart: bool) -> f64 {
     let (at, count) = (middle(values), values.len() as f64);
     let squares: f64 = values.iter().map(|v| (v - at).powi(2)).sum();
-    let variance = (KNOWN_ROUNDS * (USUAL * at).powi(2) + squares) / (KNOWN_ROUNDS + count);
+    let usual = if apart { USUAL_APART } else { USUAL };
+    let variance = (KNOWN_ROUNDS * (usual * at).powi(2) + squares) / (KNOWN_ROUNDS + count);
     if values.is_empty() { 0.0 } else { 1.96 * (variance / count).sqrt() }
 }
 
@@ -267,7 +269,8 @@ mod tests {
         // A saving below what shows in the frame is none.
         assert!(point(&[5.0; 9]).surely_cheaper(&point(&[10.0; 9]), 6.0) < 0.05);
         assert!((normal(1.96) - 0.975).abs() < 1e-4 && (normal(-1.0) - 0.158_655).abs() < 1e-5);
-        assert!(interval(&[10.0; 9]) < interval(&[10.0]) && interval(&[10.0]) > 0.5 && interval(&[]) == 0.0);
+        assert!(interval(&[10.0; 9], false) < interval(&[10.0], false) && interval(&[], false) == 0.0);
+        assert!(interval(&[10.0], true) > 2.0 * interval(&[10.0], false) && interval(&[10.0], false) > 0.5);
     }
 
     #[test]

@@ -10,6 +10,9 @@ pub const CLEAR: f64 = 0.95;
 /// Rounds after which a row is left as it stands, the one of its errors not counted.
 pub const MOST_ROUNDS: usize = 9;
 
+/// Rounds that rows of a front have at least, so that their prices are known, and not only their order.
+pub const LEAST_ROUNDS: usize = 3;
+
 /// A row of a slot in the race.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Runner {
@@ -56,11 +59,11 @@ fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) 
     Certainty { sure, rival: Some(rival) }
 }
 
-/// The rows of a slot that run another round, in their order; none where every place is clear or has had its rounds. `frame_ms` is
-/// what the default's frame takes.
+/// The rows of a slot that run another round, in their order; none where every place is clear or has had its rounds. Rows of the front
+/// run beside the default, which is the first, until their prices are known. `frame_ms` is what the default's frame takes.
 pub fn next(runners: &[Runner], floor: f64, frame_ms: f64) -> Vec<String> {
     let points: Vec<Point> = runners.iter().map(|r| r.point.clone()).collect();
-    let (_, sure) = certainties(&points, floor, LEAST_OF_FRAME * frame_ms);
+    let (standing, sure) = certainties(&points, floor, LEAST_OF_FRAME * frame_ms);
     let rounds = |at: usize| points[at].ms.keys().filter(|round| **round > 0).count();
     let mut runs = vec![false; runners.len()];
     for (at, certainty) in sure.iter().enumerate() {
@@ -70,6 +73,9 @@ pub fn next(runners: &[Runner], floor: f64, frame_ms: f64) -> Vec<String> {
         {
             (runs[at], runs[rival]) = (true, true);
         }
+    }
+    for at in (1..points.len()).filter(|&at| standing[at].is_front() && rounds(at) < LEAST_ROUNDS) {
+        (runs[at], runs[0]) = (true, true);
     }
     runners.iter().zip(runs).filter(|(_, runs)| *runs).map(|(r, _)| r.setup.clone()).collect()
 }
@@ -149,8 +155,13 @@ mod tests {
         };
         let runners =
             [runner("best", 0.1, 10.0), runner("near", 0.2, 9.5), runner("far", 0.3, 30.0), runner("cheap", 0.4, 2.0)];
-        assert_eq!(next(&runners, 0.0, 1.0), ["best", "near"]);
+        // What is cheap is clear, and its price is not known well.
+        assert_eq!(next(&runners, 0.0, 1.0), ["best", "near", "cheap"]);
         let mut enough = runners.clone();
+        for round in 1..=LEAST_ROUNDS as u32 {
+            enough[3].point.ms.insert(round, 2.0);
+        }
+        assert_eq!(next(&enough, 0.0, 1.0), ["best", "near"]);
         for round in 1..=MOST_ROUNDS as u32 {
             enough[0].point.ms.insert(round, 10.0);
             enough[1].point.ms.insert(round, 9.4);

@@ -311,7 +311,7 @@ fn row(run: &Run, measurements: &[Measurement], variant: &Variant, price: Price)
         variant: variant.clone(),
         ms: middle(&rounds_ms),
         spread_ms: 0.5 * (quantile(&rounds_ms, 0.75) - quantile(&rounds_ms, 0.25)),
-        ms_interval: interval(&rounds_ms),
+        ms_interval: interval(&rounds_ms, of().all(|m| m.round == 0)),
         error_interval: 0.0,
         sure: 0.0,
         rounds: of().map(|m| m.round).collect(),
