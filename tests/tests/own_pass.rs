@@ -13,12 +13,15 @@ const WIDTH: u32 = 96;
 const HEIGHT: u32 = 54;
 
 /// The display image of the courtyard, and the names of the passes that ran.
-fn display(slots: &Slots, config: &Config) -> Result<Option<(Vec<u8>, Vec<String>)>> {
+type Displayed = (Vec<u8>, Vec<String>);
+
+/// One frame.
+fn display(slots: &Slots, config: &Config) -> Result<Option<Displayed>> {
     Ok(displays(slots, config, 1)?.and_then(|mut frames| frames.pop()))
 }
 
-/// The same for several frames.
-fn displays(slots: &Slots, config: &Config, frames: usize) -> Result<Option<Vec<(Vec<u8>, Vec<String>)>>> {
+/// Several frames.
+fn displays(slots: &Slots, config: &Config, frames: usize) -> Result<Option<Vec<Displayed>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: WIDTH, height: HEIGHT, seed: 0, check: true, ..RenderOptions::default() };

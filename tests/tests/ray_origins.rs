@@ -334,7 +334,7 @@ impl Rig {
             .run(EXTENT, &wanted, |g, imports| {
                 let (view, handles) = shot.declare(&gpu, g, imports)?;
                 let gbuffer = gbuffer.add(g, &view, GBufferIn { scene: handles });
-                let reprojected = reprojection.add(g, &view, gbuffer);
+                let reprojected = reprojection.add(g, &view, (handles, gbuffer));
                 let out = shadows.add(g, &view, ShadowIn { scene: handles, gbuffer, reprojected });
                 g.output(out.groups[0].context("the light casts no shadow")?.visibility);
                 g.pass("test.starts", Queue::Graphics, |p| {

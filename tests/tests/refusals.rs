@@ -254,7 +254,9 @@ fn fill(gpu: &Gpu) -> Result<Kernel, magpie::stage::StageError> {
 fn mistakes(gpu: &Gpu, slots: &Slots, changes: &[&str]) -> Result<Vec<GraphError>> {
     let scene = builtin("cornell")?;
     let mut config = Config::default();
-    changes.iter().try_for_each(|change| config.set(change))?;
+    for change in changes {
+        config.set(change)?;
+    }
     let options = RenderOptions { width: 32, height: 18, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, &scene, slots, &config, options)?;
     let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
@@ -269,7 +271,8 @@ fn mistakes(gpu: &Gpu, slots: &Slots, changes: &[&str]) -> Result<Vec<GraphError
 fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut slots = Slots::default();
-    let descs: [(&str, fn(Extent) -> ImageDesc, Option<&str>); 4] = [
+    type Desc = fn(Extent) -> ImageDesc;
+    let descs: [(&str, Desc, Option<&str>); 4] = [
         ("same", |extent| ImageDesc::fixed(Format::Rgba8Unorm, extent), None),
         ("float", |extent| ImageDesc::fixed(Format::Rgba16Float, extent), Some("as Rgba16Float of 32x18")),
         ("small", |extent| ImageDesc::fixed(Format::Rgba8Unorm, extent.half()), Some("as Rgba8Unorm of 16x9")),
