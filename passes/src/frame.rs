@@ -1,5 +1,5 @@
 //! The whole frame on one screen: read this first.
-use crate::contract::keep;
+use crate::contract::Slotted;
 use crate::denoise::Reprojection;
 use crate::slots::Slots;
 use crate::stages::{
@@ -47,36 +47,17 @@ pub fn frame(
     scene: AccelerationIn,
 ) -> Result<FrameOut, ResidentError> {
     let scene = stages.acceleration.add(g, view, scene)?;
-    let full = g.full();
-    let rays = stages.rays.add(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
-    keep(g, "rays", &stages.rays, &rays, full);
-    let gbuffer = stages.gbuffer.add(g, view, GBufferIn { scene });
-    keep(g, "gbuffer", &stages.gbuffer, &gbuffer, full);
+    stages.rays.give(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
+    let gbuffer = stages.gbuffer.give(g, view, GBufferIn { scene });
     let reprojected = stages.reprojection.add(g, view, (scene, gbuffer)); // for denoisers, and culled when there are none
-    let shadows = stages.shadows.add(g, view, ShadowIn { scene, gbuffer, reprojected });
-    keep(g, "shadows", &stages.shadows, &shadows, full);
-    g.slot_image("shadows", shadows.groups[0].map(|group| group.visibility));
-    let ao = stages.ao.add(g, view, AoIn { scene, gbuffer, reprojected });
-    keep(g, "ao", &stages.ao, &ao, full);
-    g.slot_image("ao", ao.openness);
-    let direct = stages.direct.add(g, view, DirectIn { scene, gbuffer, reprojected, shadows });
-    keep(g, "direct", &stages.direct, &direct, full);
-    g.slot_image("direct", Some(direct.radiance.read()));
-    let gi = stages.gi.add(g, view, IndirectIn { gbuffer, ao });
-    keep(g, "gi", &stages.gi, &gi, full);
-    g.slot_image("gi", gi.radiance);
-    let reflections = stages.reflections.add(g, view, IndirectIn { gbuffer, ao });
-    keep(g, "reflections", &stages.reflections, &reflections, full);
-    g.slot_image("reflections", reflections.radiance);
-    let lit = stages.compose.add(g, view, ComposeIn { direct, gi, reflections });
-    keep(g, "compose", &stages.compose, &lit, full);
-    g.slot_image("compose", Some(lit.read()));
-    let radiance = stages.sky.add(g, view, SkyIn { depth: gbuffer.depth, lit });
-    keep(g, "sky", &stages.sky, &radiance, full);
-    g.slot_image("sky", Some(radiance));
-    let post = stages.post.add(g, view, PostIn { colour: radiance, seen: Some(Seen { scene, gbuffer }) });
-    keep(g, "post", &stages.post, &post, view.output);
-    g.slot_image("post", Some(post.display));
+    let shadows = stages.shadows.give(g, view, ShadowIn { scene, gbuffer, reprojected });
+    let ao = stages.ao.give(g, view, AoIn { scene, gbuffer, reprojected });
+    let direct = stages.direct.give(g, view, DirectIn { scene, gbuffer, reprojected, shadows });
+    let gi = stages.gi.give(g, view, IndirectIn { gbuffer, ao });
+    let reflections = stages.reflections.give(g, view, IndirectIn { gbuffer, ao });
+    let lit = stages.compose.give(g, view, ComposeIn { direct, gi, reflections });
+    let radiance = stages.sky.give(g, view, SkyIn { depth: gbuffer.depth, lit });
+    let post = stages.post.give(g, view, PostIn { colour: radiance, seen: Some(Seen { scene, gbuffer }) });
     Ok(FrameOut { radiance: post.radiance, display: post.display })
 }
 

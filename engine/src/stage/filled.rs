@@ -8,6 +8,7 @@ use crate::{config::Config, frame::View, graph::FrameGraph};
 /// A slot with an implementation in it.
 pub struct Filled<In, Out> {
     effect: BoxedEffect<In, Out>,
+    slot: String,
     implementation: String,
     settings: Settings,
 }
@@ -19,6 +20,12 @@ impl<In, Out> Filled<In, Out> {
     /// Adds its passes; see [`Effect::add`](super::Effect::add).
     pub fn add(&mut self, g: &mut FrameGraph, view: &View, input: In) -> Out {
         self.effect.add(g, view, input)
+    }
+
+    /// Name of the slot.
+    #[must_use]
+    pub fn slot(&self) -> &str {
+        &self.slot
     }
 
     /// Name of the implementation.
@@ -56,7 +63,8 @@ impl<In, Out> Stage<In, Out> {
     pub fn from_config(&self, build: &Build<'_>, config: &Config) -> Result<Filled<In, Out>, StageError> {
         let (at, settings) = self.wanted(config)?;
         let implementation = self.info.implementations[at].name.clone();
-        Ok(Filled { effect: self.construct(build, at, &settings)?, implementation, settings })
+        let slot = self.info.name.clone();
+        Ok(Filled { effect: self.construct(build, at, &settings)?, slot, implementation, settings })
     }
 
     /// Makes what `config` wants in place of what is there, and gives what puts it there. `None` where implementation and

@@ -1,7 +1,7 @@
 //! An estimate as a display shows it: through the slot `post`, as any other picture.
 use super::{Reference, ReferenceError};
 use crate::Slots;
-use crate::contract::keep;
+use crate::contract::Slotted;
 use crate::read_back::Copies;
 use crate::stages::PostIn;
 use magpie::config::Config;
@@ -43,8 +43,7 @@ impl Reference {
                 c.dispatch(kernel, &PresentParams { values: c.id(values), image: c.id(target), size }, extent);
             })
         });
-        let shown = post.add(&mut g, &view, PostIn { colour, seen: None });
-        keep(&mut g, "post", &post, &shown, extent);
+        let shown = post.give(&mut g, &view, PostIn { colour, seen: None });
         let copies = Copies::new(&self.gpu, &imports);
         copies.copy(&mut g, "read_back.display", shown.display);
         self.executor.run(g, &imports.borrow())?;
