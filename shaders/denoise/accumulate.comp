@@ -108,12 +108,15 @@ void main() {
                 before = inside;
                 filtered = mix(filtered, clamp(filtered, least, most), narrow);
             }
-            frames = min(frames, mix(vec4(LONGEST), most_frames(width, between), moves));
+            vec4 longest = mix(vec4(LONGEST), most_frames(width, between), moves);
             if (is_jittered(view)) {
                 vec4 averaged = averaged_width(view, width);
                 alone = equal(averaged, vec4(0.0));
-                frames = min(frames, mix(most_frames(averaged, true), vec4(LONGEST), alone));
+                // What stands still and is not averaged now may be so in another frame, whose rays meet more.
+                bvec4 kept = bvec4(uvec4(alone) & uvec4(is_between(was) ? 0u : 1u));
+                longest = mix(min(longest, most_frames(averaged, true)), vec4(LONGEST), kept);
             }
+            frames = min(frames, longest);
         }
         vec4 share = taken ? 1.0 / frames : vec4(0.0);
         vec4 apart = sampled - before;

@@ -5,12 +5,17 @@ use glam::{Affine3A, DVec3, Vec2, Vec3};
 use magpie::gpu::Gpu;
 use magpie::graph::Access;
 use magpie::pixels::Pixels;
-use magpie::scene::{ColourSpace, Light, Moment, ResidentOptions, ResidentScene, Sampler, Scene, Texture, TextureUse};
+use magpie::scene::{
+    Animation, Channel, ColourSpace, Interpolation, Light, Moment, Node, Property, ResidentOptions, ResidentScene,
+    Sampler, Scene, Texture, TextureUse,
+};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu, render};
 use magpie_tests::made::{add, block, camera, material, plane, scene};
 
 const SIZE: [u32; 2] = [160, 90];
+/// So large that most pixels of the courtyard show one thing.
+const LARGE: [u32; 2] = [320, 180];
 /// Frames that are denoised: one more than the longest history by default.
 const FRAMES: u32 = 33;
 
@@ -31,8 +36,14 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// What the last of [`FRAMES`] frames shows in the end: linear radiance, or another image in its place.
-fn last(gpu: &Gpu, scene: &Scene, changes: &[&str], seed: u32, view: Option<(&str, &str)>) -> Result<Values> {
-    let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed, ..RenderOptions::default() };
+fn last(
+    gpu: &Gpu,
+    scene: &Scene,
+    changes: &[&str],
+    ([width, height], seed): ([u32; 2], u32),
+    view: Option<(&str, &str)>,
+) -> Result<Values> {
+    let options = RenderOptions { width, height, seed, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
     let mut shown = None;
     for frame in 1..=FRAMES {
@@ -50,9 +61,9 @@ fn shadows_keep_their_history_under_anti_aliasing() -> Result<()> {
     for anti_aliasing in ["post.anti_aliasing=none", "post.anti_aliasing=taa"] {
         // The same frames of the same jitter with as many rays as there are in 32 frames and more: what is left is what shadows do.
         let many = [anti_aliasing, "shadows.denoiser=none", "shadows.rays=8"];
-        let truths = (1..=4).map(|seed| last(&gpu, &scene, &many, seed, None)).collect::<Result<Vec<_>>>()?;
-        let denoised = last(&gpu, &scene, &[anti_aliasing], 0, None)?;
-        let frames = last(&gpu, &scene, &[anti_aliasing], 0, Some(("shadows.accumulate", "frames")))?;
+        let truths = (1..=4).map(|seed| last(&gpu, &scene, &many, (SIZE, seed), None)).collect::<Result<Vec<_>>>()?;
+        let denoised = last(&gpu, &scene, &[anti_aliasing], (SIZE, 0), None)?;
+        let frames = last(&gpu, &scene, &[anti_aliasing], (LARGE, 0), Some(("shadows.accumulate", "frames")))?;
         // The first of two lights is the sun.
         let mut frames: Vec<f64> = frames.iter().step_by(2).map(|f| (f * 255.0).round()).collect();
         frames.sort_by(f64::total_cmp);
@@ -91,15 +102,27 @@ fn lights_of_different_groups_have_points_of_their_own() -> Result<()> {
     let (first, second) = (traced("shadows.trace")?.values(), traced("shadows.trace_2")?.values());
     let partly = first.iter().zip(&second).filter(|(a, b)| a[0] != b[0]).count();
     println!("{partly} pixels differ");
-    ensure!(partly > 100, "{partly} pixels differ: the fifth lamp has the points of the first");
+    ensure!(partly > 40, "{partly} pixels differ: the fifth lamp has the points of the first");
     Ok(())
 }
 
 #[test]
 fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let mut scene = builtin("carousel")?;
-    scene.lights = lamps(1).lights;
+    // Something moves in the scene, aside of the lamp.
+    let mut scene = lamps(1);
+    scene.nodes.push(Node { name: "swing".to_owned(), ..Node::default() });
+    scene.animations.push(Animation {
+        name: "swing".to_owned(),
+        duration: 1.0,
+        channels: vec![Channel {
+            node: 0,
+            property: Property::Translation,
+            interpolation: Interpolation::Linear,
+            times: vec![0.0, 1.0],
+            values: vec![0.0, 5.0, 0.0, 3.0, 5.0, 0.0],
+        }],
+    });
     scene.light_nodes = vec![None];
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
@@ -107,16 +130,15 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
         resident.casters().iter().any(|caster| caster.moved)
     };
     ensure!(!moved(0.0, 0.0) && !moved(4096.0, 0.1) && !moved(4096.0, 0.2), "a lamp that stands has moved");
-    // One that hangs on what turns does move, wherever it is counted from.
-    let node = (0..scene.nodes.len() as u32).find(|n| scene.animations[0].channels[0].node == *n);
-    scene.light_nodes = vec![node];
+    // One that hangs on what moves does, wherever it is counted from.
+    scene.light_nodes = vec![Some(0)];
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
         resident.go(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
         resident.casters().iter().any(|caster| caster.moved)
     };
     moved(0.0, 0.0);
-    ensure!(moved(0.0, 0.1) && moved(4096.0, 0.2) && !moved(4096.0, 0.2), "a lamp that turns has not moved");
+    ensure!(moved(0.0, 0.1) && moved(4096.0, 0.2) && !moved(4096.0, 0.2), "a lamp that swings has not moved");
     Ok(())
 }
 
