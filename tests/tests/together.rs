@@ -232,6 +232,10 @@ fn bumps_keep_no_shadow_noisy() -> Result<()> {
             }
             Ok(sum.into_iter().map(|sum| sum / f64::from(frames)).collect())
         };
+        let normals = render(&gpu, &s, &config(&[])?, SIZE, 1, Some(("gbuffer.draw", "normal")))?.images;
+        let normals = normals.context("no normals")?.linear.values();
+        let leaning = normals.iter().filter(|n| (n[0] - n[2]).abs() + (n[1] - n[3]).abs() > 0.1).count();
+        ensure!((leaning > 2000) == bumpy, "{leaning} pixels lean, bumps: {bumpy}");
         let truth = shadow(&["shadows.denoiser=none", "shadows.rays=8"], 16)?;
         let error = rms(&shadow(&[], 1)?, &truth);
         println!("bumps {bumpy}: {error:.4}, one ray {:.4}", rms(&shadow(&["shadows.denoiser=none"], 1)?, &truth));
