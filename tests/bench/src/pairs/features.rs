@@ -36,16 +36,17 @@ impl Feature {
 }
 
 /// Every feature. Ambient occlusion by rays is among them, as its noise is the denoisers' other customer.
-pub const FEATURES: [Feature; 14] = [
+pub const FEATURES: [Feature; 15] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
     Feature::set("half ao", &["stages.ao=ray-traced", "ao.resolution=half"]),
-    Feature::set("svgf", &["shadows.denoiser=svgf", "ao.denoiser=svgf"]),
-    Feature::set("bilateral", &["shadows.denoiser=bilateral", "ao.denoiser=bilateral"]),
-    Feature::set("no denoiser", &["shadows.denoiser=none", "ao.denoiser=none"]),
+    Feature::set("svgf", &["shadows.denoiser=svgf"]),
+    Feature::set("bilateral", &["shadows.denoiser=bilateral"]),
+    Feature::set("no denoiser", &["shadows.denoiser=none"]),
     Feature::set("fixed history", &["shadows.adaptive=false"]),
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
+    Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
     Feature::traced("software", Rays::Software),
@@ -56,10 +57,12 @@ pub const FEATURES: [Feature; 14] = [
 /// A setting of the slot `post` decides where pixels are sampled, and so which truth a picture is compared with.
 const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
 /// Many rays, no denoiser, every pixel.
-const TRUE: [&str; 6] = [
+const TRUE: [&str; 8] = [
     "shadows.rays=8",
+    "shadows.most_lights=8",
     "shadows.denoiser=none",
     "shadows.resolution=full",
+    "ao.rays=8",
     "ao.denoiser=none",
     "ao.resolution=full",
     "post.resolution_scale=1",
@@ -91,10 +94,17 @@ pub fn is_anti_aliased(config: &Config) -> bool {
     full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
 }
 
+/// Whether ambient occlusion is that of rays.
+pub fn traces_ao(config: &Config) -> bool {
+    let full = Slots::default().catalogue().complete(config);
+    full.stages.get("ao").is_some_and(|ao| ao == "ray-traced")
+}
+
 /// Without noise, sampled at the centres of pixels or all over them.
-pub fn settle(config: &Config, anti_aliased: bool) -> Result<Config, PairsError> {
+pub fn settle(config: &Config, anti_aliased: bool, traced_ao: bool) -> Result<Config, PairsError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
-    change(config, TRUE.into_iter().chain([sampled]))
+    let traced = traced_ao.then_some("stages.ao=ray-traced");
+    change(config, TRUE.into_iter().chain([sampled]).chain(traced))
 }
 
 /// Two features in one frame; `None` where they want different things of the same setting.

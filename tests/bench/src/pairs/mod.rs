@@ -7,7 +7,7 @@ pub use features::{FEATURES, Feature};
 pub use report::PairsReport;
 
 use crate::motion::{Moment, Path, paths};
-use features::{is_anti_aliased, light_up, settle};
+use features::{is_anti_aliased, light_up, settle, traces_ao};
 use magpie::config::{Config, ConfigError};
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
@@ -24,7 +24,7 @@ const MOVING_FRAMES: u32 = 12;
 const EACH: usize = 4;
 /// Frames that a truth is the mean of. So many look once at each eighth of a pixel's width and each sixth of its height.
 const TRUTH_FRAMES: u32 = 48;
-/// A pair is told apart whose error is so many times that of the worse of its two features.
+/// A pair is told apart whose error is so many times what its two features make, were they independent: the root of the sum of their squares.
 pub const SUSPICIOUS: f64 = 1.2;
 
 /// What is measured.
@@ -85,10 +85,12 @@ pub struct Cell {
 /// A linear picture: three numbers of each pixel.
 type Picture = Vec<f32>;
 
-/// What truths are kept by: where pixels are sampled, and whether lamps were added.
+/// What truths are kept by: where pixels are sampled, how ambient occlusion is found, and whether lamps were added. How far one way to find
+/// it is from another is for `magpie accuracy` to say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     anti_aliased: bool,
+    traced_ao: bool,
     lights: bool,
 }
 
@@ -171,7 +173,7 @@ impl Bench {
 
 /// The pictures without noise: the mean over frames of many rays, before anything is done to it.
 fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, PairsError> {
-    let config = settle(&options.config, kind.anti_aliased)?;
+    let config = settle(&options.config, kind.anti_aliased, kind.traced_ao)?;
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, ("truth", &config, options.rays))?;
     let failed = |source| PairsError::Render { label: "truth".to_owned(), source: Box::new(source) };
     bench.renderer.read_slots(&["sky"]).map_err(failed)?;
@@ -204,8 +206,8 @@ fn cell(
     let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair)? else {
         return Ok(None);
     };
-    let anti_aliased = is_anti_aliased(&config);
-    let kind = Kind { anti_aliased, lights: pair.iter().any(|f| f.lights) };
+    let (anti_aliased, traced_ao) = (is_anti_aliased(&config), traces_ao(&config));
+    let kind = Kind { anti_aliased, traced_ao, lights: pair.iter().any(|f| f.lights) };
     let truth = truths.of(kind, || self::truths(gpu, walk, kind, options))?;
     let label = format!("{} with {}", pair[0].name, pair[1].name);
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, (&label, &config, rays))?;

@@ -59,14 +59,15 @@ impl PairsReport {
         self.cells.iter().find(|c| c.features == [a, b] || c.features == [b, a])
     }
 
-    /// The pairs whose error is [`SUSPICIOUS`] times that of the worse of their features, or no number: features, and the ratios still and moving.
+    /// The pairs whose error is [`SUSPICIOUS`] times the root of the sum of the squares of their features', or no number: features, and the
+    /// ratios still and moving.
     #[must_use]
     pub fn suspicious(&self) -> Vec<([&'static str; 2], [f64; 2])> {
         let mut found = Vec::new();
         for pair in self.cells.iter().filter(|c| c.features[0] != c.features[1]) {
             let alone = pair.features.map(|f| self.cell(f, f));
-            let worse = |of: &dyn Fn(&Cell) -> f64| alone.iter().flatten().map(|c| of(c)).fold(0.0, f64::max);
-            let ratios = [pair.still / worse(&|c| c.still), pair.moving / worse(&|c| c.moving)];
+            let both = |of: &dyn Fn(&Cell) -> f64| alone.iter().flatten().map(|c| of(c).powi(2)).sum::<f64>().sqrt();
+            let ratios = [pair.still / both(&|c| c.still), pair.moving / both(&|c| c.moving)];
             if !ratios.iter().all(|r| *r <= SUSPICIOUS) {
                 found.push((pair.features, ratios));
             }
@@ -98,7 +99,7 @@ impl PairsReport {
         }
         text.push('\n');
         for ([a, b], [still, moving]) in &suspicious {
-            let _ = writeln!(text, "* {a} with {b}: {still:.2} still, {moving:.2} moving, times the worse of the two");
+            let _ = writeln!(text, "* {a} with {b}: {still:.2} still, {moving:.2} moving, times what the two make");
         }
         text
     }
@@ -124,12 +125,14 @@ mod tests {
     #[test]
     fn a_pair_worse_than_both_is_told() {
         assert!(report([0.02, 0.03]).suspicious().is_empty());
-        assert_eq!(report([0.03, 0.03]).suspicious().len(), 1);
-        assert_eq!(report([0.02, 0.04]).suspicious()[0].0, ["a", "b"]);
+        // The root of 0.01² and 0.02² is 0.0224, that of 0.03² and 0.02² is 0.0361.
+        assert!(report([0.026, 0.043]).suspicious().is_empty());
+        assert_eq!(report([0.028, 0.03]).suspicious().len(), 1);
+        assert_eq!(report([0.02, 0.045]).suspicious()[0].0, ["a", "b"]);
         assert_eq!(report([f64::NAN, 0.02]).suspicious().len(), 1);
-        let table = report([0.03, 0.03]).table();
+        let table = report([0.0335, 0.03]).table();
         assert!(
-            table.contains("| b | 20.0 / 20.0 | 30.0 / 30.0 * |") && table.contains("1.50 still, 1.00 moving"),
+            table.contains("| b | 20.0 / 20.0 | 33.5 / 30.0 * |") && table.contains("1.50 still, 0.83 moving"),
             "{table}"
         );
     }

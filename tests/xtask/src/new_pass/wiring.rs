@@ -59,7 +59,7 @@ pub const WIRING: &[Insertion] = &[
     insert(
         FRAME,
         Before,
-        "let post = stages.post.add(",
+        "let post = stages.post.give(",
         "let radiance = stages.new_pass.add(g, view, NewPassIn { colour: radiance }).colour;\n",
     ),
     insert(FRAME, Before, "post: slots.post.from_config(", "new_pass: slots.new_pass.from_config(build, config)?,\n"),

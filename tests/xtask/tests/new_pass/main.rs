@@ -91,7 +91,7 @@ fn the_files_of_the_four_folders_come_and_are_wired() {
     }
     // The lens acts on the light, so it stands before the tone map.
     let frame = text(&after, FRAME);
-    assert!(frame.find("stages.paper_lantern.add(") < frame.find("stages.post.add("), "{frame}");
+    assert!(frame.find("stages.paper_lantern.add(") < frame.find("stages.post.give("), "{frame}");
     refused(copy.path(), "paper_lantern", 2, &["an effect \"paper_lantern\" already", "passes/src/paper_lantern"]);
 }
 
@@ -157,7 +157,7 @@ fn nothing_is_overwritten_or_left_half_done() {
     assert!(walked(copy.path()) == before, "a file changed");
 
     let frame = fs::read_to_string(at(FRAME)).unwrap();
-    let anchor = "let post = stages.post.add(";
+    let anchor = "let post = stages.post.give(";
     for (text, times) in
         [(frame.replace(anchor, "let post = stages.last.add("), 0), (frame.clone() + "// " + anchor, 2)]
     {
