@@ -45,7 +45,7 @@ pub struct Schlick {
     pub f90: f64,
     /// f0 as what lies below sees it.
     pub below: DVec3,
-    /// How much of the loss [`DIFFUSE_LOSS`] there is.
+    /// How much of the loss of diffuse light there is, 0 to 1.
     pub loss: f64,
 }
 
