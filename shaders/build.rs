@@ -1,4 +1,4 @@
-//! Writes the GLSL twins of the shared structs, compiles every shader to SPIR-V and embeds both in the crate.
+//! Makes a module of every file of shared structs, writes their GLSL twins, compiles every shader to SPIR-V and embeds both in the crate.
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -35,13 +35,14 @@ fn build() -> Result<()> {
     println!("cargo:rerun-if-changed=.");
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut texts = Texts(BTreeMap::new());
-    let mut layouts = String::new();
+    let (mut layouts, mut modules) = (String::new(), String::new());
     for file in files(Path::new("src"), "rs")? {
         let module = stem(&file);
         if !NOT_SHARED.contains(&module.as_str()) {
             let source = fs::read_to_string(&file)?;
             texts.0.insert(format!("shared/{module}.glsl"), twin::glsl(&module, &source)?);
             layouts.push_str(&twin::layouts(&module, &source)?);
+            let _ = writeln!(modules, "#[path = {:?}]\npub mod {module};", fs::canonicalize(&file)?);
         }
     }
     for file in files(Path::new("lib"), "glsl")? {
@@ -89,6 +90,7 @@ fn build() -> Result<()> {
     }
     let _ = writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{listed}];");
     fs::write(out.join("shaders.rs"), code)?;
+    fs::write(out.join("modules.rs"), modules)?;
     // For tests/layout.rs.
     fs::write(out.join("layouts.rs"), format!("&[\n{layouts}]\n"))?;
     Ok(())

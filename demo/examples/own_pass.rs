@@ -5,8 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
 use magpie::gpu::{GpuOptions, Kernel};
 use magpie::prelude::*;
-use magpie::stage::{BoxedEffect, Build, SettingSpec, Settings, StageError};
-use magpie_passes::stages::{PostIn, PostOut};
+use magpie::slot::{BoxedEffect, Build, SettingSpec, Settings, SlotError};
+use magpie_passes::contracts::{PostIn, PostOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 
@@ -44,9 +44,9 @@ struct Vignette {
 }
 
 impl Vignette {
-    fn new(build: &Build<'_>, settings: &Settings, standard: BoxedEffect<PostIn, PostOut>) -> Result<Self, StageError> {
-        let words = magpie_shaders::compile("vignette.comp", GLSL, Stage::Compute).map_err(StageError::other)?;
-        let darken = build.gpu.kernel_from_words("vignette.comp", &words).map_err(StageError::other)?;
+    fn new(build: &Build<'_>, settings: &Settings, standard: BoxedEffect<PostIn, PostOut>) -> Result<Self, SlotError> {
+        let words = magpie_shaders::compile("vignette.comp", GLSL, Stage::Compute).map_err(SlotError::other)?;
+        let darken = build.kernel_from_words("vignette.comp", &words)?;
         Ok(Self { standard, darken, strength: settings.f32("vignette")? })
     }
 }

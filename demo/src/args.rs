@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bench;
+mod plan;
 mod reference;
 
 use std::{path::PathBuf, str::FromStr};
@@ -11,6 +12,7 @@ use magpie::graph::Switches;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
 pub use bench::{Bench, BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRays, BenchRaysArguments};
+pub use plan::PlanArguments;
 pub use reference::ReferenceArguments;
 
 /// Greatest width and height of a picture, pixels.
@@ -56,6 +58,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Say what a frame of a scene is made of: what runs in each stage, what is idle and why, and what memory it takes
+    Plan(Box<PlanArguments>),
     /// Render without a window and print the pass table
     Render(Box<RenderArguments>),
     /// Trace the truth: the same scene by an unbiased path tracer

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use magpie::{
     config::Catalogue,
     gpu::{DeviceReport, GpuError},
-    stage::{Range, SettingSpec},
+    slot::{Range, SettingSpec},
 };
 use serde::Serialize;
 
@@ -99,7 +99,7 @@ fn describe_setting(slot: &str, spec: &SettingSpec) -> String {
 
 #[cfg(test)]
 mod tests {
-    use magpie::stage::{ImplementationInfo, Preset, SlotInfo};
+    use magpie::slot::{ImplementationInfo, Preset, SlotInfo};
 
     use super::*;
 

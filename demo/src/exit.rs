@@ -3,7 +3,7 @@
 use std::{error::Error, ffi::OsString};
 
 use clap::error::ErrorKind;
-use magpie::{config::ConfigError, gpu::GpuError, scene::SceneError, stage::StageError};
+use magpie::{config::ConfigError, gpu::GpuError, scene::SceneError, slot::SlotError};
 
 use crate::console;
 
@@ -93,16 +93,17 @@ impl From<SceneError> for Failure {
     }
 }
 
-impl From<StageError> for Failure {
-    fn from(error: StageError) -> Self {
+impl From<SlotError> for Failure {
+    fn from(error: SlotError) -> Self {
         match error {
-            StageError::UnknownImplementation { .. } | StageError::Setting { .. } | StageError::Unsuitable { .. } => {
+            SlotError::UnknownImplementation { .. } | SlotError::Setting { .. } | SlotError::Unsuitable { .. } => {
                 Self::input(error)
             }
-            StageError::NotDescribed { .. }
-            | StageError::SettingTwice { .. }
-            | StageError::Construct { .. }
-            | StageError::Other(_) => Self::running(error),
+            SlotError::NotDescribed { .. }
+            | SlotError::SettingTwice { .. }
+            | SlotError::Construct { .. }
+            | SlotError::NoDevice
+            | SlotError::Other(_) => Self::running(error),
         }
     }
 }
@@ -152,7 +153,7 @@ mod tests {
         assert_eq!(Failure::from(GpuError::DeviceLost { during: "vkQueueSubmit2" }).status(), 1);
         assert_eq!(Failure::Usage("x".to_owned()).status(), 2);
         assert_eq!(Failure::from(ConfigError::Assignment { got: "x".to_owned() }).status(), 2);
-        assert_eq!(Failure::from(StageError::other("lost")).status(), 1);
+        assert_eq!(Failure::from(SlotError::other("lost")).status(), 1);
         assert_eq!(Failure::running(std::io::Error::other("disk")).status(), 1);
     }
 

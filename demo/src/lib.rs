@@ -11,6 +11,7 @@ mod input;
 mod lock;
 mod output;
 mod picture;
+mod plan;
 mod reference;
 mod render;
 mod session;
@@ -21,7 +22,8 @@ use clap::Parser;
 
 pub use args::{
     AccuracyArguments, AccuracyCommand, Arguments, Bench, BenchGraphArguments, BenchRays, BenchRaysArguments, Command,
-    CompareArguments, Extent, Loudness, Rays, ReferenceArguments, RenderArguments, TuneArguments, ViewName,
+    CompareArguments, Extent, Loudness, PlanArguments, Rays, ReferenceArguments, RenderArguments, TuneArguments,
+    ViewName,
 };
 pub use exit::Failure;
 pub use picture::{PictureError, read_picture, write_exr, write_png};
@@ -42,6 +44,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Devices { json } => commands::devices(*json),
         Command::Scenes => commands::scenes(),
         Command::Stages { json } => commands::stages(*json),
+        Command::Plan(arguments) => plan::plan(arguments),
         Command::Compare(compare) => compare::compare(compare),
         Command::Accuracy(wanted) => accuracy::accuracy(wanted, &arguments.loudness),
         Command::Tune(wanted) => accuracy::tune(wanted),

@@ -8,7 +8,7 @@ use magpie::{
         Declaration, Plan,
         dump::{Dump, Gains},
     },
-    measure::{Recorder, Report, Run, chrome_trace, pass_table},
+    measure::{Recorder, Report, Run, chrome_trace, pass_table, slot_table},
 };
 use magpie_passes::ReadBack;
 
@@ -91,7 +91,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);
     let mut recorder = Recorder::new(arguments.warmup as usize);
-    let mut last = None;
+    let (mut last, mut slots) = (None, Vec::new());
     let frames = arguments.warmup + arguments.frames;
     let progress = Progress::new(u64::from(frames), loudness);
     for frame in 1..=frames {
@@ -102,6 +102,9 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
             arguments.view.as_ref(),
             read_back,
         )?;
+        if frame == frames {
+            slots = result.what_runs();
+        }
         recorder.push(result.sample);
         if frame == frames {
             last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
@@ -111,8 +114,17 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     drop(progress);
 
     let run = describe_run(&session, arguments, scene_name, config);
-    let report = recorder.report(run).map_err(Failure::running)?;
+    let report = Report { slots, ..recorder.report(run).map_err(Failure::running)? };
     write_outputs(&outputs, last.as_ref(), &recorder, &report)?;
+    if loudness.verbose > 0 {
+        let total: f64 = report.passes.iter().filter_map(|p| Some(p.gpu_ms?.median)).sum();
+        let share = |slot: &str| {
+            let own = report.passes.iter().filter(|p| p.stage == slot);
+            (total > 0.0).then(|| own.filter_map(|p| Some(p.gpu_ms?.median)).sum::<f64>() / total)
+        };
+        let pixels = u64::from(arguments.size.width) * u64::from(arguments.size.height);
+        console::print(&(slot_table(&report.slots, pixels, share) + "\n"))?;
+    }
     console::print(&pass_table(&report))?;
     if let Some(last) = &last {
         console::print(&format!("{}\n", Gains::of(&last.plan)))?;

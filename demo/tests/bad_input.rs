@@ -15,7 +15,7 @@ use magpie::{
     config::Value,
     graph::{Extent, Format},
     pixels::Pixels,
-    stage::Range,
+    slot::Range,
 };
 use magpie_demo::{write_exr, write_png};
 use serde_json::{Value as Json, json};

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, fmt};
 
 use serde::{Deserialize, Serialize};
 
-use crate::stage::{SettingFault, SettingSpec, SlotInfo};
+use crate::slot::{SettingFault, SettingSpec, SlotInfo};
 
 /// Name of the table that says which implementation sits in each slot.
 pub const STAGES: &str = "stages";

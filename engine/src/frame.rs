@@ -1,8 +1,8 @@
 //! The view of a frame: the camera, and what an effect may ask about the scene without looking at the GPU.
 use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
-use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle};
-use crate::scene::{Camera, Caster, Placed, ResidentScene};
+use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle, ImportKey};
+use crate::scene::{Camera, Caster, Placed, ResidentScene, SceneFacts, SceneSketch};
 use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
 use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
@@ -29,8 +29,8 @@ pub struct View {
     pub camera: Camera,
     /// The world point from which the frame's coordinates are counted, metres.
     pub origin: DVec3,
-    /// The scene has a sky.
-    pub has_sky: bool,
+    /// What the scene is made of.
+    pub facts: Arc<SceneFacts>,
 }
 
 /// From where a frame is seen, and which frame it is.
@@ -117,6 +117,23 @@ impl Matrices {
 }
 
 impl ViewDesc<'_> {
+    /// Brings camera and frame into a frame that is only planned.
+    pub fn sketch(&self, scene: &SceneSketch, g: &mut FrameGraph) -> View {
+        let block = g.import_buffer("view", BufferDesc::new(BLOCK_BYTES), Access::BufferRead, ImportKey::Caller(0));
+        View {
+            block: block.read(),
+            frame: self.frame,
+            draws: scene.draws.clone(),
+            output: self.output,
+            casters: scene.casters.clone().into(),
+            placed: scene.placed.clone(),
+            scene: u64::MAX,
+            camera: self.camera.clone(),
+            origin: scene.origin,
+            facts: scene.facts.clone(),
+        }
+    }
+
     /// Brings camera, frame and sky into a frame of the graph, in the memory of `block`. The world is counted from the origin that
     /// the scene has gone to, that of the frame before too.
     ///
@@ -165,7 +182,7 @@ impl ViewDesc<'_> {
             scene: scene.number(),
             camera: camera.clone(),
             origin,
-            has_sky: scene.sky().is_some(),
+            facts: scene.facts().clone(),
         })
     }
 }

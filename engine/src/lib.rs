@@ -13,4 +13,4 @@ pub mod pixels;
 pub mod prelude;
 pub mod ray;
 pub mod scene;
-pub mod stage;
+pub mod slot;

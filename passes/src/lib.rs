@@ -1,7 +1,7 @@
 //! The effects of Magpie, one folder each, and the frame that they make.
 //!
-//! Read [`frame`](frame::frame) first: it is the whole frame on one screen. [`stages`] holds the contract of every slot, [`slots`] the
-//! implementations that come with Magpie.
+//! Read [`frame`](frame::frame) first: it is the whole frame on one screen. [`contracts`] holds what goes in and out of every slot, [`slots`]
+//! the table of them.
 //!
 //! ```no_run
 //! use magpie::{config::Config, gpu::GpuOptions, prelude::*};
@@ -28,13 +28,14 @@
 mod acceleration;
 mod ao;
 mod compose;
-mod contract;
+pub mod contracts;
 pub mod denoise;
 mod direct;
 pub mod frame;
 mod gbuffer;
 mod gi;
 pub mod metrics;
+pub mod plan;
 mod post;
 mod precision;
 mod rays;
@@ -42,12 +43,13 @@ mod read_back;
 pub mod reference;
 mod reflections;
 pub mod renderer;
+mod sampling;
 mod shadows;
 mod sky;
 mod sky_light;
 pub mod slots;
-pub mod stages;
 
-pub use frame::Stages;
+pub use plan::{FramePlan, PlanError, plan_frame};
 pub use renderer::{FrameRequest, FrameResult, ReadBack, RenderError, RenderOptions, Renderer};
+pub use slots::Frame;
 pub use slots::Slots;

@@ -1,6 +1,6 @@
 //! The setting `precision` of the slots that give radiance.
 use magpie::graph::Format;
-use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie::slot::{SettingSpec, Settings, SlotError};
 
 /// Describes it.
 pub fn setting() -> SettingSpec {
@@ -10,6 +10,6 @@ pub fn setting() -> SettingSpec {
 }
 
 /// The format that it asks for.
-pub fn format(settings: &Settings) -> Result<Format, StageError> {
+pub fn format(settings: &Settings) -> Result<Format, SlotError> {
     Ok(if settings.u32("precision")? < 32 { Format::Rgba16Float } else { Format::Rgba32Float })
 }

@@ -1,21 +1,21 @@
 //! Renders a scene frame by frame: declares the frame, runs it, reads images back.
-use crate::acceleration::resident_options;
-use crate::direct::wants_emitters;
-use crate::frame::{Stages, frame};
-use crate::post::Sampling;
+use crate::contracts::AccelerationIn;
+use crate::frame::frame;
 use crate::read_back::Copies;
-use crate::slots::Slots;
-use crate::stages::AccelerationIn;
+use crate::sampling::Sampling;
+use crate::slots::{Frame, Slots, merged};
 use magpie::config::{Config, ConfigError, Suggestion};
 use magpie::frame::{PreviousView, ViewDesc};
 use magpie::gpu::{Gpu, GpuError};
 use magpie::graph::check::{Finding, Poison, Scan, Trail};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
 use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
-use magpie::measure::FrameSample;
+use magpie::measure::{FrameSample, SlotReport, slot_reports};
 use magpie::pixels::Pixels;
-use magpie::scene::{Camera, FloatingOrigin, Moment, ResidentError, ResidentScene, Scene, SharedScene};
-use magpie::stage::{Build, StageError};
+use magpie::scene::{
+    Camera, FloatingOrigin, Moment, ResidentError, ResidentOptions, ResidentScene, Scene, SceneFacts, SharedScene,
+};
+use magpie::slot::{Build, SlotError, SlotNeeds};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -70,10 +70,20 @@ pub struct FrameResult {
     pub slots: Vec<(String, Option<Pixels>)>,
     /// What the scan found.
     pub findings: Vec<Finding>,
+    /// What the implementations asked for.
+    pub needs: Vec<SlotNeeds>,
     /// What was declared.
     pub declaration: Arc<Declaration>,
     /// How it ran.
     pub plan: Arc<Plan>,
+}
+
+impl FrameResult {
+    /// What ran in each slot, and what was idle and why.
+    #[must_use]
+    pub fn what_runs(&self) -> Vec<SlotReport> {
+        slot_reports(&self.needs, &self.declaration, &self.plan)
+    }
 }
 
 /// Why a frame could not be rendered.
@@ -81,7 +91,7 @@ pub struct FrameResult {
 pub enum RenderError {
     /// A stage could not be made.
     #[error(transparent)]
-    Stage(#[from] StageError),
+    Stage(#[from] SlotError),
     /// No such slot, implementation or setting.
     #[error(transparent)]
     Config(Box<ConfigError>),
@@ -106,7 +116,7 @@ pub struct Renderer {
     scene: SharedScene,
     slots: Slots,
     config: Config,
-    stages: Stages,
+    implementations: Frame,
     view: magpie::gpu::Staging,
     scan: Option<Scan>,
     trail: Trail,
@@ -114,7 +124,6 @@ pub struct Renderer {
     read_slots: Vec<String>,
     options: RenderOptions,
     frame: u32,
-    sampling: Sampling,
     previous: Option<Previous>,
     origin: FloatingOrigin,
 }
@@ -149,14 +158,17 @@ impl Renderer {
         if options.check {
             gpu.need_validation()?;
         }
-        let options_of_scene = resident_options(&slots.acceleration, config, options.rays)?;
-        let mut resident = ResidentScene::new(gpu, scene, options_of_scene)?;
-        resident.want_emitters(gpu, wants_emitters(&slots.direct, config)?)?;
-        let build = Build::of(gpu, options.rays, &resident);
+        let (implementations, facts) =
+            (Frame::new(&Build::new(gpu, options.rays), slots, config)?, SceneFacts::new(scene));
+        let mut how = ResidentOptions { rays: options.rays, ..ResidentOptions::default() };
+        if let Some(geometry) = merged(&implementations.needs(&facts)).geometry {
+            (how.compaction, how.ray_detail) = (geometry.compaction, geometry.ray_detail);
+        }
+        let resident = ResidentScene::with_facts(gpu, scene, facts, how)?;
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
-            stages: Stages::new(&build, slots, config)?,
+            implementations,
             slots: slots.clone(),
             config: config.clone(),
             view: magpie::gpu::Staging::new(gpu, "view"),
@@ -167,7 +179,6 @@ impl Renderer {
             read_slots: Vec::new(),
             options,
             frame: 0,
-            sampling: Sampling::wanted(&slots.post, config)?,
             previous: None,
             origin: FloatingOrigin::default(),
         })
@@ -232,12 +243,14 @@ impl Renderer {
     }
 
     fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
-        let build = Build::of(&self.gpu, self.options.rays, &self.scene.borrow());
-        let sampling = Sampling::wanted(&self.slots.post, &config)?;
-        let emitters = wants_emitters(&self.slots.direct, &config)?;
-        self.stages.configure(&build, &self.slots, &config)?;
-        (self.config, self.sampling) = (config, sampling);
-        Ok(self.scene.borrow_mut().want_emitters(&self.gpu, emitters)?)
+        self.implementations.configure(&Build::new(&self.gpu, self.options.rays), &self.slots, &config)?;
+        self.config = config;
+        Ok(())
+    }
+
+    /// What the implementation in each slot asks for in the frame to come, in the order of the frame.
+    pub fn needs(&self) -> Vec<SlotNeeds> {
+        self.implementations.needs(self.scene.borrow().facts())
     }
 
     /// The configuration in use.
@@ -266,10 +279,11 @@ impl Renderer {
     /// # Errors
     /// [`RenderError::Config`] where there is no such slot, or it has no image.
     pub fn read_slots(&mut self, slots: &[&str]) -> Result<(), RenderError> {
-        let known: Vec<String> = SLOTS_WITH_IMAGES.map(str::to_owned).to_vec();
-        if let Some(slot) = slots.iter().find(|s| !SLOTS_WITH_IMAGES.contains(s)) {
+        let known = Slots::with_images();
+        if let Some(slot) = slots.iter().find(|s| !known.contains(s)) {
             let (origin, key, slot) = ("read_slots".to_owned(), (*slot).to_owned(), (*slot).to_owned());
-            let suggestion = Suggestion::find(&slot, SLOTS_WITH_IMAGES);
+            let suggestion = Suggestion::find(&slot, known.iter().copied());
+            let known = known.into_iter().map(str::to_owned).collect();
             return Err(wrong(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
         }
         self.read_slots = slots.iter().map(|s| (*s).to_owned()).collect();
@@ -295,7 +309,11 @@ impl Renderer {
         }
         let start = Instant::now();
         let output = Extent::new(self.options.width, self.options.height);
-        let (extent, jitter) = (self.sampling.extent(output), self.sampling.jitter(self.frame));
+        let needs = self.needs();
+        let all = merged(&needs);
+        self.scene.borrow_mut().want_emitters(&self.gpu, all.emitters)?;
+        let sampling = Sampling::of(&all);
+        let (extent, jitter) = (sampling.extent(output), sampling.jitter(self.frame));
         let mut g = self.executor.begin(extent);
         let imports = Rc::<RefCell<Imports>>::default();
         let desc = ViewDesc {
@@ -311,7 +329,7 @@ impl Renderer {
         self.scene.borrow_mut().go(&Moment { time: request.time, origin, cut });
         let view = desc.declare(&mut self.view, &self.scene.borrow(), &mut g, &mut imports.borrow_mut())?;
         let (scene, camera) = (self.scene.clone(), request.camera.clone());
-        let scene = AccelerationIn { scene, imports: imports.clone(), camera };
+        let scene = AccelerationIn::Resident { scene, imports: imports.clone(), camera };
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
 
@@ -356,7 +374,7 @@ impl Renderer {
             });
         }
 
-        let out = frame(&mut self.stages, &mut g, &view, scene)?;
+        let out = frame(&mut self.implementations, &mut g, &view, scene)?;
         match request.view {
             Some((pass, output)) => {
                 let image = g.find(pass, output)?;
@@ -398,18 +416,15 @@ impl Renderer {
         };
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
-        Ok(Some(FrameResult { sample, images, slots, findings, declaration, plan }))
+        Ok(Some(FrameResult { sample, images, slots, findings, needs, declaration, plan }))
     }
 }
-
-/// The slots of [`frame`] that give an image, in its order.
-const SLOTS_WITH_IMAGES: [&str; 8] = ["shadows", "ao", "direct", "gi", "reflections", "compose", "sky", "post"];
 
 /// Images come in the order of the frame; they are wanted in the order in which they were asked for.
 fn in_order(wanted: &[String], gave: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
     let mut slots: Vec<(String, Option<Pixels>)> = wanted.iter().map(|slot| (slot.clone(), None)).collect();
-    let given =
-        SLOTS_WITH_IMAGES.iter().filter_map(|slot| wanted.iter().position(|w| w == slot)).filter(|at| gave[*at]);
+    let in_frame = Slots::with_images().into_iter();
+    let given = in_frame.filter_map(|slot| wanted.iter().position(|w| w == slot)).filter(|at| gave[*at]);
     for (at, image) in given.zip(images) {
         slots[at].1 = Some(image);
     }

@@ -1,9 +1,10 @@
 //! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
+use crate::contracts::{IndirectIn, IndirectOut};
 use crate::precision;
-use crate::stages::{IndirectIn, IndirectOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Settings, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::Shader;
 use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
 
@@ -23,21 +24,24 @@ impl Effect for Off {
 pub struct SkyLight {
     pass: &'static str,
     bends: bool,
+    nothing: fn(&SceneFacts) -> Option<&'static str>,
     kernel: Kernel,
     format: Format,
 }
 
 impl SkyLight {
-    /// Makes the pipeline of `shader` for a pass of this name. `bends`: the shader reads bent normals. The settings have a [`precision`](precision::setting).
+    /// Makes the pipeline of `shader` for a pass of this name. `bends`: the shader reads bent normals. `nothing`: why no
+    /// surface of a scene takes up such light, if none does. The settings have a [`precision`](precision::setting).
     pub fn new(
-        gpu: &Gpu,
+        build: &Build<'_>,
         pass: &'static str,
         shader: &Shader,
         bends: bool,
+        nothing: fn(&SceneFacts) -> Option<&'static str>,
         settings: &Settings,
-    ) -> Result<Self, StageError> {
+    ) -> Result<Self, SlotError> {
         let format = precision::format(settings)?;
-        Ok(Self { pass, bends, kernel: gpu.kernel(shader).map_err(StageError::other)?, format })
+        Ok(Self { pass, bends, nothing, kernel: build.kernel(shader)?, format })
     }
 }
 
@@ -45,8 +49,13 @@ impl Effect for SkyLight {
     type In = IndirectIn;
     type Out = IndirectOut;
 
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        let idle = if !facts.has_sky { Some("the scene has no sky") } else { (self.nothing)(facts) };
+        idle.map_or_else(Needs::default, Needs::idle)
+    }
+
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: IndirectIn) -> IndirectOut {
-        if !view.has_sky {
+        if self.needs(&view.facts).idle.is_some() {
             return IndirectOut { radiance: None };
         }
         let (kernel, format, bends, block) = (self.kernel, self.format, self.bends, view.block);

@@ -6,25 +6,8 @@
 mod compile;
 mod types;
 
-pub mod acceleration;
-pub mod ao;
-pub mod bench;
-pub mod check;
-pub mod compose;
-pub mod denoise;
-pub mod direct;
-pub mod filter;
-pub mod gbuffer;
-pub mod metrics;
-pub mod post;
-pub mod rays;
-pub mod reference;
-pub mod scene;
-pub mod shadow_map;
-pub mod shadows;
-pub mod sky;
-pub mod sky_light;
-pub mod view;
+// Every file in this folder that holds shared structs.
+include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
 pub use compile::{CompileError, Includes, Rays, Stage, compile_with};
 pub use types::{Address, SampledImage, SamplerId, StorageImage};

@@ -8,9 +8,9 @@ use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
 use magpie::pixels::Pixels;
 use magpie::scene::{Camera, Policy, SharedScene};
+use magpie_passes::contracts::{AccelerationIn, SceneHandles};
 use magpie_passes::frame::{FrameOut, frame};
-use magpie_passes::stages::{AccelerationIn, SceneHandles};
-use magpie_passes::{Slots, Stages};
+use magpie_passes::{Frame, Slots};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -177,11 +177,7 @@ impl Bench {
         wanted: &[&str],
         first: impl FnOnce(&mut FrameGraph),
     ) -> Result<Ran> {
-        let mut stages = Stages::new(
-            &magpie::stage::Build::of(&self.gpu, Rays::Software, &shot.scene.borrow()),
-            &Slots::default(),
-            config,
-        )?;
+        let mut stages = Frame::new(&magpie::slot::Build::new(&self.gpu, Rays::Software), &Slots::default(), config)?;
         let gpu = self.gpu.clone();
         self.run(shot.extent, wanted, |g, imports| {
             first(g);
@@ -201,10 +197,10 @@ impl Shot<'_> {
     }
 
     /// Declares the whole frame.
-    pub fn frame(&self, gpu: &Gpu, stages: &mut Stages, g: &mut FrameGraph, imports: &Shared) -> Result<FrameOut> {
+    pub fn frame(&self, gpu: &Gpu, stages: &mut Frame, g: &mut FrameGraph, imports: &Shared) -> Result<FrameOut> {
         let view = self.view(gpu, g, imports)?;
         let (scene, camera) = (self.scene.clone(), self.camera.clone());
-        Ok(frame(stages, g, &view, AccelerationIn { scene, imports: imports.clone(), camera })?)
+        Ok(frame(stages, g, &view, AccelerationIn::Resident { scene, imports: imports.clone(), camera })?)
     }
 
     /// Brings camera and scene into a frame.

@@ -2,7 +2,7 @@
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
-use magpie::stage::{SettingSpec, Stage};
+use magpie::slot::{SettingSpec, Slot};
 use magpie_accuracy::agreement::Agreement;
 use magpie_accuracy::display::Display;
 use magpie_accuracy::metrics::Picture;
@@ -39,7 +39,7 @@ fn slots() -> Slots {
     let original = all.shadows.clone();
     let off = all.shadows.clone();
     let resolution = SettingSpec::choice("resolution", "Of rays.", "full", &["full", "half"]).sweep_all();
-    let shadows = Stage::new("shadows")
+    let shadows = Slot::new("shadows")
         .about("Hard shadows.")
         .with("hard", "Rays to the middle of lights.", &[resolution], move |build, settings| {
             let mut values = settings.values().clone();

@@ -8,9 +8,9 @@ use magpie::gpu::Kernel;
 use magpie::pixels::Pixels;
 use magpie::prelude::*;
 use magpie::scene::Scene;
-use magpie::stage::{Build, SettingSpec, Settings, StageError};
+use magpie::slot::{Build, SettingSpec, Settings, SlotError};
+use magpie_passes::contracts::{GBuffer, ShadowGroup, ShadowIn, ShadowOut};
 use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
-use magpie_passes::stages::{GBuffer, ShadowGroup, ShadowIn, ShadowOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::shadows::PENUMBRA_MOST;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
@@ -64,12 +64,12 @@ struct Patterned {
 }
 
 impl Patterned {
-    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
-        let words = magpie_shaders::compile("pattern.comp", PATTERN, Stage::Compute).map_err(StageError::other)?;
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let words = magpie_shaders::compile("pattern.comp", PATTERN, Stage::Compute).map_err(SlotError::other)?;
         let channels = settings.u32("channels")?;
         Ok(Self {
-            pattern: build.gpu.kernel_from_words("pattern.comp", &words).map_err(StageError::other)?,
-            denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
+            pattern: build.kernel_from_words("pattern.comp", &words)?,
+            denoiser: Denoiser::new(build, "shadows", settings)?,
             content: if channels == 0 { Content::Radiance } else { Content::Channels(channels) },
             kind: settings.u32("kind")?,
             low: settings.f32("low")?,

@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::{Light, Material, ResidentOptions, ResidentScene, Scene};
-use magpie_passes::{Slots, Stages};
+use magpie_passes::{Frame, Slots};
 use magpie_shaders::{SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
 use magpie_tests::harness::{config, gpu};
@@ -121,8 +121,8 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let camera = &scene.cameras[0];
     let kernel = bench.kernel("decoded.comp", DECODED)?;
     let gpu = bench.gpu.clone();
-    let mut stages = Stages::new(
-        &magpie::stage::Build::of(&gpu, magpie::prelude::Rays::Software, &resident.borrow()),
+    let mut stages = Frame::new(
+        &magpie::slot::Build::new(&gpu, magpie::prelude::Rays::Software),
         &Slots::default(),
         &config(&["shadows.edges=hard", "direct.area=0"])?,
     )?;

@@ -7,7 +7,7 @@ use magpie::graph::{
     Access, BufferDesc, Domain, Extent, Format, FrameGraph, ImageDesc, ImageState, MipCopy, Queue, Record,
 };
 use magpie::scene::{Light, ResidentOptions, ResidentScene, Sampler, Scene};
-use magpie::stage::{Build, StageError};
+use magpie::slot::{Build, SlotError};
 use magpie_passes::Slots;
 use magpie_shaders::{Address, SampledImage, SamplerId, StorageImage};
 use magpie_tests::bench::{Bench, Shared, Shot, results};
@@ -371,12 +371,12 @@ fn an_unknown_device_is_an_error_that_lists_the_known_ones() -> Result<()> {
 fn an_unknown_implementation_is_an_error_that_lists_the_known_ones() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let chosen = Slots::default().shadows.choose(
-        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false },
+        &Build::new(&gpu, magpie::prelude::Rays::Software),
         "ray-trased",
         &Default::default(),
     );
     match chosen.map(|_| ()) {
-        Err(error @ StageError::UnknownImplementation { .. }) => {
+        Err(error @ SlotError::UnknownImplementation { .. }) => {
             let text = error.to_string();
             for part in ["stages.shadows", "ray-trased", "ray-traced", "off"] {
                 assert!(text.contains(part), "{text}");

@@ -8,8 +8,8 @@ use magpie::graph::execute::Imports;
 use magpie::scene::{
     Animator, Camera, FloatingOrigin, Moment, Policy, Pose, ResidentOptions, ResidentScene, Scene, deform,
 };
-use magpie::stage::Build;
-use magpie_passes::stages::GBufferIn;
+use magpie::slot::Build;
+use magpie_passes::contracts::GBufferIn;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::{asset, builtin, gpu};
@@ -49,10 +49,8 @@ impl Step<'_> {
 fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
-    let mut gbuffer = Slots::default().gbuffer.from_config(
-        &Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false },
-        &Config::default(),
-    )?;
+    let mut gbuffer =
+        Slots::default().gbuffer.from_config(&Build::new(&gpu, magpie::prelude::Rays::Software), &Config::default())?;
     let desc = step.view();
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids"];
     let ran = bench.run(step.extent, &wanted, |g, imports| {
@@ -248,8 +246,7 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
     let scene = builtin("carousel")?;
     let camera = &scene.cameras[0];
     let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
-    let build =
-        Build { gpu: &gpu, rays: magpie::prelude::Rays::Software, lets_light_through: false, has_own_specular: false };
+    let build = Build::new(&gpu, magpie::prelude::Rays::Software);
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let wanted = ["gbuffer.draw:motion", "gbuffer.draw:ids", "gbuffer.draw:depth"];
     let mut followed = Followed::new();

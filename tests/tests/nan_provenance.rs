@@ -8,8 +8,8 @@ use magpie::measure::PassTime;
 use magpie::pixels::Pixels;
 use magpie::prelude::*;
 use magpie::scene::{ResidentOptions, ResidentScene};
-use magpie::stage::StageError;
-use magpie_passes::stages::{IndirectIn, IndirectOut};
+use magpie::slot::SlotError;
+use magpie_passes::contracts::{IndirectIn, IndirectOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
@@ -182,7 +182,7 @@ fn kernel(gpu: &Gpu, name: &str, glsl: &str) -> Result<Kernel> {
 fn delayed_slots() -> Slots {
     let mut slots = Slots::default();
     slots.reflections.register("delayed", "Two frames late.", &[], |build, _| {
-        let add = kernel(build.gpu, "add.comp", ADD).map_err(|e| StageError::other(std::io::Error::other(e)))?;
+        let add = kernel(build.gpu()?, "add.comp", ADD).map_err(|e| SlotError::other(std::io::Error::other(e)))?;
         Ok(Box::new(Delayed { add, scope: HistoryScope::new() }))
     });
     slots

@@ -8,7 +8,7 @@ use magpie::graph::check::{Bad, Place, Poison};
 use magpie::graph::{Format, Shape};
 use magpie::measure::Recorder;
 use magpie::scene::{AlphaMode, Light, Material, Scene, Sphere};
-use magpie::stage::{Range, SlotInfo};
+use magpie::slot::{Range, SlotInfo};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::scene as shared;
 use magpie_tests::harness::{config, gpu};

@@ -3,7 +3,7 @@ use anyhow::{Context, Result, ensure};
 use glam::Vec3;
 use magpie::gpu::Gpu;
 use magpie::scene::Scene;
-use magpie::stage::QUALITIES;
+use magpie::slot::QUALITIES;
 use magpie_accuracy::metrics::{Picture, flip_ldr, mse};
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};

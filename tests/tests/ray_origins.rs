@@ -18,10 +18,10 @@ use magpie::prelude::Rays;
 use magpie::scene::{
     Camera, FloatingOrigin, Instance, Light, Mesh, Moment, ResidentOptions, ResidentScene, Scene, Sphere,
 };
-use magpie::stage::{Build, Effect};
+use magpie::slot::{Build, Effect};
 use magpie_passes::Slots;
+use magpie_passes::contracts::{GBufferIn, ShadowIn};
 use magpie_passes::denoise::Reprojection;
-use magpie_passes::stages::{GBufferIn, ShadowIn};
 use magpie_shaders::{Address, SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
 use magpie_tests::harness::{builtin, gpu};
@@ -321,10 +321,10 @@ impl Rig {
         let options = ResidentOptions { rays, ..ResidentOptions::default() };
         let resident = ResidentScene::new(&gpu, scene, options)?.shared();
         resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
-        let build = Build { gpu: &gpu, rays, lets_light_through: false, has_own_specular: false };
+        let build = Build::new(&gpu, rays);
         let (slots, config) = (Slots::default(), Config::default());
         let mut gbuffer = slots.gbuffer.from_config(&build, &config)?;
-        let mut reprojection = Reprojection::new(&gpu)?;
+        let mut reprojection = Reprojection::new(&build)?;
         let mut shadows = slots.shadows.from_config(&build, &config)?;
         let shot = Shot { scene: &resident, camera, extent: EXTENT };
         let light = if is_lamp { light - origin } else { light.normalize() }.as_vec3().to_array();

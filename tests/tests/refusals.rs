@@ -8,9 +8,9 @@ use magpie::graph::execute::ExecuteError;
 use magpie::graph::{BufferDesc, Draw, GraphError};
 use magpie::prelude::*;
 use magpie::scene::{ResidentOptions, ResidentScene};
-use magpie::stage::BoxedEffect;
+use magpie::slot::BoxedEffect;
+use magpie_passes::contracts::{AoIn, AoOut, PostIn, PostOut};
 use magpie_passes::reference::{Reference, ReferenceError, ReferenceOptions};
-use magpie_passes::stages::{AoIn, AoOut, PostIn, PostOut};
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Shader, Stage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
@@ -244,10 +244,10 @@ impl Effect for HalfOpen {
     }
 }
 
-fn fill(gpu: &Gpu) -> Result<Kernel, magpie::stage::StageError> {
+fn fill(gpu: &Gpu) -> Result<Kernel, magpie::slot::SlotError> {
     let words = magpie_shaders::compile("fill.comp", &format!("{HEAD}{COMPUTE}"), Stage::Compute);
-    let words = words.map_err(magpie::stage::StageError::other)?;
-    gpu.kernel_from_words("fill.comp", &words).map_err(magpie::stage::StageError::other)
+    let words = words.map_err(magpie::slot::SlotError::other)?;
+    gpu.kernel_from_words("fill.comp", &words).map_err(magpie::slot::SlotError::other)
 }
 
 /// The mistakes of a frame with these slots, in order.
@@ -284,10 +284,10 @@ fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()
     ];
     for (name, desc, _) in descs {
         slots.post.wrap("standard", name, "Another display.", &[], move |build, _, standard| {
-            Ok(Box::new(Other { standard, desc, fill: fill(build.gpu)? }))
+            Ok(Box::new(Other { standard, desc, fill: fill(build.gpu()?)? }))
         })?;
     }
-    slots.ao.register("half", "Half as large.", &[], |build, _| Ok(Box::new(HalfOpen(fill(build.gpu)?))));
+    slots.ao.register("half", "Half as large.", &[], |build, _| Ok(Box::new(HalfOpen(fill(build.gpu()?)?))));
     for (name, _, wrong) in descs {
         let found = mistakes(&gpu, &slots, &[&format!("stages.post={name}")])?;
         let said: Vec<String> = found.iter().map(ToString::to_string).collect();

@@ -8,8 +8,8 @@ use magpie::graph::{HistoryScope, Switches};
 use magpie::measure::Memory;
 use magpie::prelude::*;
 use magpie::scene::{Camera, Scene};
-use magpie::stage::{BoxedEffect, Build, SettingSpec, Settings, StageError};
-use magpie_passes::stages::{PostIn, PostOut};
+use magpie::slot::{BoxedEffect, Build, SettingSpec, Settings, SlotError};
+use magpie_passes::contracts::{PostIn, PostOut};
 use magpie_passes::{FrameRequest, ReadBack, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::harness::{Lent, builtin, gpu};
@@ -83,13 +83,13 @@ fn slots() -> (Slots, Told) {
     slots.post.register("trail", "Blended with the frame before.", &settings, move |build, settings| {
         Ok(Box::new(trail(build, settings, teller.clone())?))
     });
-    slots.gi.register("broken", "It cannot be made.", &[], |_, _| Err(StageError::other("no such luck")));
+    slots.gi.register("broken", "It cannot be made.", &[], |_, _| Err(SlotError::other("no such luck")));
     (slots, told)
 }
 
-fn trail(build: &Build<'_>, settings: &Settings, told: Told) -> Result<Trail, StageError> {
-    let words = magpie_shaders::compile("trail.comp", BLEND, Stage::Compute).map_err(StageError::other)?;
-    let blend = build.gpu.kernel_from_words("trail.comp", &words).map_err(StageError::other)?;
+fn trail(build: &Build<'_>, settings: &Settings, told: Told) -> Result<Trail, SlotError> {
+    let words = magpie_shaders::compile("trail.comp", BLEND, Stage::Compute).map_err(SlotError::other)?;
+    let blend = build.kernel_from_words("trail.comp", &words)?;
     let standard = Slots::default().post.choose(build, "standard", &Default::default())?;
     Ok(Trail { standard, blend, share: settings.f32("share")?, scope: HistoryScope::new(), told })
 }

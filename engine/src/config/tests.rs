@@ -1,5 +1,5 @@
 use super::*;
-use crate::stage::{ImplementationInfo, Preset, SettingSpec};
+use crate::slot::{ImplementationInfo, Preset, SettingSpec};
 
 const PRESETS: [Preset; 2] = [
     Preset { name: "low", implementation: "shadow-map", settings: &[("size", "512")] },

@@ -4,7 +4,7 @@ use super::bindless::Bindless;
 use super::choice::{self, DeviceReport};
 use super::instance::Instance;
 use super::nothing;
-use super::pipeline::Pipelines;
+use super::pipeline::{Pipelines, pipeline_layout};
 use super::pipeline_cache;
 use super::ray_pipeline::RayTables;
 use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
@@ -38,7 +38,8 @@ pub struct Gpu(pub(super) Arc<Inner>);
 pub(super) struct Inner {
     pub allocator: ManuallyDrop<Mutex<Allocator>>,
     pub bindless: Bindless,
-    pub pipelines: Pipelines,
+    pub pipelines: Arc<Pipelines>,
+    pub pipeline_layout: vk::PipelineLayout,
     /// One per [`Queue`]; the first counts frames.
     pub lanes: [Lane; Queue::ALL.len()],
     /// The families of the lanes, each once.
@@ -191,7 +192,7 @@ impl Gpu {
             if optional.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
         let bindless = Bindless::new(&raw, anisotropy)?;
         let (cache, cache_file) = pipeline_cache::open(&raw, &properties)?;
-        let pipelines = Pipelines::new(&raw, bindless.layout)?;
+        let pipeline_layout = pipeline_layout(&raw, bindless.layout)?;
         let lane = |at: usize| {
             let queue = held[distinct.partition_point(|f| *f < lane_families[at])].clone();
             Ok::<_, GpuError>(Lane { queue, family: lane_families[at], timeline: Timeline::new(&raw)? })
@@ -205,7 +206,8 @@ impl Gpu {
         let gpu = Self(Arc::new(Inner {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             bindless,
-            pipelines,
+            pipelines: Arc::default(),
+            pipeline_layout,
             lanes,
             families: distinct,
             buffer_types: super::buffer::memory_types(&raw, support),
@@ -393,6 +395,7 @@ impl Drop for Inner {
         // SAFETY: children go before the device; the allocator is dropped once, here.
         unsafe {
             self.pipelines.destroy(&self.raw);
+            self.raw.destroy_pipeline_layout(self.pipeline_layout, None);
             self.bindless.destroy(&self.raw);
             self.lanes.iter().for_each(|lane| lane.timeline.destroy(&self.raw));
             self.raw.destroy_pipeline_cache(self.cache, None);

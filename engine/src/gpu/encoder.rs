@@ -185,6 +185,11 @@ impl CommandEncoder {
         self.gpu.0.pipelines.name(index)
     }
 
+    /// Makes a pipeline, unless it is made already.
+    pub fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
+        self.gpu.make_pipeline(index)
+    }
+
     /// Begins anew. The device must be done with what was recorded before.
     pub fn begin(&mut self) -> Result<(), GpuError> {
         let device = self.gpu.raw();
@@ -208,7 +213,7 @@ impl CommandEncoder {
     }
 
     fn bind(&mut self, set: vk::DescriptorSet) {
-        let (device, layout) = (self.gpu.raw(), self.gpu.0.pipelines.layout);
+        let (device, layout) = (self.gpu.raw(), self.gpu.0.pipeline_layout);
         let points = [
             (vk::PipelineBindPoint::COMPUTE, self.computes),
             (vk::PipelineBindPoint::GRAPHICS, self.draws),
@@ -326,7 +331,7 @@ impl CommandEncoder {
     /// The caller compared their size with what the pipeline reads and with the limit.
     fn push(&mut self, params: &[u8]) {
         debug_assert!(params.len() <= PUSH_BYTES as usize);
-        let layout = self.gpu.0.pipelines.layout;
+        let layout = self.gpu.0.pipeline_layout;
         if !params.is_empty() {
             // SAFETY: the layout has 128 bytes for all stages, to which `Record::fits` holds every pass.
             unsafe { self.gpu.raw().cmd_push_constants(self.buffer, layout, vk::ShaderStageFlags::ALL, 0, params) };
@@ -337,12 +342,12 @@ impl CommandEncoder {
     pub(super) fn push_rays(&mut self, params: &[u8], scene: magpie_shaders::Address) {
         const ROOT: u32 = RAY_PUSH_BYTES;
         self.push(params);
-        let (layout, root) = (self.gpu.0.pipelines.layout, bytemuck::bytes_of(&scene));
+        let (layout, root) = (self.gpu.0.pipeline_layout, bytemuck::bytes_of(&scene));
         // SAFETY: the layout has 128 bytes for all stages.
         unsafe { self.gpu.raw().cmd_push_constants(self.buffer, layout, vk::ShaderStageFlags::ALL, ROOT, root) };
     }
 
-    /// Binds a pipeline unless it is bound already.
+    /// Binds a pipeline, which [`CommandEncoder::make_pipeline`] has made, unless it is bound already.
     pub(super) fn bind_pipeline(&mut self, index: u32, point: vk::PipelineBindPoint) {
         let bound = &mut self.bound[match point {
             vk::PipelineBindPoint::GRAPHICS => 1,

@@ -40,7 +40,7 @@ pub(crate) use image::ImageInfo;
 pub use image::{Image, ImageUse};
 pub(crate) use marker::Moment;
 pub(crate) use pipeline::PUSH_BYTES;
-pub use pipeline::{Kernel, RasterDesc, RasterKernel};
+pub use pipeline::{Kernel, Pipelines, RasterDesc, RasterKernel};
 pub(crate) use query::{Statistics, Timestamps};
 pub(crate) use ray_pipeline::RAY_PUSH_BYTES;
 pub use ray_pipeline::{RayKernel, RayPipeline, SPHERE_GROUP, TRIANGLE_GROUP};

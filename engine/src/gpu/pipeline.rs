@@ -1,5 +1,6 @@
-//! Compute and graphics pipelines. One layout for all: the bindless set and 128 bytes of push constants.
+//! Compute and graphics pipelines, described first and made when first used. One layout for all: the bindless set and 128 bytes of push constants.
 use super::device::lock;
+use super::ray_pipeline::{RAY_PUSH_BYTES, RayPipeline};
 use super::reflect::{local_size, push_bytes};
 use super::{Gpu, GpuError, format};
 use crate::graph::Format;
@@ -8,8 +9,9 @@ use magpie_shaders::Shader;
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::ffi::CStr;
+use std::fmt;
 use std::hash::{Hash, Hasher};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
 /// Push constants that every Vulkan device has, bytes.
 pub(crate) const PUSH_BYTES: u32 = 128;
@@ -63,66 +65,174 @@ pub struct RasterDesc<'a> {
     pub depth: Option<Format>,
 }
 
-/// Pipelines live as long as the device: ids stay valid, and the same request gives the same id.
-pub(super) struct Pipelines {
-    pub layout: vk::PipelineLayout,
-    list: Mutex<Vec<(vk::Pipeline, String)>>,
-    known: Mutex<HashMap<u64, Made>>,
+/// Every pipeline that anybody described. The device makes one when a pass first records it: what never runs is never compiled.
+///
+/// Descriptions need no device, so that a frame can be planned without one. The same description gives the same id, and ids stay valid as
+/// long as this does.
+#[derive(Default)]
+pub struct Pipelines {
+    list: RwLock<Vec<Arc<Entry>>>,
+    known: Mutex<HashMap<u64, u32>>,
 }
 
-/// A pipeline that was made.
-#[derive(Clone, Copy)]
-pub(super) struct Made {
-    pub index: u32,
-    /// Threads of one workgroup of a compute pipeline; of one for rays, the place of its table first.
-    pub numbers: [u32; 3],
+/// A pipeline: its description until it is made, its handle from then on.
+struct Entry {
+    name: String,
+    /// Threads of one workgroup of a compute pipeline.
+    local_size: [u32; 3],
     /// Bytes of push constants that its shaders read.
-    pub push: Option<u32>,
+    push: Option<u32>,
+    made: OnceLock<vk::Pipeline>,
+    request: Mutex<Option<Request>>,
+}
+
+/// What a pipeline is made from: SPIR-V words and state.
+enum Request {
+    Compute(Vec<u32>),
+    Raster(RasterRequest),
+    Rays(Vec<u32>),
+}
+
+/// [`RasterDesc`], owned.
+struct RasterRequest {
+    vertex: Vec<u32>,
+    fragment: Vec<u32>,
+    constants: Vec<u32>,
+    colours: Vec<Format>,
+    depth: Option<Format>,
 }
 
 impl Pipelines {
-    pub fn new(device: &ash::Device, set: vk::DescriptorSetLayout) -> Result<Self, GpuError> {
-        let sets = [set];
-        let push = [vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::ALL, offset: 0, size: PUSH_BYTES }];
-        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
-        // SAFETY: all pointers outlive the call.
-        let layout =
-            unsafe { device.create_pipeline_layout(&info, None) }.map_err(GpuError::call("vkCreatePipelineLayout"))?;
-        Ok(Self { layout, list: Mutex::default(), known: Mutex::default() })
+    /// The compute pipeline of an embedded shader.
+    ///
+    /// # Errors
+    /// As [`Pipelines::kernel_from_words`].
+    pub fn kernel(&self, shader: &Shader) -> Result<Kernel, GpuError> {
+        self.kernel_from_words(shader.name, &words(shader.name, shader.spirv)?)
     }
 
-    pub fn get(&self, index: u32) -> vk::Pipeline {
-        lock(&self.list).get(index as usize).map(|(pipeline, _)| *pipeline).unwrap_or_default()
+    /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] when no workgroup size is declared, [`GpuError::Limit`] for more than 128 bytes of push constants.
+    pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, GpuError> {
+        let key = key_of((name, words));
+        let entry = self.describe(key, || {
+            let local_size = local_size(words).ok_or_else(|| GpuError::Shader {
+                name: name.to_owned(),
+                reason: "it is no compute shader with a workgroup size".to_owned(),
+            })?;
+            let push = checked_push(name, words, PUSH_BYTES)?;
+            Ok(Entry::new(name, local_size, push, Request::Compute(words.to_vec())))
+        });
+        entry.map(|(index, entry)| Kernel { index, local_size: entry.local_size, push: entry.push })
     }
 
-    pub fn name(&self, index: u32) -> String {
-        lock(&self.list).get(index as usize).map(|(_, name)| name.clone()).unwrap_or_default()
+    /// A graphics pipeline.
+    ///
+    /// # Errors
+    /// [`GpuError::Shader`] for what is no SPIR-V, [`GpuError::Limit`] for more than 128 bytes of push constants.
+    pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
+        let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.constants, desc.colours, desc.depth));
+        let entry = self.describe(key, || {
+            let stage = |shader: &Shader| {
+                let words = words(shader.name, shader.spirv)?;
+                Ok::<_, GpuError>((checked_push(shader.name, &words, PUSH_BYTES)?, words))
+            };
+            let ((vertex_push, vertex), (fragment_push, fragment)) = (stage(desc.vertex)?, stage(desc.fragment)?);
+            let request = RasterRequest {
+                vertex,
+                fragment,
+                constants: desc.constants.to_vec(),
+                colours: desc.colours.to_vec(),
+                depth: desc.depth,
+            };
+            Ok(Entry::new(desc.name, [0; 3], vertex_push.max(fragment_push), Request::Raster(request)))
+        });
+        entry.map(|(index, entry)| RasterKernel { index, push: entry.push })
     }
 
-    /// The pipeline of a request that was made before.
-    pub fn known(&self, key: u64) -> Option<Made> {
-        lock(&self.known).get(&key).copied()
+    /// A ray-tracing pipeline with this ray-generation shader.
+    pub(super) fn ray_pipeline(&self, name: &str, generation: &[u32]) -> Result<RayPipeline, GpuError> {
+        let key = key_of(("ray pipeline", name, generation));
+        let entry = self.describe(key, || {
+            let push = checked_push(name, generation, RAY_PUSH_BYTES)?;
+            Ok(Entry::new(name, [0; 3], push, Request::Rays(generation.to_vec())))
+        });
+        entry.map(|(index, entry)| RayPipeline { index, push: entry.push })
     }
 
-    pub fn add(&self, key: u64, (pipeline, name): (vk::Pipeline, &str), numbers: [u32; 3], push: Option<u32>) -> Made {
-        let mut list = lock(&self.list);
-        list.push((pipeline, name.to_owned()));
-        let made = Made { index: list.len() as u32 - 1, numbers, push };
-        lock(&self.known).insert(key, made);
-        made
+    /// Names of the pipelines that the device has made so far, in the order in which they were described.
+    #[must_use]
+    pub fn made(&self) -> Vec<String> {
+        let list = self.list.read().unwrap_or_else(PoisonError::into_inner);
+        list.iter().filter(|entry| entry.made.get().is_some()).map(|entry| entry.name.clone()).collect()
+    }
+
+    /// The entry of a description, and its index.
+    fn describe(&self, key: u64, new: impl FnOnce() -> Result<Entry, GpuError>) -> Result<(u32, Arc<Entry>), GpuError> {
+        let mut known = lock(&self.known);
+        if let Some(index) = known.get(&key) {
+            return Ok((*index, self.entry(*index)?));
+        }
+        let entry = Arc::new(new()?);
+        let mut list = self.list.write().unwrap_or_else(PoisonError::into_inner);
+        list.push(entry.clone());
+        let index = list.len() as u32 - 1;
+        known.insert(key, index);
+        Ok((index, entry))
+    }
+
+    fn entry(&self, index: u32) -> Result<Arc<Entry>, GpuError> {
+        let list = self.list.read().unwrap_or_else(PoisonError::into_inner);
+        let unknown = || GpuError::Shader { name: format!("pipeline {index}"), reason: "of another device".to_owned() };
+        list.get(index as usize).cloned().ok_or_else(unknown)
+    }
+
+    /// The handle of a pipeline that was made; null before.
+    pub(super) fn get(&self, index: u32) -> vk::Pipeline {
+        self.entry(index).ok().and_then(|entry| entry.made.get().copied()).unwrap_or_default()
+    }
+
+    pub(super) fn name(&self, index: u32) -> String {
+        self.entry(index).map(|entry| entry.name.clone()).unwrap_or_default()
     }
 
     /// # Safety
     /// The device is idle and no id is used again.
-    pub unsafe fn destroy(&self, device: &ash::Device) {
-        // SAFETY: by this function's contract.
-        unsafe {
-            for (pipeline, _) in lock(&self.list).drain(..) {
-                device.destroy_pipeline(pipeline, None);
+    pub(super) unsafe fn destroy(&self, device: &ash::Device) {
+        for entry in self.list.write().unwrap_or_else(PoisonError::into_inner).drain(..) {
+            if let Some(pipeline) = entry.made.get() {
+                // SAFETY: by this function's contract.
+                unsafe { device.destroy_pipeline(*pipeline, None) };
             }
-            device.destroy_pipeline_layout(self.layout, None);
         }
     }
+}
+
+impl fmt::Debug for Pipelines {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Pipelines").field("made", &self.made()).finish_non_exhaustive()
+    }
+}
+
+impl Entry {
+    fn new(name: &str, local_size: [u32; 3], push: Option<u32>, request: Request) -> Self {
+        let request = Mutex::new(Some(request));
+        Self { name: name.to_owned(), local_size, push, made: OnceLock::new(), request }
+    }
+}
+
+/// One layout for all: the bindless set, and 128 bytes of push constants for every stage.
+pub(super) fn pipeline_layout(
+    device: &ash::Device,
+    set: vk::DescriptorSetLayout,
+) -> Result<vk::PipelineLayout, GpuError> {
+    let sets = [set];
+    let push = [vk::PushConstantRange { stage_flags: vk::ShaderStageFlags::ALL, offset: 0, size: PUSH_BYTES }];
+    let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&push);
+    // SAFETY: all pointers outlive the call.
+    unsafe { device.create_pipeline_layout(&info, None) }.map_err(GpuError::call("vkCreatePipelineLayout"))
 }
 
 pub(super) fn key_of(parts: impl Hash) -> u64 {
@@ -150,65 +260,75 @@ pub(super) fn checked_push(name: &str, words: &[u32], most: u32) -> Result<Optio
 }
 
 impl Gpu {
-    /// The compute pipeline of an embedded shader.
-    ///
-    /// # Errors
-    /// [`GpuError::Shader`] and failing calls.
-    pub fn kernel(&self, shader: &Shader) -> Result<Kernel, GpuError> {
-        self.kernel_from_words(shader.name, &words(shader.name, shader.spirv)?)
+    /// The pipelines that were described for this device.
+    #[must_use]
+    pub fn pipelines(&self) -> &Arc<Pipelines> {
+        &self.0.pipelines
     }
 
-    /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
+    /// As [`Pipelines::kernel`].
     ///
     /// # Errors
-    /// [`GpuError::Shader`] when no workgroup size is declared, [`GpuError::Limit`] for more than 128 bytes of push constants, and failing
-    /// calls.
+    /// As there.
+    pub fn kernel(&self, shader: &Shader) -> Result<Kernel, GpuError> {
+        self.0.pipelines.kernel(shader)
+    }
+
+    /// As [`Pipelines::kernel_from_words`].
+    ///
+    /// # Errors
+    /// As there.
     pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, GpuError> {
-        let key = key_of((name, words));
-        let of = |made: Made| Kernel { index: made.index, local_size: made.numbers, push: made.push };
-        if let Some(made) = self.0.pipelines.known(key) {
-            return Ok(of(made));
+        self.0.pipelines.kernel_from_words(name, words)
+    }
+
+    /// As [`Pipelines::raster_kernel`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
+        self.0.pipelines.raster_kernel(desc)
+    }
+
+    /// Makes a pipeline, unless it is made already. A second thread that wants the same one waits.
+    pub(super) fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
+        let entry = self.0.pipelines.entry(index)?;
+        if entry.made.get().is_some() {
+            return Ok(());
         }
-        let local_size = local_size(words).ok_or_else(|| GpuError::Shader {
-            name: name.to_owned(),
-            reason: "it is no compute shader with a workgroup size".to_owned(),
-        })?;
-        let push = checked_push(name, words, PUSH_BYTES)?;
+        let mut request = lock(&entry.request);
+        let pipeline = match &*request {
+            None => return Ok(()),
+            Some(Request::Compute(words)) => self.compute_pipeline(words)?,
+            Some(Request::Raster(desc)) => self.raster_pipeline(desc)?,
+            Some(Request::Rays(generation)) => self.make_ray_pipeline(index, &entry.name, generation)?,
+        };
+        self.name_object(pipeline, &entry.name);
+        // The lock is held, so nobody else has set it.
+        let _ = entry.made.set(pipeline);
+        *request = None;
+        Ok(())
+    }
+
+    fn compute_pipeline(&self, words: &[u32]) -> Result<vk::Pipeline, GpuError> {
         let module = self.module(words)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
             .name(ENTRY);
-        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.0.pipelines.layout);
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.0.pipeline_layout);
         // SAFETY: module and layout are alive; the module goes after the call, as the specification allows.
         let made = unsafe {
             let made = self.raw().create_compute_pipelines(self.cache(), &[info], None);
             self.raw().destroy_shader_module(module, None);
             made
         };
-        let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateComputePipelines")(e))?[0];
-        self.name_object(pipeline, name);
-        Ok(of(self.0.pipelines.add(key, (pipeline, name), local_size, push)))
+        Ok(made.map_err(|(_, e)| GpuError::call("vkCreateComputePipelines")(e))?[0])
     }
 
-    /// A graphics pipeline.
-    ///
-    /// # Errors
-    /// [`GpuError::Shader`] and failing calls.
-    pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
-        let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.constants, desc.colours, desc.depth));
-        if let Some(Made { index, push, .. }) = self.0.pipelines.known(key) {
-            return Ok(RasterKernel { index, push });
-        }
-        let (vertex, fragment) =
-            (words(desc.vertex.name, desc.vertex.spirv)?, words(desc.fragment.name, desc.fragment.spirv)?);
-        let push = checked_push(desc.vertex.name, &vertex, PUSH_BYTES)?.max(checked_push(
-            desc.fragment.name,
-            &fragment,
-            PUSH_BYTES,
-        )?);
-        let vertex = self.module(&vertex)?;
-        let fragment = match self.module(&fragment) {
+    fn raster_pipeline(&self, desc: &RasterRequest) -> Result<vk::Pipeline, GpuError> {
+        let vertex = self.module(&desc.vertex)?;
+        let fragment = match self.module(&desc.fragment) {
             Ok(m) => m,
             Err(e) => {
                 // SAFETY: the module was just made and nothing uses it.
@@ -220,7 +340,7 @@ impl Gpu {
             .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
             .collect();
         let constants =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(desc.constants));
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&desc.constants));
         let stage = |flag, module| vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module).name(ENTRY);
         let stages = [
             stage(vk::ShaderStageFlags::VERTEX, vertex),
@@ -264,7 +384,7 @@ impl Gpu {
             .depth_stencil_state(&depth)
             .color_blend_state(&blend)
             .dynamic_state(&dynamic)
-            .layout(self.0.pipelines.layout)
+            .layout(self.0.pipeline_layout)
             .push_next(&mut rendering);
         // SAFETY: every pointer in `info` outlives the call; the modules go after it, as the specification allows.
         let made = unsafe {
@@ -273,10 +393,7 @@ impl Gpu {
             self.raw().destroy_shader_module(fragment, None);
             made
         };
-        let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateGraphicsPipelines")(e))?[0];
-        self.name_object(pipeline, desc.name);
-        let Made { index, push, .. } = self.0.pipelines.add(key, (pipeline, desc.name), [0; 3], push);
-        Ok(RasterKernel { index, push })
+        Ok(made.map_err(|(_, e)| GpuError::call("vkCreateGraphicsPipelines")(e))?[0])
     }
 
     pub(super) fn module(&self, words: &[u32]) -> Result<vk::ShaderModule, GpuError> {

@@ -1,10 +1,11 @@
 //! Kernels of ray passes: compute pipelines, or ray-tracing pipelines with their shader binding tables.
 use super::device::lock;
-use super::pipeline::{ENTRY, Made, PUSH_BYTES, checked_push, key_of, words};
+use super::pipeline::{ENTRY, PUSH_BYTES, Pipelines, words};
 use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 use magpie_shaders::{RAY_ALPHA_RAHIT, RAY_HIT_RCHIT, RAY_MISS_RMISS, RAY_SPHERE_RINT, RayShader, Rays, Shader};
+use std::collections::HashMap;
 use std::sync::Mutex;
 
 /// The pipeline of a ray pass, for one way to trace.
@@ -30,20 +31,13 @@ impl RayKernel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RayPipeline {
     pub(super) index: u32,
-    table: u32,
-    push: Option<u32>,
+    pub(super) push: Option<u32>,
 }
 
 impl RayPipeline {
     /// As [`Kernel::push`]: the block of the ray-generation shader.
     pub(crate) fn push(self) -> (u32, Option<u32>) {
         (self.index, self.push)
-    }
-}
-
-impl From<Made> for RayPipeline {
-    fn from(made: Made) -> Self {
-        Self { index: made.index, table: made.numbers[0], push: made.push }
     }
 }
 
@@ -55,9 +49,9 @@ pub const TRIANGLE_GROUP: u32 = 0;
 /// Hit group of spheres.
 pub const SPHERE_GROUP: u32 = 1;
 
-/// The shader binding tables of ray-tracing pipelines.
+/// The shader binding tables of ray-tracing pipelines, by the index of the pipeline.
 #[derive(Default)]
-pub(super) struct RayTables(Mutex<Vec<RayTable>>);
+pub(super) struct RayTables(Mutex<HashMap<u32, RayTable>>);
 
 /// One shader of each kind in the table: ray generation, miss; two hit groups.
 struct RayTable {
@@ -69,7 +63,7 @@ struct RayTable {
 impl RayTables {
     /// The memory of all, to be freed.
     pub fn take(&self) -> Vec<(vk::Buffer, Allocation)> {
-        lock(&self.0).drain(..).filter_map(|table| table.memory).collect()
+        lock(&self.0).drain().filter_map(|(_, table)| table.memory).collect()
     }
 }
 
@@ -80,11 +74,11 @@ const CLOSEST_HIT: u32 = 2;
 const ANY_HIT: u32 = 3;
 const INTERSECTION: u32 = 4;
 
-impl Gpu {
-    /// The pipeline of a ray pass.
+impl Pipelines {
+    /// The pipeline of a ray pass, for one way to trace.
     ///
     /// # Errors
-    /// [`GpuError::Rays`] where the device cannot trace in this way, [`GpuError::Shader`] and failing calls.
+    /// As [`Pipelines::kernel_from_words`]; the limit of ray-tracing pipelines is 120 bytes of push constants.
     pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
         let shader = shader.way(rays);
         self.ray_kernel_from_words(shader.name, &words(shader.name, shader.spirv)?, rays)
@@ -93,13 +87,32 @@ impl Gpu {
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for the same way.
     ///
     /// # Errors
-    /// As [`Gpu::ray_kernel`].
+    /// As [`Pipelines::ray_kernel`].
     pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], rays: Rays) -> Result<RayKernel, GpuError> {
-        self.check_rays(rays)?;
         match rays {
             Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.kernel_from_words(name, words)?)),
             Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words)?)),
         }
+    }
+}
+
+impl Gpu {
+    /// As [`Pipelines::ray_kernel`].
+    ///
+    /// # Errors
+    /// As there, and [`GpuError::Rays`] where the device cannot trace in this way.
+    pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
+        self.check_rays(rays)?;
+        self.0.pipelines.ray_kernel(shader, rays)
+    }
+
+    /// As [`Pipelines::ray_kernel_from_words`].
+    ///
+    /// # Errors
+    /// As [`Gpu::ray_kernel`].
+    pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], rays: Rays) -> Result<RayKernel, GpuError> {
+        self.check_rays(rays)?;
+        self.0.pipelines.ray_kernel_from_words(name, words, rays)
     }
 
     /// Whether the device can trace in this way.
@@ -115,12 +128,13 @@ impl Gpu {
         Err(GpuError::Rays { device: self.report().name.clone(), wanted: rays.name(), known })
     }
 
-    fn ray_pipeline(&self, name: &str, generation: &[u32]) -> Result<RayPipeline, GpuError> {
-        let key = key_of(("ray pipeline", name, generation));
-        if let Some(made) = self.0.pipelines.known(key) {
-            return Ok(made.into());
-        }
-        let push = checked_push(name, generation, RAY_PUSH_BYTES)?;
+    /// Makes a ray-tracing pipeline and its shader binding table.
+    pub(super) fn make_ray_pipeline(
+        &self,
+        index: u32,
+        name: &str,
+        generation: &[u32],
+    ) -> Result<vk::Pipeline, GpuError> {
         let calls = self.0.ray_calls()?;
         let missing =
             || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
@@ -160,20 +174,24 @@ impl Gpu {
             .stages(&stages)
             .groups(&groups)
             .max_pipeline_ray_recursion_depth(1)
-            .layout(self.0.pipelines.layout);
+            .layout(self.0.pipeline_layout);
         // SAFETY: every pointer in `info` outlives the call; the modules go after it, as the specification allows.
         let made = unsafe {
             calls.create_ray_tracing_pipelines(vk::DeferredOperationKHR::null(), self.cache(), &[info], None)
         };
         drop(modules);
         let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateRayTracingPipelinesKHR")(e))?[0];
-        self.name_object(pipeline, name);
-        let tables = &mut *lock(&self.0.ray_tables.0);
-        let at = tables.len() as u32;
-        // The pipeline belongs to the list from here on, whatever comes of its table.
-        let made = self.0.pipelines.add(key, (pipeline, name), [at, 0, 0], push);
-        tables.push(self.ray_table(calls, pipeline, name)?);
-        Ok(made.into())
+        match self.ray_table(calls, pipeline, name) {
+            Ok(table) => {
+                lock(&self.0.ray_tables.0).insert(index, table);
+                Ok(pipeline)
+            }
+            Err(error) => {
+                // SAFETY: the pipeline was just made and nothing uses it.
+                unsafe { self.raw().destroy_pipeline(pipeline, None) };
+                Err(error)
+            }
+        }
     }
 
     /// Handles of the groups in memory: ray generation, miss, and the hit groups, each region at an aligned address.
@@ -280,7 +298,7 @@ impl super::CommandEncoder {
     ) -> (Option<&'a ash::khr::ray_tracing_pipeline::Device>, [vk::StridedDeviceAddressRegionKHR; 3]) {
         self.bind_pipeline(pipeline.index, vk::PipelineBindPoint::RAY_TRACING_KHR);
         self.push_rays(params, scene);
-        let regions = lock(&gpu.0.ray_tables.0).get(pipeline.table as usize).map(|t| t.regions).unwrap_or_default();
+        let regions = lock(&gpu.0.ray_tables.0).get(&pipeline.index).map(|t| t.regions).unwrap_or_default();
         (gpu.0.ray_calls.as_ref().and_then(|c| c.pipeline.as_ref()), regions)
     }
 }

@@ -22,7 +22,42 @@ pub struct Contract<'a> {
     pub extent: Extent,
 }
 
+/// What said that it has nothing to do.
+#[derive(Clone, Copy, Debug)]
+pub struct Idle<'a> {
+    /// Name of the slot.
+    pub slot: &'a str,
+    /// Name of the implementation.
+    pub implementation: &'a str,
+    /// Name of the part of it that is idle; `None` where all of it is.
+    pub part: Option<&'a str>,
+    /// Why.
+    pub reason: &'a str,
+}
+
 impl FrameGraph {
+    /// How many passes were declared so far.
+    pub fn pass_count(&self) -> u32 {
+        self.declaration.passes.len() as u32
+    }
+
+    /// Notes a mistake where what is idle has added passes: any of those from number `first` on, or of a part those called `slot.part` or
+    /// `slot.part_...`.
+    pub fn check_idle(&mut self, idle: Idle<'_>, first: u32) {
+        let Idle { slot, implementation, part, reason } = idle;
+        let is_its = |name: &str| {
+            let of_slot = name.strip_prefix(slot).and_then(|rest| rest.strip_prefix('.'));
+            let rest = part.map_or(Some(""), |part| of_slot.and_then(|step| step.strip_prefix(part)));
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+        };
+        let added = (first..self.pass_count()).find(|pass| is_its(self.declaration.pass_name(*pass)));
+        if let Some(pass) = added {
+            let pass = self.declaration.pass_name(pass).to_owned();
+            let [slot, implementation, reason] = [slot, implementation, reason].map(str::to_owned);
+            self.errors.push(GraphError::NotIdle { slot, implementation, reason, pass });
+        }
+    }
+
     /// Notes a mistake where an image is not as a slot's contract says.
     pub fn check_contract(&mut self, image: Handle<Image>, contract: Contract<'_>) {
         let (format, extent, ..) = self.image_at(image);

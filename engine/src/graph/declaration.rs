@@ -118,6 +118,20 @@ impl Declaration {
         &self.uses[self.passes[pass as usize].uses.range()]
     }
 
+    /// Bytes of the images and of the frame's own buffers that a pass reads and writes, if it touches each of their pixels once. What the
+    /// caller imports, such as the scene, is not counted: of that, a pass reads some here and there.
+    pub fn traffic(&self, pass: u32) -> u64 {
+        let of = |u: &Use| {
+            let resource = &self.resources[u.resource as usize];
+            if matches!(resource.origin, Origin::Imported { key: ImportKey::Caller(_), .. }) {
+                return 0;
+            }
+            let both = u64::from(u.access.reads()) + u64::from(u.access.writes());
+            both * resource.shape.bytes_of(u.part)
+        };
+        self.uses_of(pass).iter().map(of).sum()
+    }
+
     /// What an attachment is cleared to, by the index of its use.
     pub fn clear_of(&self, use_index: u32) -> Option<Clear> {
         let at = self.clears.binary_search_by_key(&use_index, |(at, _)| *at).ok()?;
@@ -264,6 +278,19 @@ impl Shape {
                 one * u64::from(format.bytes_per_pixel()) * u64::from(layers)
             }
             Self::Buffer { bytes } | Self::Accel { bytes, .. } => bytes,
+        }
+    }
+
+    /// The same of some mips and layers.
+    pub fn bytes_of(self, part: Part) -> u64 {
+        match self {
+            Self::Image { format, extent, .. } => {
+                let pixels = |mip: Extent| u64::from(mip.width) * u64::from(mip.height);
+                let mips = u32::from(part.mip)..u32::from(part.mip + part.mips);
+                let one: u64 = mips.map(|level| pixels(extent.mip(level))).sum();
+                one * u64::from(format.bytes_per_pixel()) * u64::from(part.layers)
+            }
+            Self::Buffer { .. } | Self::Accel { .. } => self.bytes(),
         }
     }
 

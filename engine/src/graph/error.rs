@@ -212,6 +212,18 @@ pub enum GraphError {
         /// The format and size that it has.
         given: (Format, Extent),
     },
+    /// What fills a slot said that it, or a part of it, has nothing to do, and yet added a pass.
+    #[error("slot `{slot}`: \"{implementation}\" says that it is idle ({reason}), yet adds the pass `{pass}`")]
+    NotIdle {
+        /// The slot.
+        slot: String,
+        /// What fills it.
+        implementation: String,
+        /// Why it is idle.
+        reason: String,
+        /// The pass.
+        pass: String,
+    },
     /// No pass of that name.
     #[error("no pass is called `{pass}`; there are: {}", known.join(", "))]
     UnknownPass {

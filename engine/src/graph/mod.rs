@@ -61,7 +61,7 @@ mod token;
 
 pub use access::{Access, Domain, Layout, Queue, Uses};
 pub use builder::PassBuilder;
-pub use contract::Contract;
+pub use contract::{Contract, Idle};
 pub use declaration::{
     Clear, Declaration, HistoryDecl, ImageState, ImportKey, Name, NamedOutput, Origin, OutputDecl, PassDecl,
     ResourceDecl, Shape, Span, Use, Writers,

@@ -437,8 +437,15 @@ impl Record<'_> {
         if given != wanted {
             let (pass, kernel) = (self.name.to_owned(), self.encoder.pipeline_name(pipeline));
             self.fault.get_or_insert(GpuError::PushConstants { pass, kernel, wanted, given });
+            return false;
         }
-        given == wanted
+        match self.encoder.make_pipeline(pipeline) {
+            Ok(()) => true,
+            Err(error) => {
+                self.fault.get_or_insert(error);
+                false
+            }
+        }
     }
 
     fn inside(&self, range: &BufferRange, offset: u64, bytes: u64) {

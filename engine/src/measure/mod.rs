@@ -5,6 +5,7 @@
 mod overlap;
 mod recorder;
 mod report;
+mod slots;
 mod statistics;
 mod table;
 mod trace;
@@ -13,6 +14,7 @@ use serde::Serialize;
 
 pub use recorder::{MeasureError, NotFinite, Recorder};
 pub use report::{CSV_COLUMNS, Device, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run};
+pub use slots::{PartReport, SlotReport, slot_reports, slot_table};
 pub use statistics::{Spread, median, nearest_rank};
 pub use table::pass_table;
 pub use trace::chrome_trace;
@@ -38,6 +40,8 @@ pub struct PassTime {
     pub draws: u32,
     /// Dispatches and traces.
     pub dispatches: u32,
+    /// Bytes that it reads and writes, as declared: [`Declaration::traffic`](crate::graph::Declaration::traffic).
+    pub bytes: u64,
     /// Rays that looked for the closest hit.
     pub rays_closest: u64,
     /// Rays that looked for any hit.

@@ -131,6 +131,7 @@ impl Recorder {
             },
             memory: last.memory,
             acceleration: last.acceleration,
+            slots: Vec::new(),
             passes: self.columns().into_iter().map(Column::report).collect(),
         })
     }
@@ -178,6 +179,7 @@ impl Column<'_> {
             gpu_ms: Spread::of(self.samples.iter().filter_map(|p| p.gpu_ns).collect(), 1e6),
             cpu_us: of(|p| p.cpu_ns) / 1e3,
             rays: Rays { closest: of(|p| p.rays_closest).round() as u64, any: of(|p| p.rays_any).round() as u64 },
+            bytes: of(|p| p.bytes).round() as u64,
             not_finite: self.samples.iter().map(|p| p.not_finite).sum(),
             draws: of(|p| u64::from(p.draws)).round() as u64,
             dispatches: of(|p| u64::from(p.dispatches)).round() as u64,

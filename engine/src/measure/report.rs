@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Acceleration, Memory, Statistics, statistics::Spread};
+use super::{Acceleration, Memory, SlotReport, Statistics, statistics::Spread};
 use crate::config::Config;
 
 /// The device of a run.
@@ -104,6 +104,8 @@ pub struct PassReport {
     pub cpu_us: f64,
     /// Rays per frame.
     pub rays: Rays,
+    /// Bytes of images and of the frame's buffers that it reads and writes, as declared, per frame.
+    pub bytes: u64,
     /// Values that were not finite and that it left out, in all these frames together: one bad frame is not to be lost in a median.
     pub not_finite: u64,
     /// Draw calls per frame.
@@ -133,12 +135,14 @@ pub struct Report {
     pub memory: Memory,
     /// What rays see, and what that takes.
     pub acceleration: Acceleration,
+    /// What runs in each slot in the last frame, and what is idle and why; empty where nobody said.
+    pub slots: Vec<SlotReport>,
     /// Passes in order of submission.
     pub passes: Vec<PassReport>,
 }
 
 /// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` are of the whole frame, the same in every row.
-pub const CSV_COLUMNS: [&str; 26] = [
+pub const CSV_COLUMNS: [&str; 27] = [
     "name",
     "stage",
     "queue",
@@ -150,6 +154,7 @@ pub const CSV_COLUMNS: [&str; 26] = [
     "cpu_us",
     "rays.closest",
     "rays.any",
+    "bytes",
     "not_finite",
     "draws",
     "dispatches",
@@ -198,6 +203,7 @@ impl Report {
                 pass.cpu_us.to_string(),
                 pass.rays.closest.to_string(),
                 pass.rays.any.to_string(),
+                pass.bytes.to_string(),
                 pass.not_finite.to_string(),
                 pass.draws.to_string(),
                 pass.dispatches.to_string(),

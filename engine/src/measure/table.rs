@@ -4,9 +4,8 @@ use super::Report;
 
 const RIGHT_FROM: usize = 2;
 
-/// One row per pass, then the total: GPU time, share of the frame, CPU time, rays, values that were not finite (of all frames
-/// together), draws and dispatches. Columns that are
-/// zero in every row are left out. Where several queues ran, a line says what they saved by working at the same time.
+/// One row per pass, then the total: GPU time, share of the frame, CPU time, bytes per pixel of the picture and per second as declared, rays,
+/// values that were not finite (of all frames together), draws and dispatches. Columns that are zero in every row are left out. Where several queues ran, a line says what they saved by working at the same time.
 #[must_use]
 pub fn pass_table(report: &Report) -> String {
     let frame_ms = report.frame.gpu_ms.map(|s| s.median);
@@ -18,6 +17,8 @@ pub fn pass_table(report: &Report) -> String {
         "p99",
         "share",
         "CPU us",
+        "B/px",
+        "GB/s",
         "rays",
         "not finite",
         "draws",
@@ -32,6 +33,17 @@ pub fn pass_table(report: &Report) -> String {
         (Some(ms), Some(frame)) if frame > 0.0 => format!("{:.1} %", 100.0 * ms / frame),
         _ => "-".to_owned(),
     };
+    let pixels = f64::from(report.run.size[0]) * f64::from(report.run.size[1]);
+    let per_pixel = |bytes: u64| match bytes as f64 / pixels {
+        0.0 => "0".to_owned(),
+        few if few < 10.0 => format!("{few:.1}"),
+        many => format!("{many:.0}"),
+    };
+    let speed = |bytes: u64, ms: Option<f64>| match ms {
+        _ if bytes == 0 => "0".to_owned(),
+        Some(ms) if ms > 0.0 => format!("{:.2}", bytes as f64 / ms / 1e6),
+        _ => "-".to_owned(),
+    };
     for pass in &report.passes {
         let median = pass.gpu_ms.map(|s| s.median);
         rows.push(vec![
@@ -42,6 +54,8 @@ pub fn pass_table(report: &Report) -> String {
             time(pass.gpu_ms.map(|s| s.p99)),
             share(median),
             format!("{:.1}", pass.cpu_us),
+            per_pixel(pass.bytes),
+            speed(pass.bytes, median),
             count(pass.rays.closest + pass.rays.any),
             count(pass.not_finite),
             pass.draws.to_string(),
@@ -62,6 +76,8 @@ pub fn pass_table(report: &Report) -> String {
         String::new(),
         share(passes_ms),
         format!("{:.1}", report.passes.iter().map(|p| p.cpu_us).sum::<f64>()),
+        per_pixel(sum(|p| p.bytes)),
+        speed(sum(|p| p.bytes), passes_ms),
         count(sum(|p| p.rays.closest + p.rays.any)),
         count(sum(|p| p.not_finite)),
         sum(|p| p.draws).to_string(),

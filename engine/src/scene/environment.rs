@@ -139,6 +139,11 @@ impl Environment {
         self.place(direction).as_vec2()
     }
 
+    /// Whether no light comes from any direction.
+    pub fn is_black(&self) -> bool {
+        self.scale == 0.0 || self.radiance.iter().all(|texel| texel.max_element() <= 0.0)
+    }
+
     /// Radiance from a direction in the world, of any length but 0, scale included.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         (self.texels_at(self.place(direction)) * f64::from(self.scale)).as_vec3()

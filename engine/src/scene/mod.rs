@@ -12,6 +12,7 @@ mod daylight;
 mod deform;
 mod environment;
 mod error;
+mod facts;
 mod glow;
 mod import;
 mod mesh;
@@ -30,11 +31,13 @@ pub use daylight::{Daylight, SkyModel};
 pub use deform::{Deformed, deform};
 pub use environment::{Environment, EnvironmentError};
 pub use error::{Fault, SceneError};
+pub use facts::{Histogram, LightFacts, LightKind, SceneFacts};
 pub use import::load;
 pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use resident::{
-    Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SharedScene,
+    Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
+    SharedScene,
 };
 pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};

@@ -179,6 +179,11 @@ impl Animator {
         placed.skin.is_some() || !placed.weights.is_empty()
     }
 
+    /// Whether a light ever moves.
+    pub fn moves_light(&self, light: usize) -> bool {
+        self.lights[light].1.is_some()
+    }
+
     /// Whether the vertices of an instance change with time.
     pub fn changes(&self, instance: usize) -> bool {
         self.instances[instance].changes

@@ -1,14 +1,13 @@
 //! The scene as rays see it: what moves goes to the device, skins and morph targets deform, trees are refitted and built.
 //!
 //! The work itself is the engine's ([`magpie::scene::ResidentScene::declare`]); here are its settings.
-use crate::stages::AccelerationIn;
-use magpie::config::Config;
+use crate::contracts::AccelerationIn;
 use magpie::prelude::*;
-use magpie::scene::{Culling, Policy, ResidentError, ResidentOptions, SceneHandles};
-use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+use magpie::scene::{Culling, Policy, ResidentError, SceneFacts, SceneHandles};
+use magpie::slot::{Geometry, Needs, SettingSpec, Settings, Slot, SlotError};
 
 /// The slot.
-pub fn stage() -> Stage<AccelerationIn, Result<SceneHandles, ResidentError>> {
+pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
     let defaults = Policy::default();
     let settings = [
         SettingSpec::integer(
@@ -52,11 +51,12 @@ pub fn stage() -> Stage<AccelerationIn, Result<SceneHandles, ResidentError>> {
         ),
     ];
     let settings = [loaded().as_slice(), settings.as_slice()].concat();
-    Stage::new("acceleration")
-        .about("Brings moved and deformed meshes, and the trees that rays walk, up to date.")
-        .with("two-level", "A tree per mesh and one over the instances.", &settings, |_, settings| {
-            Ok(Box::new(TwoLevel { policy: policy(settings)? }))
-        })
+    Slot::new("acceleration").about("Brings moved and deformed meshes, and the trees that rays walk, up to date.").with(
+        "two-level",
+        "A tree per mesh and one over the instances.",
+        &settings,
+        |_, settings| Ok(Box::new(TwoLevel { policy: policy(settings)?, geometry: geometry(settings)? })),
+    )
 }
 
 /// Settings that count when a scene is loaded.
@@ -79,21 +79,11 @@ fn loaded() -> [SettingSpec; 2] {
     ]
 }
 
-/// How a scene is to be loaded.
-///
-/// # Errors
-/// [`StageError`] for settings that do not suit.
-pub fn resident_options(
-    stage: &Stage<AccelerationIn, Result<SceneHandles, ResidentError>>,
-    config: &Config,
-    rays: Rays,
-) -> Result<ResidentOptions, StageError> {
-    let settings = stage.settings(config)?;
-    let (compaction, ray_detail) = (settings.switch("compaction")?, settings.f32("ray_detail")?);
-    Ok(ResidentOptions { rays, compaction, ray_detail, ..ResidentOptions::default() })
+fn geometry(settings: &Settings) -> Result<Geometry, SlotError> {
+    Ok(Geometry { compaction: settings.switch("compaction")?, ray_detail: settings.f32("ray_detail")? })
 }
 
-fn policy(settings: &Settings) -> Result<Policy, StageError> {
+fn policy(settings: &Settings) -> Result<Policy, SlotError> {
     Ok(Policy {
         rebuild_every: settings.u32("rebuild_every")?,
         refit_top: settings.choice("top_level")? == "refit",
@@ -107,14 +97,23 @@ fn policy(settings: &Settings) -> Result<Policy, StageError> {
 
 struct TwoLevel {
     policy: Policy,
+    geometry: Geometry,
 }
 
 impl Effect for TwoLevel {
     type In = AccelerationIn;
     type Out = Result<SceneHandles, ResidentError>;
 
+    fn needs(&self, _: &SceneFacts) -> Needs {
+        Needs { geometry: Some(self.geometry), ..Needs::default() }
+    }
+
     fn add(&mut self, g: &mut FrameGraph, _: &View, i: AccelerationIn) -> Self::Out {
-        let mut imports = i.imports.borrow_mut();
-        i.scene.borrow_mut().declare(g, &mut imports, Some(&i.camera), &self.policy)
+        match i {
+            AccelerationIn::Resident { scene, imports, camera } => {
+                scene.borrow_mut().declare(g, &mut imports.borrow_mut(), Some(&camera), &self.policy)
+            }
+            AccelerationIn::Sketch(scene) => Ok(scene.declare(g)),
+        }
     }
 }

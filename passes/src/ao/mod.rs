@@ -3,9 +3,10 @@ mod ray_traced;
 mod screen_space;
 mod upsample;
 
-use crate::stages::{AO_RANGE, AoIn, AoOut};
+use crate::contracts::{AO_RANGE, AoIn, AoOut};
 use magpie::prelude::*;
-use magpie::stage::{Preset, SettingSpec, Settings, Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 
 /// From cheap to accurate. What the picture does not show hides nothing from `screen-space`.
 pub const PRESETS: [Preset; 4] = [
@@ -16,8 +17,8 @@ pub const PRESETS: [Preset; 4] = [
 ];
 
 /// The slot.
-pub fn stage() -> Stage<AoIn, AoOut> {
-    Stage::new("ao")
+pub fn slot() -> Slot<AoIn, AoOut> {
+    Slot::new("ao")
         .about("How much of the hemisphere above each pixel nothing near hides. It dims indirect light.")
         .with("ray-traced", "Rays over the hemisphere.", &ray_traced::settings(), |build, settings| {
             Ok(if has_range(settings)? {
@@ -32,7 +33,7 @@ pub fn stage() -> Stage<AoIn, AoOut> {
             &screen_space::settings(),
             |build, settings| {
                 let found = has_range(settings)?;
-                Ok(if found { Box::new(screen_space::ScreenSpace::new(build.gpu, settings)?) } else { Box::new(Off) })
+                Ok(if found { Box::new(screen_space::ScreenSpace::new(build, settings)?) } else { Box::new(Off) })
             },
         )
         .with("off", "Nothing hides anything.", &[], |_, _| Ok(Box::new(Off)))
@@ -48,8 +49,13 @@ fn range() -> SettingSpec {
 }
 
 /// Without a range nothing hides anything.
-fn has_range(settings: &Settings) -> Result<bool, StageError> {
+fn has_range(settings: &Settings) -> Result<bool, SlotError> {
     Ok(settings.f32("range")? > 0.0)
+}
+
+/// What either way of finding it asks for.
+fn needs(facts: &SceneFacts) -> Needs {
+    if facts.area > 0.0 { Needs::default() } else { Needs::idle("there is no surface") }
 }
 
 struct Off;

@@ -1,11 +1,13 @@
 //! Ray-traced ambient occlusion: rays over the cosine-weighted hemisphere, as the reference has them. What comes out is noisy: 1 ray per
 //! pixel says no more than open or hidden, and a denoiser follows.
+use super::needs;
 use super::upsample::{OPENNESS, upsample};
+use crate::contracts::{AoIn, AoOut};
 use crate::denoise::{self, Content, DenoiseIn, Denoiser};
-use crate::stages::{AoIn, AoOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Build, SettingSpec, Settings, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::ao::TraceParams;
 use magpie_shaders::{AO_TRACE_RAY, AO_UPSAMPLE_COMP};
 
@@ -34,11 +36,11 @@ pub fn settings() -> Vec<SettingSpec> {
 
 impl RayTraced {
     /// Makes its pipelines.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| build.gpu.kernel(&AO_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
+        let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
         let (samples, range) = (settings.u32("rays")?, settings.f32("range")?);
-        let denoiser = Denoiser::new(build.gpu, "ao", settings)?;
+        let denoiser = Denoiser::new(build, "ao", settings)?;
         Ok(Self { trace: build.ray_kernel(&AO_TRACE_RAY)?, samples, range, upsample, denoiser })
     }
 }
@@ -47,7 +49,14 @@ impl Effect for RayTraced {
     type In = AoIn;
     type Out = AoOut;
 
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        needs(facts)
+    }
+
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: AoIn) -> AoOut {
+        if self.needs(&view.facts).idle.is_some() {
+            return AoOut { openness: None, bent_normal: None };
+        }
         let (kernel, block, samples, range) = (self.trace, view.block, self.samples, self.range);
         let step = if self.upsample.is_some() { 2 } else { 1 };
         let traced = g.pass("ao.trace", Queue::AsyncCompute, |p| {

@@ -1,10 +1,12 @@
 //! Screen-space ambient occlusion after Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate Indirect
 //! Occlusion" (GTAO): a search for horizons in the depth image, and a filter for its noise.
+use super::needs;
 use super::upsample::{BENT_NORMAL, OPENNESS, upsample};
-use crate::stages::{AoIn, AoOut};
+use crate::contracts::{AoIn, AoOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::ao::{FilterParams, NO_BENT_NORMAL, SearchParams};
 use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP, AO_UPSAMPLE_COMP};
 
@@ -52,13 +54,13 @@ pub fn settings() -> [SettingSpec; 6] {
 
 impl ScreenSpace {
     /// Makes its pipelines.
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| gpu.kernel(&AO_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
+        let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
         let steps = settings.u32("steps")?;
         Ok(Self {
-            search: gpu.kernel(&AO_SEARCH_COMP).map_err(StageError::other)?,
-            filter: gpu.kernel(&AO_FILTER_COMP).map_err(StageError::other)?,
+            search: build.kernel(&AO_SEARCH_COMP)?,
+            filter: build.kernel(&AO_FILTER_COMP)?,
             slices: settings.u32("slices")?,
             steps,
             range: settings.f32("range")?,
@@ -137,7 +139,14 @@ impl Effect for ScreenSpace {
     type In = AoIn;
     type Out = AoOut;
 
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        needs(facts)
+    }
+
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: AoIn) -> AoOut {
+        if self.needs(&view.facts).idle.is_some() {
+            return AoOut { openness: None, bent_normal: None };
+        }
         let found = self.search(g, view, i);
         let filtered = self.filter(g, view, i, found);
         match (self.upsample, filtered.openness) {

@@ -1,5 +1,5 @@
 //! From half resolution to full, along surfaces.
-use crate::stages::{AoIn, AoOut};
+use crate::contracts::{AoIn, AoOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie_shaders::ao::{NO_BENT_NORMAL, UpsampleParams};

@@ -1,19 +1,19 @@
 //! The sum of direct light, diffuse and specular indirect light. Without indirect light there is nothing to add and no pass.
+use crate::contracts::ComposeIn;
 use crate::precision;
-use crate::stages::ComposeIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Settings, Stage, StageError};
+use magpie::slot::{Build, Settings, Slot, SlotError};
 use magpie_shaders::COMPOSE_SUM_COMP;
 use magpie_shaders::compose::{NO_INPUT, SumParams};
 
 /// The slot.
-pub fn stage() -> Stage<ComposeIn, WriteHandle<Image>> {
-    Stage::new("compose").about("The sum of all light.").with(
+pub fn slot() -> Slot<ComposeIn, WriteHandle<Image>> {
+    Slot::new("compose").about("The sum of all light.").with(
         "sum",
         "Direct light, gi and reflections, added.",
         &[precision::setting()],
-        |build, settings| Ok(Box::new(Sum::new(build.gpu, settings)?)),
+        |build, settings| Ok(Box::new(Sum::new(build, settings)?)),
     )
 }
 
@@ -23,8 +23,8 @@ struct Sum {
 }
 
 impl Sum {
-    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
-        let kernel = gpu.kernel(&COMPOSE_SUM_COMP).map_err(StageError::other)?;
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let kernel = build.kernel(&COMPOSE_SUM_COMP)?;
         Ok(Self { kernel, format: precision::format(settings)? })
     }
 }

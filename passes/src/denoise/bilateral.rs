@@ -2,7 +2,7 @@
 use super::DenoiseIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Settings, StageError};
+use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::DENOISE_BILATERAL_COMP;
 use magpie_shaders::denoise::{BilateralParams, NO_IMAGE};
 
@@ -15,8 +15,8 @@ pub struct Bilateral {
 
 impl Bilateral {
     /// Makes its pipeline.
-    pub fn new(gpu: &Gpu, effect: &'static str, settings: &Settings) -> Result<Self, StageError> {
-        let kernel = gpu.kernel(&DENOISE_BILATERAL_COMP).map_err(StageError::other)?;
+    pub fn new(build: &Build<'_>, effect: &'static str, settings: &Settings) -> Result<Self, SlotError> {
+        let kernel = build.kernel(&DENOISE_BILATERAL_COMP)?;
         Ok(Self { effect, kernel, radius: settings.u32("radius")? })
     }
 

@@ -4,10 +4,10 @@ mod bilateral;
 mod reprojection;
 mod svgf;
 
-use crate::stages::{GBuffer, Reprojected};
+use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 pub use reprojection::Reprojection;
 use svgf::Svgf;
 
@@ -60,12 +60,12 @@ pub enum Denoiser {
 }
 
 /// Whether anything is filtered.
-pub fn filters(settings: &Settings) -> Result<bool, StageError> {
+pub fn filters(settings: &Settings) -> Result<bool, SlotError> {
     Ok(settings.choice("denoiser")? != "none")
 }
 
 /// Whether the denoiser asks an effect that has [`adaptive`] what has changed.
-pub fn is_adaptive(settings: &Settings) -> Result<bool, StageError> {
+pub fn is_adaptive(settings: &Settings) -> Result<bool, SlotError> {
     Ok(settings.choice("denoiser")? == "svgf" && settings.switch("adaptive")?)
 }
 
@@ -118,10 +118,10 @@ pub fn adaptive() -> SettingSpec {
 
 impl Denoiser {
     /// The one that the settings name, for the effect of this name.
-    pub fn new(gpu: &Gpu, effect: &'static str, settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(build: &Build<'_>, effect: &'static str, settings: &Settings) -> Result<Self, SlotError> {
         Ok(match settings.choice("denoiser")? {
-            "svgf" => Self::Svgf(Box::new(Svgf::new(gpu, effect, settings)?)),
-            "bilateral" => Self::Bilateral(Bilateral::new(gpu, effect, settings)?),
+            "svgf" => Self::Svgf(Box::new(Svgf::new(build, effect, settings)?)),
+            "bilateral" => Self::Bilateral(Bilateral::new(build, effect, settings)?),
             _ => Self::None,
         })
     }

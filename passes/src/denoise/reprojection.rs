@@ -1,9 +1,9 @@
 //! Where the surfaces that are seen were one frame ago.
-use crate::stages::{GBuffer, Reprojected, SceneHandles};
+use crate::contracts::{GBuffer, Reprojected, SceneHandles};
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
-use magpie::stage::StageError;
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::DENOISE_REPROJECT_COMP;
 use magpie_shaders::denoise::ReprojectParams;
 
@@ -15,8 +15,8 @@ pub struct Reprojection {
 
 impl Reprojection {
     /// Makes its pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        let kernel = gpu.kernel(&DENOISE_REPROJECT_COMP).map_err(StageError::other)?;
+    pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+        let kernel = build.kernel(&DENOISE_REPROJECT_COMP)?;
         Ok(Self { kernel, scope: HistoryScope::new() })
     }
 }

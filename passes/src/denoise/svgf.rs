@@ -6,7 +6,7 @@ use super::{Content, DenoiseIn};
 use magpie::gpu::Kernel;
 use magpie::graph::{Buffer, BufferDesc, History, HistoryScope};
 use magpie::prelude::*;
-use magpie::stage::{Settings, StageError};
+use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::denoise::{
     AccumulateParams, BlurGradientParams, BlurVarianceParams, ClassifyParams, LevelParams, NO_IMAGE,
     SpatialVarianceParams, TILE, Tiles,
@@ -72,8 +72,8 @@ struct Accumulated {
 
 impl Svgf {
     /// Makes its pipelines.
-    pub fn new(gpu: &Gpu, effect: &'static str, settings: &Settings) -> Result<Self, StageError> {
-        let kernel = |shader| gpu.kernel(shader).map_err(StageError::other);
+    pub fn new(build: &Build<'_>, effect: &'static str, settings: &Settings) -> Result<Self, SlotError> {
+        let kernel = |shader| build.kernel(shader);
         let kernels = Kernels {
             blur_gradient: kernel(&DENOISE_BLUR_GRADIENT_COMP)?,
             accumulate: kernel(&DENOISE_ACCUMULATE_COMP)?,

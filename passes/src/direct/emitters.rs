@@ -1,17 +1,20 @@
 //! Light of emissive surfaces: rays to points of them, and along the lobes of smooth surfaces. What comes out is noisy, and a denoiser follows.
+use crate::contracts::DirectIn;
 use crate::denoise::{self, Content, DenoiseIn, Denoiser};
-use crate::stages::{DirectIn, DirectOut};
-use magpie::config::{Config, Value};
 use magpie::prelude::*;
-use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Part, SettingSpec, Settings, SlotError};
 use magpie_shaders::direct::EmitterParams;
 use magpie_shaders::{DIRECT_EMITTERS_RAY, DIRECT_TINTED_EMITTERS_RAY};
+use std::borrow::Cow;
 
 const RAYS: &str = "emitter_rays";
 
 /// Traces and denoises.
 pub struct Emitters {
     trace: RayKernel,
+    /// Where something lets light through.
+    tinted: RayKernel,
     samples: u32,
     denoiser: Denoiser,
 }
@@ -25,31 +28,33 @@ pub fn settings() -> Vec<SettingSpec> {
     settings
 }
 
-/// Whether this configuration asks for the scene's table of emissive surfaces.
-///
-/// # Errors
-/// [`StageError`] for settings that do not suit.
-pub fn wants_emitters(stage: &Stage<DirectIn, DirectOut>, config: &Config) -> Result<bool, StageError> {
-    let settings = stage.settings(config)?;
-    Ok(matches!(settings.values().get(RAYS), Some(Value::Integer(rays)) if *rays > 0))
-}
-
 impl Emitters {
     /// Makes the pipelines; `None` where no rays are wanted.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Option<Self>, StageError> {
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Option<Self>, SlotError> {
         let samples = settings.u32(RAYS)?;
         if samples == 0 {
             return Ok(None);
         }
-        let denoiser = Denoiser::new(build.gpu, "direct", settings)?;
-        let shader = if build.lets_light_through { &DIRECT_TINTED_EMITTERS_RAY } else { &DIRECT_EMITTERS_RAY };
-        Ok(Some(Self { trace: build.ray_kernel(shader)?, samples, denoiser }))
+        let denoiser = Denoiser::new(build, "direct", settings)?;
+        let (trace, tinted) = (build.ray_kernel(&DIRECT_EMITTERS_RAY)?, build.ray_kernel(&DIRECT_TINTED_EMITTERS_RAY)?);
+        Ok(Some(Self { trace, tinted, samples, denoiser }))
+    }
+
+    /// The table of emissive surfaces, where there are any.
+    pub fn needs(facts: &SceneFacts) -> Needs {
+        let idle = (!facts.emits()).then_some("no material emits");
+        Needs { emitters: idle.is_none(), ..Needs::default() }.part(Part {
+            name: "emitters",
+            idle: idle.map(Cow::Borrowed),
+            without: Some("emitter_rays=0"),
+        })
     }
 
     /// Radiance over the reflectance; `None` where nothing emits.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
         let table = i.scene.emitters?;
-        let (kernel, samples, block, gbuffer) = (self.trace, self.samples, view.block, i.gbuffer);
+        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
+        let (samples, block, gbuffer) = (self.samples, view.block, i.gbuffer);
         let noisy = g.pass("direct.emitters", Queue::AsyncCompute, |p| {
             let (block, tlas, table) = (p.read(block), i.scene.trace(p), p.read(table));
             let (depth, normal, ids) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal), p.sample(gbuffer.ids));

@@ -1,13 +1,13 @@
 //! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it; and light of emissive surfaces.
 mod emitters;
 
+use crate::contracts::{DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
 use crate::precision;
-use crate::stages::{DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
 use emitters::Emitters;
-pub use emitters::wants_emitters;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Build, Preset, SettingSpec, Settings, Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::DIRECT_SHADE_COMP;
 use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
 
@@ -20,9 +20,9 @@ pub const PRESETS: [Preset; 4] = [
 ];
 
 /// The slot.
-pub fn stage() -> Stage<DirectIn, DirectOut> {
+pub fn slot() -> Slot<DirectIn, DirectOut> {
     let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
-    Stage::new("direct")
+    Slot::new("direct")
         .about("Light straight from the lights, and what surfaces emit themselves.")
         .with(
             "all-lights",
@@ -48,9 +48,9 @@ struct AllLights {
 }
 
 impl AllLights {
-    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         Ok(Self {
-            shade: build.gpu.kernel(&DIRECT_SHADE_COMP).map_err(StageError::other)?,
+            shade: build.kernel(&DIRECT_SHADE_COMP)?,
             area: settings.u32("area")?,
             emitters: Emitters::new(build, settings)?,
             format: precision::format(settings)?,
@@ -61,6 +61,10 @@ impl AllLights {
 impl Effect for AllLights {
     type In = DirectIn;
     type Out = DirectOut;
+
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        self.emitters.as_ref().map_or_else(Needs::default, |_| Emitters::needs(facts))
+    }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: DirectIn) -> DirectOut {
         let emitters = self.emitters.as_ref().and_then(|emitters| emitters.add(g, view, i));

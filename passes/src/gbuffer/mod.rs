@@ -1,8 +1,8 @@
 //! Raster G-buffer: one draw list of every instance, vertices pulled by address; spheres by the ray through each pixel.
-use crate::stages::{GBuffer, GBufferIn};
+use crate::contracts::{GBuffer, GBufferIn};
 use magpie::gpu::{RasterDesc, RasterKernel};
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::gbuffer::DrawParams;
 use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
@@ -27,14 +27,14 @@ const FULL: [(&str, Format); 6] = [
 ];
 
 /// The slot.
-pub fn stage() -> Stage<GBufferIn, GBuffer> {
-    Stage::new("gbuffer")
+pub fn slot() -> Slot<GBufferIn, GBuffer> {
+    Slot::new("gbuffer")
         .about("What the camera sees first: depth, normals, material, emission, motion and ids of every pixel.")
         .with(
             "raster",
             "Triangles and spheres drawn with reversed infinite depth.",
             &[precision()],
-            |build, settings| Ok(Box::new(Raster::new(build.gpu, settings, build.has_own_specular)?)),
+            |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
         )
 }
 
@@ -55,8 +55,16 @@ fn with_specular(mut colours: [(&'static str, Format); 6]) -> [(&'static str, Fo
     colours
 }
 
-#[derive(Clone, Copy)]
+/// Both ways to draw.
 struct Raster {
+    plain: Drawing,
+    /// For scenes whose dielectrics do not all reflect alike.
+    with_specular: Drawing,
+}
+
+/// Attachments, and the pipelines that draw into them.
+#[derive(Clone, Copy)]
+struct Drawing {
     colours: [(&'static str, Format); 6],
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
@@ -64,15 +72,21 @@ struct Raster {
 }
 
 impl Raster {
-    fn new(gpu: &Gpu, settings: &Settings, has_own_specular: bool) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let colours = if settings.choice("precision")? == "full" { FULL } else { COMPACT };
-        let colours = if has_own_specular { with_specular(colours) } else { colours };
+        let with_specular = Drawing::new(build, with_specular(colours))?;
+        Ok(Self { plain: Drawing::new(build, colours)?, with_specular })
+    }
+}
+
+impl Drawing {
+    fn new(build: &Build<'_>, colours: [(&'static str, Format); 6]) -> Result<Self, SlotError> {
         let [_, _, _, (_, emission), ..] = colours;
         let most = emission.greatest().to_bits();
         let kernel = |name, vertex, fragment, constants: &[u32]| {
             let colours = &colours.map(|(_, format)| format);
             let desc = RasterDesc { name, vertex, fragment, constants, colours, depth: Some(Format::D32Float) };
-            gpu.raster_kernel(&desc).map_err(StageError::other)
+            build.raster_kernel(&desc)
         };
         let triangles =
             |name, alpha_test: bool| kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into(), most]);
@@ -90,7 +104,8 @@ impl Effect for Raster {
     type Out = GBuffer;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
-        let (Self { colours, opaque, alpha_tested, spheres }, block) = (*self, view.block);
+        let drawing = if view.facts.has_own_specular { self.with_specular } else { self.plain };
+        let (Drawing { colours, opaque, alpha_tested, spheres }, block) = (drawing, view.block);
         let draws = view.draws.clone();
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));

@@ -1,19 +1,29 @@
 //! Diffuse indirect light. So far: the irradiance of the sky, as much of it as ambient occlusion leaves.
+use crate::contracts::{IndirectIn, IndirectOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
-use crate::stages::{IndirectIn, IndirectOut};
-use magpie::stage::Stage;
+use magpie::scene::SceneFacts;
+use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 
 /// The slot.
-pub fn stage() -> Stage<IndirectIn, IndirectOut> {
-    Stage::new("gi")
+pub fn slot() -> Slot<IndirectIn, IndirectOut> {
+    Slot::new("gi")
         .about("Diffuse indirect light.")
         .with(
             "sky",
             "Irradiance of the whole sky, dimmed by the slot `ao` and the material's occlusion map: no light of other surfaces.",
             &[precision::setting()],
-            |build, settings| Ok(Box::new(SkyLight::new(build.gpu, "gi.sky", &GI_SKY_COMP, true, settings)?)),
+            |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, nothing, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
+}
+
+/// Why no surface reflects diffusely.
+fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+    match facts.diffuse {
+        _ if facts.area == 0.0 => Some("there is no surface"),
+        0.0 => Some("all surfaces are metal"),
+        _ => None,
+    }
 }

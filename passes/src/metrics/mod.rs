@@ -3,7 +3,7 @@
 //! No slot of the frame: a viewer or a test adds it where it has two images to compare.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::StageError;
+use magpie::slot::SlotError;
 use magpie_shaders::metrics::{
     ErrorParams, ErrorSums, READ_COLOUR, READ_DISPLAY, READ_GREY, SumParams, TILE_HEIGHT, TILE_WIDTH,
 };
@@ -67,9 +67,9 @@ impl Metrics {
     /// Makes the pipelines.
     ///
     /// # Errors
-    /// [`StageError`] where the device cannot make them.
-    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        let kernel = |shader| gpu.kernel(shader).map_err(StageError::other);
+    /// [`SlotError`] where the device cannot make them.
+    pub fn new(gpu: &Gpu) -> Result<Self, SlotError> {
+        let kernel = |shader| gpu.kernel(shader).map_err(SlotError::other);
         Ok(Self { error: kernel(&METRICS_ERROR_COMP)?, sum: kernel(&METRICS_SUM_COMP)? })
     }
 

@@ -2,13 +2,13 @@
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::Wrap;
-use magpie::stage::StageError;
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::post::{SharpenParams, UpscaleParams};
 use magpie_shaders::{POST_SHARPEN_COMP, POST_UPSCALE_COMP, SamplerId};
 
 /// The filter of whole pictures in 32-bit floats: bilinear, their edges going on. A device that filters those filters 16-bit floats too.
-pub fn bilinear(gpu: &Gpu) -> Result<SamplerId, StageError> {
-    gpu.bilinear(Format::Rgba32Float, [Wrap::Clamp; 2]).map_err(StageError::other)
+pub fn bilinear(build: &Build<'_>) -> Result<SamplerId, SlotError> {
+    build.bilinear(Format::Rgba32Float, [Wrap::Clamp; 2])
 }
 
 /// From rendered pixels to those of the picture, bilinear.
@@ -19,8 +19,8 @@ pub struct Upscale {
 
 impl Upscale {
     /// Makes its pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        Ok(Self { kernel: gpu.kernel(&POST_UPSCALE_COMP).map_err(StageError::other)?, sampler: bilinear(gpu)? })
+    pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+        Ok(Self { kernel: build.kernel(&POST_UPSCALE_COMP)?, sampler: bilinear(build)? })
     }
 
     /// Adds its pass.
@@ -47,8 +47,8 @@ pub struct Sharpen {
 
 impl Sharpen {
     /// Makes its pipeline. `amount` is above 0 and at most 1.
-    pub fn new(gpu: &Gpu, amount: f32, exposure: f32) -> Result<Self, StageError> {
-        Ok(Self { kernel: gpu.kernel(&POST_SHARPEN_COMP).map_err(StageError::other)?, amount, exposure })
+    pub fn new(build: &Build<'_>, amount: f32, exposure: f32) -> Result<Self, SlotError> {
+        Ok(Self { kernel: build.kernel(&POST_SHARPEN_COMP)?, amount, exposure })
     }
 
     /// Adds its pass.

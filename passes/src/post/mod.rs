@@ -1,16 +1,15 @@
 //! From linear radiance to a display: anti-aliasing and upsampling, sharpening, exposure, tone curve, sRGB.
 mod filters;
-mod sampling;
 mod taa;
 
-use crate::stages::{PostIn, PostOut};
+use crate::contracts::{PostIn, PostOut};
 use filters::{Sharpen, Upscale};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Preset, SettingSpec, Settings, Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::POST_TONE_MAP_COMP;
 use magpie_shaders::post::{CURVE_ACES, CURVE_AGX, CURVE_NONE, ToneMapParams};
-pub use sampling::Sampling;
 use taa::Taa;
 
 /// From cheap to accurate: how many pixels the whole frame renders for its picture, and what makes up for those that it leaves out.
@@ -38,7 +37,7 @@ pub const PRESETS: [Preset; 4] = [
 ];
 
 /// The slot.
-pub fn stage() -> Stage<PostIn, PostOut> {
+pub fn slot() -> Slot<PostIn, PostOut> {
     let settings = [
         SettingSpec::choice(
             "tone_map",
@@ -73,15 +72,17 @@ pub fn stage() -> Stage<PostIn, PostOut> {
             (0.0, 1.0),
         ),
     ];
-    Stage::new("post")
+    Slot::new("post")
         .about("From linear radiance to a display.")
         .with("standard", "Anti-aliasing, sharpening, exposure, tone curve, sRGB.", &settings, |build, settings| {
-            Ok(Box::new(Standard::new(build.gpu, settings)?))
+            Ok(Box::new(Standard::new(build, settings)?))
         })
         .presets(&PRESETS)
 }
 
 struct Standard {
+    /// Rendered pixels over those of the picture, each way.
+    scale: f64,
     taa: Option<Taa>,
     upscale: Upscale,
     sharpen: Option<Sharpen>,
@@ -91,7 +92,7 @@ struct Standard {
 }
 
 impl Standard {
-    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let curve = match settings.choice("tone_map")? {
             "aces" => CURVE_ACES,
             "none" => CURVE_NONE,
@@ -101,10 +102,11 @@ impl Standard {
         let taa = settings.choice("anti_aliasing")? == "taa";
         let sharpening = settings.f32("sharpening")?;
         Ok(Self {
-            taa: taa.then(|| Taa::new(gpu, exposure)).transpose()?,
-            upscale: Upscale::new(gpu)?,
-            sharpen: (sharpening > 0.0).then(|| Sharpen::new(gpu, sharpening, exposure)).transpose()?,
-            tone_map: gpu.kernel(&POST_TONE_MAP_COMP).map_err(StageError::other)?,
+            scale: settings.f64("resolution_scale")?,
+            taa: taa.then(|| Taa::new(build, exposure)).transpose()?,
+            upscale: Upscale::new(build)?,
+            sharpen: (sharpening > 0.0).then(|| Sharpen::new(build, sharpening, exposure)).transpose()?,
+            tone_map: build.kernel(&POST_TONE_MAP_COMP)?,
             curve,
             exposure,
         })
@@ -134,6 +136,10 @@ impl Standard {
 impl Effect for Standard {
     type In = PostIn;
     type Out = PostOut;
+
+    fn needs(&self, _: &SceneFacts) -> Needs {
+        Needs { jitter: self.taa.is_some(), resolution_scale: self.scale, ..Needs::default() }
+    }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: PostIn) -> PostOut {
         let mut radiance = match (&self.taa, i.seen) {

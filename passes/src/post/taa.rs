@@ -1,10 +1,10 @@
 //! Temporal anti-aliasing and upsampling: every frame looks at another point of each pixel, and the picture is their mean, moved along.
 use super::filters::bilinear;
-use crate::stages::Seen;
+use crate::contracts::Seen;
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
-use magpie::stage::StageError;
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::post::TaaParams;
 use magpie_shaders::{POST_TAA_COMP, SamplerId};
 
@@ -18,9 +18,9 @@ pub struct Taa {
 
 impl Taa {
     /// Makes its pipeline. `exposure` is a factor.
-    pub fn new(gpu: &Gpu, exposure: f32) -> Result<Self, StageError> {
-        let kernel = gpu.kernel(&POST_TAA_COMP).map_err(StageError::other)?;
-        Ok(Self { kernel, sampler: bilinear(gpu)?, exposure, scope: HistoryScope::new() })
+    pub fn new(build: &Build<'_>, exposure: f32) -> Result<Self, SlotError> {
+        let kernel = build.kernel(&POST_TAA_COMP)?;
+        Ok(Self { kernel, sampler: bilinear(build)?, exposure, scope: HistoryScope::new() })
     }
 
     /// Adds its pass; gives the picture in the size of the output.

@@ -1,12 +1,12 @@
 //! Looking at rays: how much work each is.
-use crate::stages::{RaysIn, RaysOut};
+use crate::contracts::{RaysIn, RaysOut};
 use magpie::prelude::*;
-use magpie::stage::{Build, SettingSpec, Settings, Stage, StageError};
+use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::RAYS_HEAT_MAP_RAY;
 use magpie_shaders::rays::HeatMapParams;
 
 /// The slot.
-pub fn stage() -> Stage<RaysIn, RaysOut> {
+pub fn slot() -> Slot<RaysIn, RaysOut> {
     let hottest = SettingSpec::float(
         "hottest",
         "steps",
@@ -14,7 +14,7 @@ pub fn stage() -> Stage<RaysIn, RaysOut> {
         100.0,
         (1.0, 10_000.0),
     );
-    Stage::new("rays")
+    Slot::new("rays")
         .about("Shows how much work rays are; not part of the picture.")
         .with("off", "Nothing is shown, nothing is traced.", &[], |_, _| Ok(Box::new(Off)))
         .with(
@@ -42,11 +42,11 @@ struct HeatMap {
 }
 
 impl HeatMap {
-    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         if build.rays != Rays::Software {
             let (slot, implementation) = ("rays", "heat-map");
             let reason = format!("the driver does not say how it walks: wanted rays by software, got {}", build.rays);
-            return Err(StageError::Unsuitable { slot, implementation, reason });
+            return Err(SlotError::Unsuitable { slot, implementation, reason });
         }
         Ok(Self { kernel: build.ray_kernel(&RAYS_HEAT_MAP_RAY)?, hottest: settings.f32("hottest")? })
     }

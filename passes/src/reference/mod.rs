@@ -8,8 +8,8 @@ mod subject;
 pub use estimate::{Estimate, SizeMismatch};
 pub use file::EstimateFileError;
 
+use crate::contracts::AO_RANGE;
 use crate::read_back::Copies;
-use crate::stages::AO_RANGE;
 use glam::DVec3;
 pub use lights::Tables;
 use magpie::frame::ViewDesc;
@@ -17,7 +17,7 @@ use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, RayKernel, Sta
 use magpie::graph::execute::{ExecuteError, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
-use magpie::stage::StageError;
+use magpie::slot::SlotError;
 use magpie_shaders::reference::{
     PATH_BACKGROUND, PATH_BALANCE, PATH_CENTRE, PATH_CLEAR, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_HITS,
     PATH_NO_LIGHT_SAMPLES, PATH_SKY, PathParams,
@@ -157,7 +157,7 @@ pub enum ReferenceError {
     Gpu(#[from] GpuError),
     /// The slot that shows the picture could not be filled.
     #[error(transparent)]
-    Stage(#[from] StageError),
+    Stage(#[from] SlotError),
     /// A sample is NaN or infinite.
     #[error("reference: pixel {x}, {y}: samples {first} to {last} have the mean {mean}")]
     NotFinite {
@@ -246,7 +246,7 @@ impl Reference {
         let origin = FloatingOrigin::default().follow(camera);
         resident.go(&Moment { time: options.time, origin, cut: true });
         let (counted, first_lobes) = options.only.path();
-        let clear = if resident.lets_light_through() { PATH_CLEAR } else { 0 };
+        let clear = if resident.facts().lets_light_through { PATH_CLEAR } else { 0 };
         let strategy = match options.strategy {
             Strategy::Power => 0,
             Strategy::Balance => PATH_BALANCE,

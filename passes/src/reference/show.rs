@@ -1,16 +1,16 @@
 //! An estimate as a display shows it: through the slot `post`, as any other picture.
 use super::{Reference, ReferenceError};
 use crate::Slots;
-use crate::contract::Slotted;
+use crate::contracts::PostIn;
+use crate::contracts::check::Slotted;
 use crate::read_back::Copies;
-use crate::stages::PostIn;
 use magpie::config::Config;
 use magpie::frame::ViewDesc;
 use magpie::gpu::Staging;
 use magpie::graph::execute::Imports;
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
 use magpie::pixels::Pixels;
-use magpie::stage::{Build, StageError};
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::REFERENCE_PRESENT_COMP;
 use magpie_shaders::reference::PresentParams;
 use std::cell::RefCell;
@@ -22,7 +22,7 @@ impl Reference {
     /// # Errors
     /// [`ReferenceError`].
     pub fn display(&mut self, slots: &Slots, config: &Config) -> Result<Pixels, ReferenceError> {
-        let build = Build::of(&self.gpu, self.options.rays, &self.scene);
+        let build = Build::new(&self.gpu, self.options.rays);
         let mut post = slots.post.from_config(&build, config)?;
         let kernel = self.gpu.kernel(&REFERENCE_PRESENT_COMP)?;
         let mut staging = Staging::new(&self.gpu, "reference mean");
@@ -50,6 +50,6 @@ impl Reference {
         if self.options.check {
             self.gpu.check_validation()?;
         }
-        copies.finish()?.pop().ok_or_else(|| StageError::other("post gave no picture").into())
+        copies.finish()?.pop().ok_or_else(|| SlotError::other("post gave no picture").into())
     }
 }

@@ -1,21 +1,31 @@
 //! Specular indirect light. So far: the sky in the mirror direction, as much of it as ambient occlusion leaves.
+use crate::contracts::{IndirectIn, IndirectOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
-use crate::stages::{IndirectIn, IndirectOut};
-use magpie::stage::Stage;
+use magpie::scene::SceneFacts;
+use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
 
 /// The slot.
-pub fn stage() -> Stage<IndirectIn, IndirectOut> {
-    Stage::new("reflections")
+pub fn slot() -> Slot<IndirectIn, IndirectOut> {
+    Slot::new("reflections")
         .about("Specular indirect light.")
         .with(
             "sky",
             "The sky in the mirror direction, blurred with roughness and dimmed by the slot `ao`: no other objects.",
             &[precision::setting()],
             |build, settings| {
-                Ok(Box::new(SkyLight::new(build.gpu, "reflections.sky", &REFLECTIONS_SKY_COMP, false, settings)?))
+                Ok(Box::new(SkyLight::new(build, "reflections.sky", &REFLECTIONS_SKY_COMP, false, nothing, settings)?))
             },
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
+}
+
+/// Why no surface has a specular reflection.
+fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+    match facts.specular {
+        _ if facts.area == 0.0 => Some("there is no surface"),
+        0.0 => Some("no surface has a specular reflection"),
+        _ => None,
+    }
 }

@@ -1,6 +1,6 @@
 //! Which lights cast shadows, and how those of each are found.
 use magpie::scene::Caster;
-use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT};
 use magpie_shaders::view::MOST_CASTERS;
 use std::fmt;
@@ -108,10 +108,10 @@ pub fn settings() -> [SettingSpec; 2] {
 
 impl Choice {
     /// Reads them. `otherwise`: what the implementation stands for.
-    pub fn new(settings: &Settings, otherwise: Technique) -> Result<Self, StageError> {
+    pub fn new(settings: &Settings, otherwise: Technique) -> Result<Self, SlotError> {
         let mut rules = Vec::new();
         for rule in settings.choice("per_light")?.split_whitespace() {
-            rules.push(parse(rule).ok_or_else(|| StageError::other(BadRule(rule.to_owned())))?);
+            rules.push(parse(rule).ok_or_else(|| SlotError::other(BadRule(rule.to_owned())))?);
         }
         Ok(Self { most: settings.u32("most_lights")? as usize, otherwise, rules })
     }

@@ -4,11 +4,12 @@ mod maps;
 mod ray_traced;
 mod reach;
 
+use crate::contracts::{ShadowGroup, ShadowIn, ShadowOut};
 use crate::denoise::{self, Content, DenoiseIn, Denoiser, is_adaptive};
-use crate::stages::{ShadowGroup, ShadowIn, ShadowOut};
 use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
-use magpie::stage::{Build, Preset, SettingSpec, Settings, Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use maps::{MapOut, MapShadows};
 use ray_traced::{RayTraced, Traced};
 use reach::Reach;
@@ -26,8 +27,8 @@ pub const PRESETS: [Preset; 4] = [
 ];
 
 /// The slot.
-pub fn stage() -> Stage<ShadowIn, ShadowOut> {
-    Stage::new("shadows")
+pub fn slot() -> Slot<ShadowIn, ShadowOut> {
+    Slot::new("shadows")
         .about("How much of each light is seen.")
         .with("ray-traced", "Rays from the surface to the lights.", &settings(Technique::Rays), |build, settings| {
             Ok(Box::new(Shadows::new(build, settings, Technique::Rays)?))
@@ -77,13 +78,13 @@ struct Shadows {
 }
 
 impl Shadows {
-    fn new(build: &Build<'_>, settings: &Settings, technique: Technique) -> Result<Self, StageError> {
+    fn new(build: &Build<'_>, settings: &Settings, technique: Technique) -> Result<Self, SlotError> {
         Ok(Self {
             choice: Choice::new(settings, technique)?,
             rays: RayTraced::new(build, settings)?,
-            reach: Reach::new(build.gpu)?,
+            reach: Reach::new(build)?,
             maps: MapShadows::new(build, settings)?,
-            denoiser: Denoiser::new(build.gpu, "shadows", settings)?,
+            denoiser: Denoiser::new(build, "shadows", settings)?,
             adaptive: is_adaptive(settings)?,
         })
     }
@@ -115,9 +116,19 @@ impl Effect for Shadows {
     type In = ShadowIn;
     type Out = ShadowOut;
 
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        if facts.shining().next().is_none() {
+            return Needs::idle("no light shines");
+        }
+        if facts.area > 0.0 { Needs::default() } else { Needs::idle("there is no surface") }
+    }
+
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: ShadowIn) -> ShadowOut {
         let mut out = ShadowOut::default();
-        let groups = self.choice.groups(&view.casters, self.rays.is_tinted());
+        if self.needs(&view.facts).idle.is_some() {
+            return out;
+        }
+        let groups = self.choice.groups(&view.casters, self.rays.is_tinted(&view.facts));
         for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
             // Passes of the first group have the plain names.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };

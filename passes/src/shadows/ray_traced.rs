@@ -1,13 +1,13 @@
 //! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
 use super::choice::Group;
 use super::maps::MapOut;
+use crate::contracts::ShadowIn;
 use crate::denoise::{filters, is_adaptive};
-use crate::stages::ShadowIn;
 use magpie::gpu::Kernel;
 use magpie::graph::{Extent, History, HistoryScope};
 use magpie::prelude::*;
-use magpie::scene::Caster;
-use magpie::stage::{Build, SettingSpec, Settings, StageError};
+use magpie::scene::{Caster, SceneFacts};
+use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
 use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, TraceParams, UpsampleParams};
@@ -25,7 +25,7 @@ pub struct RayTraced {
     samples: u32,
     /// Looks for changes, where a denoiser wants to know of them.
     gradient: Option<RayKernel>,
-    /// Both for one light in colour, if that is asked for and something lets light through.
+    /// Both for one light in colour, if that is asked for: for scenes in which something lets light through.
     tinted: Option<(RayKernel, Option<RayKernel>)>,
     scope: HistoryScope,
     /// A filter follows.
@@ -99,13 +99,13 @@ pub fn indices(lights: &[Caster]) -> [u32; 4] {
 
 impl RayTraced {
     /// Makes its pipelines.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| build.gpu.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose().map_err(StageError::other)?;
+        let upsample = half.then(|| build.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose()?;
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
         let adaptive = is_adaptive(settings)? && samples > 0 && !half;
         let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
-        let tinted = if settings.switch("tinted")? && build.lets_light_through {
+        let tinted = if settings.switch("tinted")? {
             let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_TINTED_GRADIENT_RAY)).transpose()?;
             Some((build.ray_kernel(&SHADOWS_TINTED_RAY)?, gradient))
         } else {
@@ -138,8 +138,8 @@ impl RayTraced {
     }
 
     /// Whether rays tell colours: there is something that light goes through.
-    pub fn is_tinted(&self) -> bool {
-        self.tinted.is_some()
+    pub fn is_tinted(&self, facts: &SceneFacts) -> bool {
+        self.tinted.is_some() && facts.lets_light_through
     }
 
     /// The channels of lights that are not where they were one frame ago: a bit for each.

@@ -1,7 +1,7 @@
 //! How wide the penumbrae around each pixel are: noise comes from nowhere else, and what a denoiser blurs further it spoils.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::StageError;
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::SHADOWS_REACH_COMP;
 use magpie_shaders::shadows::ReachParams;
 
@@ -12,8 +12,8 @@ pub struct Reach {
 
 impl Reach {
     /// Makes its pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        Ok(Self { kernel: gpu.kernel(&SHADOWS_REACH_COMP).map_err(StageError::other)? })
+    pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+        Ok(Self { kernel: build.kernel(&SHADOWS_REACH_COMP)? })
     }
 
     /// `penumbra`: what rays found, of full or half size. What comes out has the size of `like`.

@@ -1,20 +1,21 @@
 //! The environment map, or the analytic sky and the sun's disc, written where nothing was drawn.
-use crate::stages::SkyIn;
+use crate::contracts::SkyIn;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{Stage, StageError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, Slot, SlotError};
 use magpie_shaders::SKY_FILL_COMP;
 use magpie_shaders::sky::FillParams;
 
 /// The slot.
-pub fn stage() -> Stage<SkyIn, Handle<Image>> {
-    Stage::new("sky")
+pub fn slot() -> Slot<SkyIn, Handle<Image>> {
+    Slot::new("sky")
         .about("What lies behind everything.")
         .with(
             "analytic",
             "The scene's environment map, else daylight after Preetham et al. 1999 with the sun's disc.",
             &[],
-            |build, _| Ok(Box::new(Analytic::new(build.gpu)?)),
+            |build, _| Ok(Box::new(Analytic::new(build)?)),
         )
         .with("off", "Black.", &[], |_, _| Ok(Box::new(Off)))
 }
@@ -35,8 +36,8 @@ struct Analytic {
 }
 
 impl Analytic {
-    fn new(gpu: &Gpu) -> Result<Self, StageError> {
-        Ok(Self { fill: gpu.kernel(&SKY_FILL_COMP).map_err(StageError::other)? })
+    fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+        Ok(Self { fill: build.kernel(&SKY_FILL_COMP)? })
     }
 }
 
@@ -44,8 +45,12 @@ impl Effect for Analytic {
     type In = SkyIn;
     type Out = Handle<Image>;
 
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        if facts.has_sky { Needs::default() } else { Needs::idle("the scene has no sky") }
+    }
+
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: SkyIn) -> Handle<Image> {
-        if !view.has_sky {
+        if !view.facts.has_sky {
             return i.lit.read();
         }
         let (kernel, block) = (self.fill, view.block);

@@ -23,5 +23,6 @@ pub mod results;
 pub mod sweep;
 pub mod truth;
 pub mod tune;
+pub mod worth;
 
 pub use error::AccuracyError;

@@ -7,7 +7,7 @@ use crate::report::{Combination, Report};
 use crate::results::{Cost, Errors, Folder, Measurement, Run, StageCost};
 use crate::truth::TruthInfo;
 use magpie::config::{Catalogue, Config};
-use magpie::stage::{ImplementationInfo, SettingSpec, SlotInfo};
+use magpie::slot::{ImplementationInfo, SettingSpec, SlotInfo};
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;

@@ -2,7 +2,7 @@
 use crate::AccuracyError;
 use crate::hash::short;
 use magpie::config::{Catalogue, Config, Suggestion, Value};
-use magpie::stage::{ImplementationInfo, SettingSpec, SlotInfo};
+use magpie::slot::{ImplementationInfo, SettingSpec, SlotInfo};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -336,7 +336,7 @@ fn label(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use magpie::stage::Preset;
+    use magpie::slot::Preset;
     use std::collections::BTreeSet;
 
     fn implementation(name: &str, settings: Vec<SettingSpec>) -> ImplementationInfo {

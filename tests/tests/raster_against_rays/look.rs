@@ -7,7 +7,7 @@ use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
 use magpie::prelude::Rays;
 use magpie::scene::{Camera, Policy, SharedScene};
 use magpie_passes::Slots;
-use magpie_passes::stages::GBufferIn;
+use magpie_passes::contracts::GBufferIn;
 use magpie_shaders::{Address, SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Ran, Shot};
 use magpie_tests::oracle::gbuffer::{Eye, octahedral};
@@ -131,7 +131,7 @@ pub struct Both {
 pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays, policy: &Policy) -> Result<Both> {
     let kernel = bench.ray_kernel("raster_against_rays.ray", GLSL, rays)?;
     let gpu = bench.gpu.clone();
-    let build = magpie::stage::Build { gpu: &gpu, rays, lets_light_through: false, has_own_specular: false };
+    let build = magpie::slot::Build::new(&gpu, rays);
     let mut gbuffer = Slots::default().gbuffer.from_config(&build, &Config::default())?;
     let shot = Shot { scene, camera, extent: EXTENT };
     let wanted = [

@@ -259,6 +259,7 @@ impl Unit<'_> {
                     cpu_start_ns: Some((cpu_start - frame.begun).as_nanos() as u64),
                     draws: recorded.draws,
                     dispatches: recorded.dispatches,
+                    bytes: frame.declaration.traffic(pass),
                     ..Default::default()
                 });
             }

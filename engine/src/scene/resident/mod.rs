@@ -6,16 +6,18 @@ mod driver;
 mod emitters;
 mod policy;
 mod rounding;
+mod sketch;
 mod software;
 mod state;
 mod tables;
 mod textures;
 
 pub use policy::{Culling, Policy};
+pub use sketch::SceneSketch;
 pub use state::Moment;
 
 use super::odds::emits;
-use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene};
+use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene, SceneFacts};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use crate::graph::{
@@ -129,8 +131,7 @@ pub struct ResidentScene {
     placed: Arc<[Placed]>,
     draws: Arc<[Draw]>,
     casters: Vec<u32>,
-    lets_light_through: bool,
-    has_own_specular: bool,
+    facts: Arc<SceneFacts>,
     emission: Emission,
     sky: Option<Sky>,
 }
@@ -233,6 +234,20 @@ impl ResidentScene {
     /// # Errors
     /// Geometry that no tree can hold (with the mesh's name), exhausted memory, a lost device, a device that cannot trace so.
     pub fn new(gpu: &Gpu, scene: &Scene, options: ResidentOptions) -> Result<Self, ResidentError> {
+        Self::with_facts(gpu, scene, SceneFacts::new(scene), options)
+    }
+
+    /// The same where the facts of the scene are gathered already.
+    ///
+    /// # Errors
+    /// As [`ResidentScene::new`].
+    pub fn with_facts(
+        gpu: &Gpu,
+        scene: &Scene,
+        facts: SceneFacts,
+        options: ResidentOptions,
+    ) -> Result<Self, ResidentError> {
+        let facts = Arc::new(facts);
         gpu.check_rays(options.rays)?;
         let mut executor = Executor::new(gpu)?;
         executor.set_options(ExecuteOptions { measure: true, ..executor.options() });
@@ -318,7 +333,6 @@ impl ResidentScene {
         let tables = tables.upload(gpu, &mut executor, "scene tables", BufferUse::Storage)?;
         let fixed: Vec<shared::Instance> =
             (0..scene.instances.len()).map(|i| tables::instance(scene, &scene.instances[i], shown[i].0)).collect();
-        let lets_light_through = fixed.iter().any(|i| i.mask == shared::INSTANCE_MASK_CLEAR);
         let shape = |(s, i): (&(usize, Bounds), &Instance)| {
             let deviation = reduced[i.mesh as usize].as_ref().map_or(0.0, |r| r.deviation);
             Shape { bounds: s.1, deviation }
@@ -351,8 +365,7 @@ impl ResidentScene {
             placed: Arc::default(),
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
-            lets_light_through,
-            has_own_specular: tables::has_own_specular(scene),
+            facts,
             emission: Emission::new(scene),
             sky,
             textures,
@@ -394,6 +407,12 @@ impl ResidentScene {
     /// nothing happens.
     pub fn dim(&mut self, light: u32, factor: f32) {
         self.state.dim(light as usize, factor);
+        Arc::make_mut(&mut self.facts).dim(light as usize, factor);
+    }
+
+    /// What the scene is made of, with lights as they are dimmed now.
+    pub fn facts(&self) -> &Arc<SceneFacts> {
+        &self.facts
     }
 
     /// The frame that was declared did not run: the next one brings everything up to date.

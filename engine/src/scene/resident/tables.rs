@@ -1,8 +1,8 @@
 //! The scene's tables in the layout that shaders read.
-use super::ResidentScene;
 use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
+use crate::scene::facts::lets_light_through;
 use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie_shaders::scene as shared;
@@ -26,39 +26,6 @@ pub(super) fn attributes(mesh: &Mesh) -> Vec<shared::VertexAttributes> {
 pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     let (a, t) = (m.matrix3, m.translation);
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
-}
-
-impl ResidentScene {
-    /// Whether light may go straight through any instance, which then has the mask `INSTANCE_MASK_CLEAR`.
-    pub fn lets_light_through(&self) -> bool {
-        self.lets_light_through
-    }
-
-    /// Whether any material reflects otherwise than a dielectric of index 1.5 or a metal: [`Material::has_own_specular`].
-    pub fn has_own_specular(&self) -> bool {
-        self.has_own_specular
-    }
-}
-
-/// Whether any material that is shown reflects in a way of its own.
-pub(super) fn has_own_specular(scene: &Scene) -> bool {
-    scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular())
-}
-
-/// Whether light may go straight through it. Of materials that are blended but cover all, none does.
-fn lets_light_through(scene: &Scene, instance: &Instance) -> bool {
-    let material = &scene.materials[instance.material as usize];
-    material.is_clear() || material.alpha == AlphaMode::Blend && !covers_all(scene, instance)
-}
-
-/// Whether the alpha of a blended instance is 1 everywhere.
-fn covers_all(scene: &Scene, instance: &Instance) -> bool {
-    let (material, mesh) = (&scene.materials[instance.material as usize], &scene.meshes[instance.mesh as usize]);
-    let texels = material.base_colour_texture.and_then(|used| scene.textures.get(used.texture as usize));
-    let is_opaque = |mip: &Vec<u8>| mip.iter().skip(3).step_by(4).all(|alpha| *alpha == u8::MAX);
-    material.base_colour.w >= 1.0
-        && mesh.colours.iter().all(|colour| colour.w >= 1.0)
-        && texels.is_none_or(|texture| texture.mips.first().is_none_or(is_opaque))
 }
 
 /// The part of an instance that never changes.
@@ -90,7 +57,7 @@ const BOX: [u32; 36] = [
 ];
 
 /// How many indices the raster draws.
-fn raster_index_count(mesh: &Mesh) -> usize {
+pub(super) fn raster_index_count(mesh: &Mesh) -> usize {
     mesh.indices.len() + mesh.spheres.len() * BOX.len()
 }
 

@@ -6,15 +6,15 @@ mod settings;
 
 pub use settings::settings;
 
+use crate::contracts::ShadowIn;
 use crate::shadows::ray_traced::format;
-use crate::stages::ShadowIn;
 use glam::{DVec3, Vec3};
 use layer::Layer;
 use magpie::gpu::{Cull, Kernel, RasterDesc, RasterKernel};
 use magpie::graph::{Draw, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::Caster;
-use magpie::stage::{Build, Settings, StageError};
+use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::scene::{
     LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT, Light as SharedLight,
 };
@@ -62,15 +62,15 @@ struct Map {
 
 impl MapShadows {
     /// Makes its pipelines.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let chosen = Chosen::new(settings)?;
         let raster = |name, vertex, fragment, constants: &[u32]| {
             let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], depth: Some(Format::D32Float) };
-            build.gpu.raster_kernel(&desc).map_err(StageError::other)
+            build.raster_kernel(&desc)
         };
         let triangles =
             |name, alpha_test: bool| raster(name, &SHADOWS_MAP_VERT, &SHADOWS_MAP_FRAG, &[alpha_test.into()]);
-        let kernel = |shader| build.gpu.kernel(shader).map_err(StageError::other);
+        let kernel = |shader| build.kernel(shader);
         Ok(Self {
             chosen,
             opaque: triangles("shadows.map_opaque", false)?,

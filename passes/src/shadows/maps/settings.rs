@@ -1,6 +1,6 @@
 //! Settings of shadow maps.
 use super::cascades::Division;
-use magpie::stage::{SettingSpec, Settings, StageError};
+use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::shadow_map::{MAP_FILTER_NONE, MAP_FILTER_PCF, MAP_FILTER_PCSS};
 
 /// What the settings say.
@@ -135,7 +135,7 @@ pub fn settings() -> Vec<SettingSpec> {
 
 impl Chosen {
     /// Reads them.
-    pub fn new(settings: &Settings) -> Result<Self, StageError> {
+    pub fn new(settings: &Settings) -> Result<Self, SlotError> {
         let filter = match settings.choice("filter")? {
             "none" => MAP_FILTER_NONE,
             "pcf" => MAP_FILTER_PCF,

@@ -22,7 +22,7 @@ const TEMPLATES: [(&str, &str); 5] = [
     ("shaders/new_pass/apply.comp", include_str!("../../templates/shaders/new_pass/apply.comp")),
     ("shaders/src/new_pass.rs", include_str!("../../templates/shaders/src/new_pass.rs")),
     ("docs/passes/new_pass.md", include_str!("../../templates/docs/passes/new_pass.md")),
-    ("tests/tests/images/new_pass.rs", include_str!("../../templates/tests/tests/images/new_pass.rs")),
+    ("tests/tests/images_new_pass.rs", include_str!("../../templates/tests/tests/images_new_pass.rs")),
 ];
 
 /// A file with its text before, if it was there, and after.
@@ -44,7 +44,7 @@ pub fn new_pass(name: &str) -> Result<()> {
     }
     println!("It is off unless it is asked for. To see it, and to test it:");
     println!("  cargo run --release -- render builtin:cornell --set stages.{name}=example --out {name}.png");
-    println!("  cargo test --release -p magpie-tests --test images {name}");
+    println!("  cargo test --release -p magpie-tests --test images_{name}");
     println!("How to go on from the example: docs/how-to-add-a-pass.md");
     Ok(())
 }
@@ -57,7 +57,7 @@ fn planned(root: &Path, name: &str) -> Result<(Name, Vec<Change>)> {
         .map(|(path, text)| Change { path: name.fill(path), before: None, after: name.fill(text) })
         .collect();
     let files: Vec<String> = changes.iter().map(|change| change.path.clone()).collect();
-    name.is_free(root, &files, &read(root, "passes/src/stages.rs")?)?;
+    name.is_free(root, &files, &read(root, "passes/src/contracts/mod.rs")?)?;
 
     for insertions in WIRING.chunk_by(|a, b| a.file == b.file) {
         let path = insertions[0].file;

@@ -1,77 +1,41 @@
 //! What a new effect adds to files that stand already.
 //!
 //! Nothing is parsed: each insertion names an *anchor*, a piece of text that stands in its file exactly once, and goes directly
-//! before or behind it. Every slot is built in beside `post`, the last one of the frame, so most anchors are lines of `post`.
+//! before it. Every slot is built in beside `post`, the last one of the frame, so that anchors are lines of `post`.
 //! Indentation, the order of lists and line breaks are left to rustfmt.
 
 use super::name::Name;
 use anyhow::{Result, bail};
-
-/// Where an insertion goes.
-#[derive(Clone, Copy, Debug)]
-pub enum Place {
-    /// Ends where the anchor begins.
-    Before,
-    /// Begins where the anchor ends.
-    Behind,
-}
-use Place::{Before, Behind};
 
 /// One insertion.
 #[derive(Clone, Copy, Debug)]
 pub struct Insertion {
     /// The file, from the root.
     pub file: &'static str,
-    /// Before or behind the anchor.
-    pub place: Place,
     /// Text that stands in the file once.
     pub anchor: &'static str,
     /// What goes in, with `new_pass` for the name.
     pub text: &'static str,
 }
 
-const fn insert(file: &'static str, place: Place, anchor: &'static str, text: &'static str) -> Insertion {
-    Insertion { file, place, anchor, text }
+const fn insert(file: &'static str, anchor: &'static str, text: &'static str) -> Insertion {
+    Insertion { file, anchor, text }
 }
 
-const TYPES: &str = "NewPassIn, NewPassOut, ";
-const STAGES: &str = "passes/src/stages.rs";
-const SLOTS: &str = "passes/src/slots.rs";
-const FRAME: &str = "passes/src/frame.rs";
-
-/// Every insertion, those of one file together.
+/// Every insertion.
 pub const WIRING: &[Insertion] = &[
-    insert("shaders/src/lib.rs", Before, "pub mod post;", "pub mod new_pass;\n"),
-    insert("passes/src/lib.rs", Before, "mod post;", "mod new_pass;\n"),
-    insert(STAGES, Before, "/// Slot `post`.", include_str!("../../templates/stages.rs")),
-    insert(SLOTS, Behind, "use crate::stages::{", TYPES),
-    insert(SLOTS, Behind, "use crate::{", "new_pass, "),
+    insert("passes/src/contracts/mod.rs", "/// Slot `post`.", include_str!("../../templates/contracts.rs")),
     insert(
-        SLOTS,
-        Before,
+        "passes/src/slots.rs",
         "/// From radiance to a display.",
-        "/// What a lens does.\npub new_pass: Stage<NewPassIn, NewPassOut>,\n",
+        "/// What a lens does.\nnew_pass: NewPassIn => NewPassOut,\n",
     ),
-    insert(SLOTS, Before, "post: post::stage(),", "new_pass: new_pass::stage(),\n"),
-    insert(SLOTS, Before, "self.post.info(),", "self.new_pass.info(),\n"),
-    insert(FRAME, Behind, "use crate::stages::{", TYPES),
-    insert(FRAME, Before, "post: Filled<PostIn, PostOut>,", "new_pass: Filled<NewPassIn, NewPassOut>,\n"),
+    insert("passes/src/lib.rs", "mod post;", "mod new_pass;\n"),
     insert(
-        FRAME,
-        Before,
-        "let post = stages.post.give(",
-        "let radiance = stages.new_pass.add(g, view, NewPassIn { colour: radiance }).colour;\n",
+        "passes/src/frame.rs",
+        "let post = slots.post.give(",
+        "let radiance = slots.new_pass.give(g, view, NewPassIn { colour: radiance }).colour;\n",
     ),
-    insert(FRAME, Before, "post: slots.post.from_config(", "new_pass: slots.new_pass.from_config(build, config)?,\n"),
-    insert(FRAME, Before, "slots.post.change(", "slots.new_pass.change(&mut self.new_pass, build, config)?,\n"),
-    insert(
-        "tests/tests/images.rs",
-        Before,
-        "use anyhow::{Context, Result, ensure};",
-        "#[path = \"images/new_pass.rs\"]\nmod new_pass;\n",
-    ),
-    insert("demo/configs/default.toml", Before, "post = \"standard\"", "new_pass = \"off\" # or \"example\"\n"),
-    insert("README.md", Before, "[post](docs/passes/post.md)", "[new_pass](docs/passes/new_pass.md) · "),
 ];
 
 impl Insertion {
@@ -86,10 +50,6 @@ impl Insertion {
                 places.len(),
                 file!(),
             );
-        };
-        let at = match self.place {
-            Before => at,
-            Behind => at + self.anchor.len(),
         };
         Ok([&content[..at], &name.fill(self.text), &content[at..]].concat())
     }

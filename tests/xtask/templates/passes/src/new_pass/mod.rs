@@ -1,21 +1,21 @@
 //! Natural vignetting: the light of a pixel falls with its angle from the optical axis. An example to be replaced.
-use crate::stages::{NewPassIn, NewPassOut};
+use crate::contracts::{NewPassIn, NewPassOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::stage::{SettingSpec, Settings, Stage, StageError};
+use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::NEW_PASS_APPLY_COMP;
 use magpie_shaders::new_pass::ApplyParams;
 
 /// The slot.
-pub fn stage() -> Stage<NewPassIn, NewPassOut> {
+pub fn slot() -> Slot<NewPassIn, NewPassOut> {
     let settings = [
         SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-8.0, 8.0)),
         SettingSpec::float("falloff", "", "Higher is darker at the edges: 1 is a simple lens, 0 is even.", 1.0, (0.0, 1.0)),
     ];
-    Stage::new("new_pass")
+    Slot::new("new_pass")
         .about("What a lens does to the radiance that falls through it.")
         .with("example", "Falls with the fourth power of the cosine.", &settings, |build, settings| {
-            Ok(Box::new(Example::new(build.gpu, settings)?))
+            Ok(Box::new(Example::new(build, settings)?))
         })
         .with("off", "No lens.", &[], |_, _| Ok(Box::new(Off)))
         .default_to("off")
@@ -39,8 +39,8 @@ struct Example {
 }
 
 impl Example {
-    fn new(gpu: &Gpu, settings: &Settings) -> Result<Self, StageError> {
-        let apply = gpu.kernel(&NEW_PASS_APPLY_COMP).map_err(StageError::other)?;
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let apply = build.kernel(&NEW_PASS_APPLY_COMP)?;
         Ok(Self { apply, exposure: settings.f32("exposure")?.exp2(), falloff: settings.f32("falloff")? })
     }
 }

@@ -101,9 +101,9 @@ fn a_description_that_contradicts_itself_is_found() {
 }
 
 /// Stages of plain numbers, to be wrapped.
-fn numbers() -> Stage<u32, u32> {
+fn numbers() -> Slot<u32, u32> {
     let settings = [cone(), SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, (1, 64))];
-    Stage::new("shadows").with("plain", "Plain.", &settings, |_, _| Err(StageError::other("not made here")))
+    Slot::new("shadows").with("plain", "Plain.", &settings, |_, _| Err(SlotError::other("not made here")))
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn a_wrapper_has_the_settings_of_what_it_wraps() {
     let given =
         Config::from_toml("[stages]\nshadows = \"outer\"\n[shadows]\nrays = 7\ntinted = true\n", "test").unwrap();
     Catalogue::new(vec![stage.info().clone()]).check(&given, "test").unwrap();
-    let settings = stage.settings(&given).unwrap();
+    let settings = stage.wanted(&given).unwrap().1;
     assert_eq!((settings.u32("rays").unwrap(), settings.switch("tinted").unwrap()), (7, true));
     let inner = settings.of(stage.info().implementation("plain").unwrap());
     assert_eq!(inner.values().len(), 2);
@@ -127,7 +127,7 @@ fn a_wrapper_has_the_settings_of_what_it_wraps() {
     assert!(inner.switch("tinted").is_err(), "the wrapper's own setting is none of the wrapped one's");
     let wrong = Config::from_toml("[stages]\nshadows = \"outer\"\n[shadows]\nrays = 65\n", "test").unwrap();
     assert!(
-        stage.settings(&wrong).unwrap_err().to_string().contains("shadows.rays: wanted"),
+        stage.wanted(&wrong).unwrap_err().to_string().contains("shadows.rays: wanted"),
         "out of the wrapped one's range"
     );
 }

@@ -1,34 +1,36 @@
-//! Stages: slots of the frame, each filled by one named implementation.
+//! Slots of the frame, each filled by one named implementation.
 //!
-//! A slot is a [`Stage`] with the types that go in and come out. Implementations register by name, the engine's and a
+//! A slot is a [`Slot`] with the types that go in and come out. Implementations register by name, the engine's and a
 //! user's alike, so that no central list has to be edited:
 //!
 //! ```text
 //! stages.shadows.register("mine", "My own shadows.", &[], |build, settings| Ok(Box::new(Mine::new(build, settings)?)));
 //! ```
 //!
-//! [`Stage::wrap`] registers one that adds to another.
+//! [`Slot::wrap`] registers one that adds to another.
 
-mod filled;
+mod build;
+mod implementation;
+mod needs;
 mod preset;
 mod setting;
 mod wrap;
 
-pub use filled::{Change, Filled};
+pub use build::Build;
+pub use implementation::{Change, Implementation};
+pub use needs::{Geometry, Needs, Part, SlotNeeds};
 pub use preset::{Preset, QUALITIES};
 pub use setting::{Range, SettingFault, SettingSpec};
 
 use std::{collections::BTreeMap, error::Error, fmt, sync::Arc};
 
-use magpie_shaders::{RayShader, Rays};
 use serde::Serialize;
 
 use crate::{
     config::{Suggestion, Value},
     frame::View,
-    gpu::{Gpu, RayKernel},
     graph::FrameGraph,
-    scene::ResidentScene,
+    scene::SceneFacts,
 };
 
 /// One effect: adds its passes to the frame that is being declared.
@@ -38,40 +40,21 @@ pub trait Effect {
     /// What it makes: handles and plain values.
     type Out;
 
-    /// Adds one or more passes.
+    /// What it asks of the frame that shows such a scene, or why it has nothing to do in it.
+    ///
+    /// Asked before every frame, before anything of it is declared, so it has to be quick. Where it says that it is idle,
+    /// [`add`](Effect::add) must add no pass: that is checked. Both see the same facts, [`View::facts`].
+    fn needs(&self, facts: &SceneFacts) -> Needs {
+        let _ = facts;
+        Needs::default()
+    }
+
+    /// Adds its passes.
     fn add(&mut self, g: &mut FrameGraph, view: &View, input: Self::In) -> Self::Out;
 }
 
 /// An effect of any type with these inputs and outputs.
 pub type BoxedEffect<In, Out> = Box<dyn Effect<In = In, Out = Out>>;
-
-/// What the constructor of an effect gets.
-pub struct Build<'a> {
-    /// The device on which it makes its pipelines.
-    pub gpu: &'a Gpu,
-    /// How rays are traced.
-    pub rays: Rays,
-    /// Light may go straight through something in the scene: [`ResidentScene::lets_light_through`].
-    pub lets_light_through: bool,
-    /// A material of the scene reflects otherwise than a dielectric of index 1.5: [`ResidentScene::has_own_specular`].
-    pub has_own_specular: bool,
-}
-
-impl<'a> Build<'a> {
-    /// For the effects of frames that show this scene.
-    pub fn of(gpu: &'a Gpu, rays: Rays, scene: &ResidentScene) -> Self {
-        let (lets_light_through, has_own_specular) = (scene.lets_light_through(), scene.has_own_specular());
-        Self { gpu, rays, lets_light_through, has_own_specular }
-    }
-
-    /// The pipeline of a ray pass, for the way that rays are traced.
-    ///
-    /// # Errors
-    /// [`StageError`] where it cannot be made.
-    pub fn ray_kernel(&self, shader: &RayShader) -> Result<RayKernel, StageError> {
-        self.gpu.ray_kernel(shader, self.rays).map_err(StageError::other)
-    }
-}
 
 /// One implementation of a slot, as `magpie stages` shows it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -157,25 +140,25 @@ impl Settings {
     /// to another implementation of the slot ([`Catalogue`](crate::config::Catalogue) refuses those that belong to none).
     ///
     /// # Errors
-    /// [`StageError::Setting`] for a value that does not suit its setting.
+    /// [`SlotError::Setting`] for a value that does not suit its setting.
     pub fn new(
         slot: &str,
         implementation: &ImplementationInfo,
         given: &BTreeMap<String, Value>,
-    ) -> Result<Self, StageError> {
+    ) -> Result<Self, SlotError> {
         let mut values = BTreeMap::new();
         for spec in &implementation.settings {
             let value = spec.accept(given.get(spec.key).unwrap_or(&spec.default)).map_err(|fault| {
-                StageError::Setting { slot: slot.to_owned(), key: spec.key.to_owned(), fault: Box::new(fault) }
+                SlotError::Setting { slot: slot.to_owned(), key: spec.key.to_owned(), fault: Box::new(fault) }
             })?;
             values.insert(spec.key.to_owned(), value);
         }
         Ok(Self { slot: slot.to_owned(), values })
     }
 
-    fn read<T>(&self, key: &str, wanted: &'static str, read: impl Fn(&Value) -> Option<T>) -> Result<T, StageError> {
+    fn read<T>(&self, key: &str, wanted: &'static str, read: impl Fn(&Value) -> Option<T>) -> Result<T, SlotError> {
         let got = self.values.get(key);
-        got.and_then(read).ok_or_else(|| StageError::NotDescribed {
+        got.and_then(read).ok_or_else(|| SlotError::NotDescribed {
             slot: self.slot.clone(),
             key: key.to_owned(),
             wanted,
@@ -186,8 +169,8 @@ impl Settings {
     /// A number.
     ///
     /// # Errors
-    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a number.
-    pub fn f64(&self, key: &str) -> Result<f64, StageError> {
+    /// [`SlotError::NotDescribed`] when the implementation does not describe `key` as a number.
+    pub fn f64(&self, key: &str) -> Result<f64, SlotError> {
         self.read(key, "number", |v| match v {
             Value::Float(x) => Some(*x),
             _ => None,
@@ -198,15 +181,15 @@ impl Settings {
     ///
     /// # Errors
     /// As [`Settings::f64`].
-    pub fn f32(&self, key: &str) -> Result<f32, StageError> {
+    pub fn f32(&self, key: &str) -> Result<f32, SlotError> {
         self.f64(key).map(|x| x as f32)
     }
 
     /// A whole number.
     ///
     /// # Errors
-    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a whole number.
-    pub fn i64(&self, key: &str) -> Result<i64, StageError> {
+    /// [`SlotError::NotDescribed`] when the implementation does not describe `key` as a whole number.
+    pub fn i64(&self, key: &str) -> Result<i64, SlotError> {
         self.read(key, "whole number", |v| match v {
             Value::Integer(x) => Some(*x),
             _ => None,
@@ -217,7 +200,7 @@ impl Settings {
     ///
     /// # Errors
     /// As [`Settings::i64`].
-    pub fn u32(&self, key: &str) -> Result<u32, StageError> {
+    pub fn u32(&self, key: &str) -> Result<u32, SlotError> {
         self.read(key, "whole number of 32 bits", |v| match v {
             Value::Integer(x) => u32::try_from(*x).ok(),
             _ => None,
@@ -227,8 +210,8 @@ impl Settings {
     /// A switch.
     ///
     /// # Errors
-    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a switch.
-    pub fn switch(&self, key: &str) -> Result<bool, StageError> {
+    /// [`SlotError::NotDescribed`] when the implementation does not describe `key` as a switch.
+    pub fn switch(&self, key: &str) -> Result<bool, SlotError> {
         self.read(key, "switch", |v| match v {
             Value::Bool(on) => Some(*on),
             _ => None,
@@ -238,8 +221,8 @@ impl Settings {
     /// A name or text.
     ///
     /// # Errors
-    /// [`StageError::NotDescribed`] when the implementation does not describe `key` as a text.
-    pub fn choice(&self, key: &str) -> Result<&str, StageError> {
+    /// [`SlotError::NotDescribed`] when the implementation does not describe `key` as a text.
+    pub fn choice(&self, key: &str) -> Result<&str, SlotError> {
         match self.values.get(key) {
             Some(Value::Text(text)) => Ok(text),
             _ => self.read(key, "text", |_| None),
@@ -255,7 +238,7 @@ impl Settings {
 
 /// Why a slot could not be filled.
 #[derive(Debug, thiserror::Error)]
-pub enum StageError {
+pub enum SlotError {
     /// No implementation of that name.
     #[error("stages.{slot}: unknown implementation \"{name}\"{suggestion}; known: {}", known.join(", "))]
     UnknownImplementation {
@@ -324,40 +307,42 @@ pub enum StageError {
         /// Why.
         reason: String,
     },
-    /// Anything that fails inside a constructor; [`Stage::choose`] adds slot and implementation.
+    /// The implementation cannot be made where a frame is only planned.
+    #[error("it needs a device, and the frame is planned without one")]
+    NoDevice,
+    /// Anything that fails inside a constructor; [`Slot::choose`] adds slot and implementation.
     #[error(transparent)]
     Other(Box<dyn Error + Send + Sync>),
 }
 
-impl StageError {
+impl SlotError {
     /// Wraps what went wrong inside a constructor.
     pub fn other(source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self::Other(source.into())
     }
 }
 
-type Constructor<In, Out> =
-    Arc<dyn Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync>;
+type Constructor<In, Out> = Arc<dyn Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, SlotError> + Send + Sync>;
 
 /// A slot of the frame and the implementations that can fill it. Clones share these.
-pub struct Stage<In, Out> {
+pub struct Slot<In, Out> {
     info: SlotInfo,
     constructors: Vec<Constructor<In, Out>>,
 }
 
-impl<In, Out> Clone for Stage<In, Out> {
+impl<In, Out> Clone for Slot<In, Out> {
     fn clone(&self) -> Self {
         Self { info: self.info.clone(), constructors: self.constructors.clone() }
     }
 }
 
-impl<In, Out> fmt::Debug for Stage<In, Out> {
+impl<In, Out> fmt::Debug for Slot<In, Out> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Stage").field(&self.info).finish()
+        f.debug_tuple("Slot").field(&self.info).finish()
     }
 }
 
-impl<In, Out> Stage<In, Out> {
+impl<In, Out> Slot<In, Out> {
     /// A slot without implementations.
     #[must_use]
     pub fn new(name: &str) -> Self {
@@ -378,21 +363,21 @@ impl<In, Out> Stage<In, Out> {
         self
     }
 
-    /// Adds an implementation; see [`Stage::register`].
+    /// Adds an implementation; see [`Slot::register`].
     #[must_use]
     pub fn with<F>(mut self, name: &str, about: &str, settings: &[SettingSpec], make: F) -> Self
     where
-        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync + 'static,
+        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, SlotError> + Send + Sync + 'static,
     {
         self.register(name, about, settings, make);
         self
     }
 
-    /// Adds an implementation to a slot that stands already. The first one is the default, unless [`Stage::default_to`]
+    /// Adds an implementation to a slot that stands already. The first one is the default, unless [`Slot::default_to`]
     /// names another. One of the same name takes the place of the earlier one.
     pub fn register<F>(&mut self, name: &str, about: &str, settings: &[SettingSpec], make: F)
     where
-        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, StageError> + Send + Sync + 'static,
+        F: Fn(&Build<'_>, &Settings) -> Result<BoxedEffect<In, Out>, SlotError> + Send + Sync + 'static,
     {
         let info = ImplementationInfo { name: name.to_owned(), about: about.to_owned(), settings: settings.to_vec() };
         if self.info.default.is_empty() {
@@ -428,27 +413,27 @@ impl<In, Out> Stage<In, Out> {
     }
 
     /// Makes the implementation or preset `name` with `given` laid over its settings. It knows nothing of the configuration: to add to
-    /// an implementation with the settings that the user chose for it, use [`Stage::wrap`].
+    /// an implementation with the settings that the user chose for it, use [`Slot::wrap`].
     ///
     /// # Errors
-    /// [`StageError`] for an unknown name (the known ones are listed), an unsuitable value, or a constructor that failed.
+    /// [`SlotError`] for an unknown name (the known ones are listed), an unsuitable value, or a constructor that failed.
     pub fn choose(
         &self,
         build: &Build<'_>,
         name: &str,
         given: &BTreeMap<String, Value>,
-    ) -> Result<BoxedEffect<In, Out>, StageError> {
+    ) -> Result<BoxedEffect<In, Out>, SlotError> {
         let (at, settings) = self.find(name, given)?;
         self.construct(build, at, &settings)
     }
 
     /// Place and settings of the implementation that `name`, its own or that of a preset, stands for.
-    fn find(&self, name: &str, given: &BTreeMap<String, Value>) -> Result<(usize, Settings), StageError> {
+    fn find(&self, name: &str, given: &BTreeMap<String, Value>) -> Result<(usize, Settings), SlotError> {
         let slot = &self.info.name;
         let unknown = || {
             let known = self.info.names();
             let suggestion = Suggestion::find(name, known.iter().map(String::as_str));
-            StageError::UnknownImplementation { slot: slot.clone(), name: name.to_owned(), known, suggestion }
+            SlotError::UnknownImplementation { slot: slot.clone(), name: name.to_owned(), known, suggestion }
         };
         let (chosen, mut values) = self.info.choice(name).ok_or_else(unknown)?;
         values.extend(given.clone());
@@ -456,9 +441,9 @@ impl<In, Out> Stage<In, Out> {
         Ok((at, Settings::new(slot, chosen, &values)?))
     }
 
-    fn construct(&self, build: &Build<'_>, at: usize, settings: &Settings) -> Result<BoxedEffect<In, Out>, StageError> {
+    fn construct(&self, build: &Build<'_>, at: usize, settings: &Settings) -> Result<BoxedEffect<In, Out>, SlotError> {
         self.constructors[at](build, settings).map_err(|source| match source {
-            StageError::Other(source) => StageError::Construct {
+            SlotError::Other(source) => SlotError::Construct {
                 slot: self.info.name.clone(),
                 implementation: self.info.implementations[at].name.clone(),
                 source,

@@ -2,11 +2,11 @@
 
 use std::{collections::BTreeMap, fmt};
 
-use super::{BoxedEffect, Build, Settings, Stage, StageError};
-use crate::{config::Config, frame::View, graph::FrameGraph};
+use super::{BoxedEffect, Build, Needs, Settings, Slot, SlotError};
+use crate::{config::Config, frame::View, graph::FrameGraph, scene::SceneFacts};
 
 /// A slot with an implementation in it.
-pub struct Filled<In, Out> {
+pub struct Implementation<In, Out> {
     effect: BoxedEffect<In, Out>,
     slot: String,
     implementation: String,
@@ -16,10 +16,16 @@ pub struct Filled<In, Out> {
 /// Puts another implementation into a slot; all that could fail is done.
 pub type Change<'f> = Box<dyn FnOnce() + 'f>;
 
-impl<In, Out> Filled<In, Out> {
+impl<In, Out> Implementation<In, Out> {
     /// Adds its passes; see [`Effect::add`](super::Effect::add).
     pub fn add(&mut self, g: &mut FrameGraph, view: &View, input: In) -> Out {
         self.effect.add(g, view, input)
+    }
+
+    /// What it asks of the frame; see [`Effect::needs`](super::Effect::needs).
+    #[must_use]
+    pub fn needs(&self, facts: &SceneFacts) -> Needs {
+        self.effect.needs(facts)
     }
 
     /// Name of the slot.
@@ -41,52 +47,44 @@ impl<In, Out> Filled<In, Out> {
     }
 }
 
-impl<In, Out> fmt::Debug for Filled<In, Out> {
+impl<In, Out> fmt::Debug for Implementation<In, Out> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Filled").field(&self.implementation).field(&self.settings).finish()
+        f.debug_tuple("Implementation").field(&self.implementation).field(&self.settings).finish()
     }
 }
 
-impl<In, Out> Stage<In, Out> {
-    /// The settings of the implementation that `config` names, for whoever needs them before it is made.
-    ///
-    /// # Errors
-    /// As [`Stage::from_config`].
-    pub fn settings(&self, config: &Config) -> Result<Settings, StageError> {
-        Ok(self.wanted(config)?.1)
-    }
-
+impl<In, Out> Slot<In, Out> {
     /// Makes the implementation that `config` names for this slot, or the default, with the settings of `config`.
     ///
     /// # Errors
-    /// As [`Stage::choose`].
-    pub fn from_config(&self, build: &Build<'_>, config: &Config) -> Result<Filled<In, Out>, StageError> {
+    /// As [`Slot::choose`].
+    pub fn from_config(&self, build: &Build<'_>, config: &Config) -> Result<Implementation<In, Out>, SlotError> {
         let (at, settings) = self.wanted(config)?;
         let implementation = self.info.implementations[at].name.clone();
         let slot = self.info.name.clone();
-        Ok(Filled { effect: self.construct(build, at, &settings)?, slot, implementation, settings })
+        Ok(Implementation { effect: self.construct(build, at, &settings)?, slot, implementation, settings })
     }
 
     /// Makes what `config` wants in place of what is there, and gives what puts it there. `None` where implementation and
     /// settings are what they were: the instance stays, and with it the histories that it owns.
     ///
     /// # Errors
-    /// As [`Stage::choose`]; what is there stays.
+    /// As [`Slot::choose`]; what is there stays.
     pub fn change<'f>(
         &self,
-        filled: &'f mut Filled<In, Out>,
+        old: &'f mut Implementation<In, Out>,
         build: &Build<'_>,
         config: &Config,
-    ) -> Result<Option<Change<'f>>, StageError> {
+    ) -> Result<Option<Change<'f>>, SlotError> {
         let (at, settings) = self.wanted(config)?;
-        if filled.implementation == self.info.implementations[at].name && filled.settings == settings {
+        if old.implementation == self.info.implementations[at].name && old.settings == settings {
             return Ok(None);
         }
         let new = self.from_config(build, config)?;
-        Ok(Some(Box::new(move || *filled = new)))
+        Ok(Some(Box::new(move || *old = new)))
     }
 
-    fn wanted(&self, config: &Config) -> Result<(usize, Settings), StageError> {
+    pub(super) fn wanted(&self, config: &Config) -> Result<(usize, Settings), SlotError> {
         let name = config.stages.get(&self.info.name).unwrap_or(&self.info.default);
         let none = BTreeMap::new();
         self.find(name, config.settings.get(&self.info.name).unwrap_or(&none))

@@ -12,3 +12,9 @@ pub struct NewPassOut {
     pub colour: Handle<Image>,
 }
 
+impl Gives for NewPassOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        vec![("colour", self.colour, RADIANCE)]
+    }
+}
+

@@ -1,10 +1,8 @@
-//! How many pixels a frame renders for its picture, and where in each it looks: what the slot `post` wants of the whole frame.
-use crate::stages::{PostIn, PostOut};
-use magpie::config::{Config, Value};
+//! How many pixels a frame renders for its picture, and where in each it looks.
 use magpie::prelude::*;
-use magpie::stage::{Stage, StageError};
+use magpie::slot::Needs;
 
-/// Wanted of the frame before it begins.
+/// Both, of one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     /// Rendered pixels over those of the picture, each way; above 0 and at most 1.
@@ -14,18 +12,9 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// What the implementation in the slot wants by its settings. One that has no such settings wants every pixel, at its centre.
-    ///
-    /// # Errors
-    /// [`StageError`] for settings that do not suit.
-    pub fn wanted(stage: &Stage<PostIn, PostOut>, config: &Config) -> Result<Self, StageError> {
-        let settings = stage.settings(config)?;
-        let scale = match settings.values().get("resolution_scale") {
-            Some(Value::Float(scale)) => *scale,
-            _ => 1.0,
-        };
-        let jittered = settings.values().get("anti_aliasing") == Some(&Value::Text("taa".to_owned()));
-        Ok(Self { scale, jittered })
+    /// What the effects of a frame ask for together.
+    pub fn of(needs: &Needs) -> Self {
+        Self { scale: needs.resolution_scale, jittered: needs.jitter }
     }
 
     /// Pixels to render for a picture of that size, one at least.

@@ -2,23 +2,43 @@
 //!
 //! Every image that comes out is as large as the frame, that of `post` as large as the picture. Where one has another format or size than its
 //! contract says, the frame is refused with both, and with the names of slot and implementation.
+pub mod check;
+
+use check::{COLOUR, DIRECTION, Gives, MATERIAL, NORMAL, ONE, RADIANCE, SHARES};
+use magpie::frame::View;
 use magpie::graph::execute::Imports;
-use magpie::graph::{Handle, Image, WriteHandle};
+use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, WriteHandle};
 pub use magpie::scene::SceneHandles;
-use magpie::scene::{Camera, SharedScene};
+use magpie::scene::{Camera, ResidentError, SceneSketch, SharedScene};
 use magpie_shaders::view::MOST_CASTERS;
 use std::cell::RefCell;
 use std::rc::Rc;
 
 /// Slot `acceleration`.
 #[derive(Clone)]
-pub struct AccelerationIn {
-    /// The scene, gone to the moment that the frame shows.
-    pub scene: SharedScene,
-    /// Objects of the frame at hand.
-    pub imports: Rc<RefCell<Imports>>,
-    /// From where the frame is seen.
-    pub camera: Camera,
+pub enum AccelerationIn {
+    /// The scene on the device, gone to the moment that the frame shows.
+    Resident {
+        /// The scene.
+        scene: SharedScene,
+        /// Objects of the frame at hand.
+        imports: Rc<RefCell<Imports>>,
+        /// From where the frame is seen.
+        camera: Camera,
+    },
+    /// A frame that is only planned, without a device.
+    Sketch(Rc<SceneSketch>),
+}
+
+/// The scene as rays see it, up to date.
+pub type AccelerationOut = Result<SceneHandles, ResidentError>;
+
+impl Gives for AccelerationOut {
+    const SHOWN: bool = false;
+
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        Vec::new()
+    }
 }
 
 /// What the camera sees first, one value per pixel.
@@ -39,6 +59,22 @@ pub struct GBuffer {
     pub motion: Handle<Image>,
     /// Instance + 1 in red, triangle in green. RG32 unsigned.
     pub ids: Handle<Image>,
+}
+
+impl Gives for GBuffer {
+    const SHOWN: bool = false;
+
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        vec![
+            ("depth", self.depth, &[Format::D32Float]),
+            ("base_colour", self.base_colour, COLOUR),
+            ("normal", self.normal, NORMAL),
+            ("material", self.material, MATERIAL),
+            ("emission", self.emission, RADIANCE),
+            ("motion", self.motion, DIRECTION),
+            ("ids", self.ids, &[Format::Rg32Uint]),
+        ]
+    }
 }
 
 /// The surfaces that are seen, and where they were one frame ago, as denoisers read them.
@@ -69,6 +105,14 @@ pub struct RaysIn {
 pub struct RaysOut {
     /// In false colours, RGBA8.
     pub colours: Option<Handle<Image>>,
+}
+
+impl Gives for RaysOut {
+    const SHOWN: bool = false;
+
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        self.colours.map(|image| ("colours", image, &[Format::Rgba8Unorm][..])).into_iter().collect()
+    }
 }
 
 /// Slot `shadows`.
@@ -102,8 +146,14 @@ pub struct ShadowGroup {
 /// Visibility of the lights that cast shadows; all others shine through everything.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShadowOut {
-    /// Filled from the front.
+    /// Implementation from the front.
     pub groups: [Option<ShadowGroup>; SHADOW_GROUPS],
+}
+
+impl Gives for ShadowOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        self.groups.iter().flatten().map(|group| ("visibility", group.visibility, SHARES)).collect()
+    }
 }
 
 /// How far away a thing still counts for ambient occlusion where nothing else is said, metres: of the effects and of the reference.
@@ -129,6 +179,17 @@ pub struct AoOut {
     pub bent_normal: Option<Handle<Image>>,
 }
 
+impl Gives for AoOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        let openness = self.openness.map(|image| ("openness", image, ONE));
+        openness.into_iter().chain(self.bent_normal.map(|image| ("bent_normal", image, DIRECTION))).collect()
+    }
+
+    fn shown(&self) -> Option<Handle<Image>> {
+        self.openness
+    }
+}
+
 /// Slot `direct`.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectIn {
@@ -149,6 +210,12 @@ pub struct DirectOut {
     pub radiance: WriteHandle<Image>,
 }
 
+impl Gives for DirectOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        self.radiance.images()
+    }
+}
+
 /// Slots `gi` and `reflections`.
 #[derive(Clone, Copy, Debug)]
 pub struct IndirectIn {
@@ -165,6 +232,12 @@ pub struct IndirectOut {
     pub radiance: Option<Handle<Image>>,
 }
 
+impl Gives for IndirectOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        self.radiance.map(|image| ("radiance", image, RADIANCE)).into_iter().collect()
+    }
+}
+
 /// Slot `compose`.
 #[derive(Debug)]
 pub struct ComposeIn {
@@ -176,13 +249,31 @@ pub struct ComposeIn {
     pub reflections: IndirectOut,
 }
 
-/// Slot `sky`, and the output of `compose`.
+/// The sum of all light; RGBA32F or RGBA16F.
+pub type ComposeOut = WriteHandle<Image>;
+
+impl Gives for ComposeOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        self.read().images()
+    }
+}
+
+/// Slot `sky`.
 #[derive(Debug)]
 pub struct SkyIn {
     /// Where nothing was drawn.
     pub depth: Handle<Image>,
     /// The lit picture.
     pub lit: WriteHandle<Image>,
+}
+
+/// The picture with what lies behind everything; RGBA32F or RGBA16F.
+pub type SkyOut = Handle<Image>;
+
+impl Gives for SkyOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        vec![("radiance", *self, RADIANCE)]
+    }
 }
 
 /// Slot `post`.
@@ -210,4 +301,18 @@ pub struct PostOut {
     pub radiance: Handle<Image>,
     /// RGBA8, sRGB-encoded.
     pub display: Handle<Image>,
+}
+
+impl Gives for PostOut {
+    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
+        vec![("radiance", self.radiance, RADIANCE), ("display", self.display, &[Format::Rgba8Unorm])]
+    }
+
+    fn shown(&self) -> Option<Handle<Image>> {
+        Some(self.display)
+    }
+
+    fn extent(&self, _: &FrameGraph, view: &View) -> Extent {
+        view.output
+    }
 }

@@ -1,13 +1,17 @@
 //! `new_pass` against its formula, worked out on the CPU.
-use super::{SIZE, output};
 use anyhow::Result;
 use magpie::pixels::Pixels;
 use magpie_tests::harness::{builtin, config, gpu, linear, render};
 
+const SIZE: [u32; 2] = [240, 135];
+
 /// The radiance behind the lens.
 fn behind(exposure: f32, falloff: f32) -> Result<Option<Pixels>> {
     let (exposure, falloff) = (format!("new_pass.exposure={exposure:?}"), format!("new_pass.falloff={falloff:?}"));
-    output("new_pass.apply", "colour", &["stages.new_pass=example", &exposure, &falloff])
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    let config = config(&["stages.new_pass=example", &exposure, &falloff])?;
+    let shown = Some(("new_pass.apply", "colour"));
+    linear(render(&gpu, &builtin("courtyard")?, &config, SIZE, 2, shown)?).map(Some)
 }
 
 #[test]

@@ -1,0 +1,322 @@
+//! What a scene is made of, in numbers: enough for an effect to say whether it has anything to do.
+use super::odds::{luminance, mean_emission, shines};
+use super::supply::{Thing, things};
+use super::{AlphaMode, Animator, Instance, Light, Material, Mesh, Scene};
+use crate::ray::Bounds;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::PI;
+
+/// Bins of a [`Histogram`].
+pub const BINS: usize = 16;
+/// Where the last of them begins.
+const LAST_BIN: f64 = (BINS - 1) as f64 / BINS as f64;
+/// Textures are read at the largest mip that is at most this wide and high.
+const TEXELS: u32 = 256;
+
+/// Shares of a scene's surface, by area, over a number from 0 to 1: bin `i` holds what lies from `i / 16` on. They sum to 1, or to 0 where
+/// there is no surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[serde(transparent)]
+pub struct Histogram(pub [f64; BINS]);
+
+impl Histogram {
+    fn add(&mut self, value: f64, weight: f64) {
+        self.0[((value * BINS as f64) as usize).min(BINS - 1)] += weight;
+    }
+
+    /// The share from a value on, which is rounded down to the border of a bin.
+    #[must_use]
+    pub fn from(&self, value: f64) -> f64 {
+        self.0[((value * BINS as f64) as usize).min(BINS)..].iter().sum()
+    }
+}
+
+/// The kind of a light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LightKind {
+    /// Parallel light.
+    Directional,
+    /// A point that shines in every direction.
+    Point,
+    /// A cone.
+    Spot,
+    /// A rectangle that shines from one side.
+    Rectangle,
+    /// A disc that shines from one side.
+    Disc,
+    /// A sphere.
+    Sphere,
+}
+
+/// One light of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LightFacts {
+    /// What it is.
+    pub kind: LightKind,
+    /// Luminous flux over 683 lm/W, as it is dimmed now. Of directional light what falls through a disc as wide as the scene.
+    pub power: f64,
+    /// The same undimmed.
+    pub full_power: f64,
+    /// It has an extent, so that its shadows have penumbrae.
+    pub has_extent: bool,
+}
+
+/// What a scene is made of. Shares are of its surface by area, in the rest pose.
+///
+/// Gathered once from the scene in memory, without a device. What can change while frames go on is kept up: the power of lights.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct SceneFacts {
+    /// The lights, in the order of the scene.
+    pub lights: Vec<LightFacts>,
+    /// A light moves.
+    pub lights_move: bool,
+    /// Surface of all instances, m².
+    pub area: f64,
+    /// Surface that lights others by its emission, m²: emissive texels alone, less what alpha takes.
+    pub emissive_area: f64,
+    /// Its luminous flux over 683 lm/W.
+    pub emissive_power: f64,
+    /// Perceptual roughness.
+    pub roughness: Histogram,
+    /// Metalness.
+    pub metalness: Histogram,
+    /// Share that reflects diffusely at all: all but what is metal throughout.
+    pub diffuse: f64,
+    /// Share that has a specular reflection at all: all but dielectrics whose reflection KHR_materials_specular takes away.
+    pub specular: f64,
+    /// Share whose alpha is tested.
+    pub alpha_tested: f64,
+    /// Share that is blended.
+    pub blended: f64,
+    /// Share that light goes through (KHR_materials_transmission).
+    pub transmissive: f64,
+    /// Share that moves or deforms.
+    pub moving: f64,
+    /// Light may go straight through an instance: thin smooth glass, or blended surfaces that do not cover all.
+    pub lets_light_through: bool,
+    /// A material reflects otherwise than a dielectric of index 1.5 or a metal: [`Material::has_own_specular`].
+    pub has_own_specular: bool,
+    /// A sky or an environment map surrounds the scene, and is not black.
+    pub has_sky: bool,
+    /// A box around all instances in the rest pose: its lower and upper corner, metres; `None` where there are none.
+    pub bounds: Option<[[f64; 3]; 2]>,
+    /// How many instances.
+    pub instances: u32,
+    /// Triangles of all instances.
+    pub triangles: u64,
+    /// Procedural spheres of all instances.
+    pub spheres: u64,
+}
+
+impl SceneFacts {
+    /// Gathers those of a scene.
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
+        let (animator, things) = (Animator::new(scene), things(scene));
+        let one = |(index, (instance, thing)): (usize, (&Instance, &Thing<'_>))| {
+            InstanceFacts::new(scene, instance, thing, animator.moves(index) || animator.changes(index))
+        };
+        let all: Vec<InstanceFacts> = scene.instances.par_iter().zip(&things).enumerate().map(one).collect();
+        let mut facts = Self {
+            lights_move: (0..scene.lights.len()).any(|light| animator.moves_light(light)),
+            has_sky: scene.environment.as_ref().map_or(scene.daylight.is_some(), |e| !e.is_black()),
+            instances: scene.instances.len() as u32,
+            lets_light_through: scene.instances.iter().any(|i| lets_light_through(scene, i)),
+            has_own_specular: scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular()),
+            ..Self::default()
+        };
+        let area: f64 = all.iter().map(|i| i.area).sum();
+        for instance in &all {
+            facts.add(instance, if area > 0.0 { instance.area / area } else { 0.0 });
+        }
+        facts.area = area;
+        let bounds = all.iter().filter_map(|i| i.bounds).reduce(around);
+        facts.bounds = bounds.map(|corners| corners.map(|corner| corner.to_array()));
+        let radius = bounds.map_or(0.0, |[min, max]| 0.5 * (max - min).length());
+        facts.lights = scene.lights.iter().map(|light| LightFacts::new(light, radius)).collect();
+        facts
+    }
+
+    /// Adds an instance with this share of the surface.
+    fn add(&mut self, i: &InstanceFacts, share: f64) {
+        let of = |is: bool| if is { share } else { 0.0 };
+        self.emissive_area += i.emissive_area;
+        self.emissive_power += i.emissive_power;
+        for (sum, own) in [(&mut self.roughness, &i.roughness), (&mut self.metalness, &i.metalness)] {
+            sum.0.iter_mut().zip(own.0).for_each(|(sum, own)| *sum += share * own);
+        }
+        self.diffuse += of(i.diffuse);
+        self.specular += of(i.specular);
+        self.alpha_tested += of(i.alpha_tested);
+        self.blended += of(i.blended);
+        self.transmissive += of(i.transmissive);
+        self.moving += of(i.moving);
+        self.triangles += i.triangles;
+        self.spheres += i.spheres;
+    }
+
+    /// The lights that shine, as they are dimmed now.
+    pub fn shining(&self) -> impl Iterator<Item = &LightFacts> {
+        self.lights.iter().filter(|light| light.power > 0.0)
+    }
+
+    /// A surface lights others by its emission.
+    #[must_use]
+    pub fn emits(&self) -> bool {
+        self.emissive_power > 0.0
+    }
+
+    /// Multiplies the power of a light with a factor. Nothing where there is no such light.
+    pub(crate) fn dim(&mut self, light: usize, factor: f32) {
+        if let Some(light) = self.lights.get_mut(light) {
+            light.power = light.full_power * f64::from(factor);
+        }
+    }
+}
+
+impl LightFacts {
+    /// A light of a scene of this radius, metres.
+    fn new(light: &Light, radius: f64) -> Self {
+        let (kind, full_power, has_extent) = match light {
+            Light::Directional { illuminance, angular_radius, .. } => {
+                (LightKind::Directional, PI * radius * radius * luminance(*illuminance), *angular_radius > 0.0)
+            }
+            Light::Point { intensity, .. } => (LightKind::Point, 4.0 * PI * luminance(*intensity), false),
+            Light::Spot { intensity, outer, .. } => {
+                (LightKind::Spot, 2.0 * PI * (1.0 - f64::from(*outer).cos()) * luminance(*intensity), false)
+            }
+            Light::Rectangle { half_u, half_v, radiance, .. } => {
+                let area = 4.0 * f64::from(half_u.cross(*half_v).length());
+                (LightKind::Rectangle, PI * area * luminance(*radiance), true)
+            }
+            Light::Disc { radius, radiance, .. } => {
+                (LightKind::Disc, PI * PI * f64::from(*radius).powi(2) * luminance(*radiance), true)
+            }
+            Light::Sphere { radius, radiance, .. } => {
+                (LightKind::Sphere, 4.0 * PI * PI * f64::from(*radius).powi(2) * luminance(*radiance), true)
+            }
+        };
+        Self { kind, power: full_power, full_power, has_extent }
+    }
+}
+
+/// What one instance adds.
+struct InstanceFacts {
+    area: f64,
+    emissive_area: f64,
+    emissive_power: f64,
+    roughness: Histogram,
+    metalness: Histogram,
+    diffuse: bool,
+    specular: bool,
+    alpha_tested: bool,
+    blended: bool,
+    transmissive: bool,
+    moving: bool,
+    triangles: u64,
+    spheres: u64,
+    bounds: Option<[DVec3; 2]>,
+}
+
+impl InstanceFacts {
+    fn new(scene: &Scene, instance: &Instance, thing: &Thing<'_>, moving: bool) -> Self {
+        let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
+        let shines = shines(scene, instance);
+        let sides = if material.double_sided { 2.0 } else { 1.0 };
+        let [mut area, mut emissive_area, mut emissive_power] = [0.0; 3];
+        let full = luminance(material.emission);
+        let mut add = |piece: f64, sides: f64, emission: f64| {
+            // A triangle thrown out of the world by its transform has no area that could be added up.
+            if piece.is_finite() && piece > 0.0 {
+                area += piece;
+                emissive_area += piece * emission / full.max(f64::MIN_POSITIVE);
+                emissive_power += PI * sides * piece * emission;
+            }
+        };
+        for corners in mesh.indices.chunks_exact(3) {
+            let [a, b, c] =
+                [0, 1, 2].map(|k| thing.world.transform_point3(thing.positions[corners[k] as usize].as_dvec3()));
+            let emission = if shines { mean_emission(scene, material, mesh, corners) } else { 0.0 };
+            add(0.5 * (b - a).cross(c - a).length(), sides, emission);
+        }
+        for (_, ball) in &thing.balls {
+            add(4.0 * PI * ball.determinant().abs().powf(2.0 / 3.0), 1.0, if shines { full } else { 0.0 });
+        }
+        let [roughness, metalness] = surfaces(scene, material);
+        Self {
+            area,
+            emissive_area,
+            emissive_power,
+            roughness,
+            metalness,
+            diffuse: material.metalness < 1.0 || metalness.from(LAST_BIN) < 1.0 - 1e-9,
+            specular: material.specular > 0.0 || metalness.from(1.0 / BINS as f64) > 0.0,
+            alpha_tested: matches!(material.alpha, AlphaMode::Mask(_)),
+            blended: material.alpha == AlphaMode::Blend,
+            transmissive: material.transmission > 0.0,
+            moving,
+            triangles: mesh.indices.len() as u64 / 3,
+            spheres: mesh.spheres.len() as u64,
+            bounds: bounds(thing),
+        }
+    }
+}
+
+/// The box around two.
+fn around([min, max]: [DVec3; 2], [lower, upper]: [DVec3; 2]) -> [DVec3; 2] {
+    [min.min(lower), max.max(upper)]
+}
+
+/// A box around an instance.
+fn bounds(thing: &Thing<'_>) -> Option<[DVec3; 2]> {
+    let own = Bounds::of_points(&thing.positions);
+    let corners = if own.is_empty() { 0..0 } else { 0..8 };
+    let corners = corners.map(|k: u32| {
+        let upper = glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0);
+        [thing.world.transform_point3(Vec3::select(upper, own.max, own.min).as_dvec3()); 2]
+    });
+    let balls = thing.balls.iter().map(|(centre, shape)| {
+        let reach = DVec3::from_array([0, 1, 2].map(|axis| shape.row(axis).length()));
+        [*centre - reach, *centre + reach]
+    });
+    corners.chain(balls).filter(|[min, max]| min.is_finite() && max.is_finite()).reduce(around)
+}
+
+/// Perceptual roughness and metalness of a material: its factors, times the texels of its texture as though all of them were used alike.
+fn surfaces(scene: &Scene, material: &Material) -> [Histogram; 2] {
+    let [mut roughness, mut metalness] = [Histogram::default(); 2];
+    let texture = material.metallic_roughness_texture.and_then(|used| scene.textures.get(used.texture as usize));
+    let Some(texture) = texture else {
+        roughness.add(f64::from(material.roughness), 1.0);
+        metalness.add(f64::from(material.metalness), 1.0);
+        return [roughness, metalness];
+    };
+    let small = |mip: &usize| texture.mip_size(*mip).iter().all(|side| *side <= TEXELS);
+    let texels = &texture.mips[(0..texture.mips.len()).find(small).unwrap_or(texture.mips.len() - 1)];
+    let weight = 4.0 / texels.len() as f64;
+    for texel in texels.chunks_exact(4) {
+        roughness.add(f64::from(material.roughness) * f64::from(texel[1]) / 255.0, weight);
+        metalness.add(f64::from(material.metalness) * f64::from(texel[2]) / 255.0, weight);
+    }
+    [roughness, metalness]
+}
+
+/// Whether light may go straight through an instance. Of materials that are blended but cover all, none does.
+pub(super) fn lets_light_through(scene: &Scene, instance: &Instance) -> bool {
+    let material = &scene.materials[instance.material as usize];
+    material.is_clear() || material.alpha == AlphaMode::Blend && !covers_all(scene, instance)
+}
+
+/// Whether the alpha of a blended instance is 1 everywhere.
+fn covers_all(scene: &Scene, instance: &Instance) -> bool {
+    let (material, mesh): (&Material, &Mesh) =
+        (&scene.materials[instance.material as usize], &scene.meshes[instance.mesh as usize]);
+    let texels = material.base_colour_texture.and_then(|used| scene.textures.get(used.texture as usize));
+    let is_opaque = |mip: &Vec<u8>| mip.iter().skip(3).step_by(4).all(|alpha| *alpha == u8::MAX);
+    material.base_colour.w >= 1.0
+        && mesh.colours.iter().all(|colour| colour.w >= 1.0)
+        && texels.is_none_or(|texture| texture.mips.first().is_none_or(is_opaque))
+}

@@ -1,0 +1,99 @@
+//! What the constructor of an effect gets: the pipelines of a device, or, where a frame is only planned, descriptions of them.
+
+use magpie_shaders::{RayShader, Rays, SamplerId, Shader};
+
+use super::SlotError;
+use crate::{
+    gpu::{Gpu, GpuError, Kernel, Pipelines, RasterDesc, RasterKernel, RayKernel},
+    graph::Format,
+    scene::Wrap,
+};
+
+/// What the constructor of an effect gets. Pipelines are described here, and made when a pass first records one: describe all that the
+/// settings allow, and let [`Effect::add`](super::Effect::add) choose.
+#[derive(Clone, Copy, Debug)]
+pub struct Build<'a> {
+    pipelines: &'a Pipelines,
+    gpu: Option<&'a Gpu>,
+    /// How rays are traced.
+    pub rays: Rays,
+}
+
+impl<'a> Build<'a> {
+    /// For frames that run on a device.
+    #[must_use]
+    pub fn new(gpu: &'a Gpu, rays: Rays) -> Self {
+        Self { pipelines: gpu.pipelines(), gpu: Some(gpu), rays }
+    }
+
+    /// For frames that are declared and planned, but do not run. There is no device.
+    #[must_use]
+    pub fn without_device(pipelines: &'a Pipelines, rays: Rays) -> Self {
+        Self { pipelines, gpu: None, rays }
+    }
+
+    /// The device, for effects that cannot be made without one.
+    ///
+    /// # Errors
+    /// [`SlotError::NoDevice`] where a frame is only planned.
+    pub fn gpu(&self) -> Result<&'a Gpu, SlotError> {
+        self.gpu.ok_or(SlotError::NoDevice)
+    }
+
+    /// The compute pipeline of an embedded shader.
+    ///
+    /// # Errors
+    /// [`SlotError::Other`] where the shader is faulty: [`Pipelines::kernel`].
+    pub fn kernel(&self, shader: &Shader) -> Result<Kernel, SlotError> {
+        self.pipelines.kernel(shader).map_err(SlotError::other)
+    }
+
+    /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
+    ///
+    /// # Errors
+    /// As [`Build::kernel`].
+    pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, SlotError> {
+        self.pipelines.kernel_from_words(name, words).map_err(SlotError::other)
+    }
+
+    /// The pipeline of a ray pass, for the way in which rays are traced.
+    ///
+    /// # Errors
+    /// As [`Build::kernel`], and where the device cannot trace so.
+    pub fn ray_kernel(&self, shader: &RayShader) -> Result<RayKernel, SlotError> {
+        self.can_trace()?;
+        self.pipelines.ray_kernel(shader, self.rays).map_err(SlotError::other)
+    }
+
+    /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for [`Build::rays`].
+    ///
+    /// # Errors
+    /// As [`Build::ray_kernel`].
+    pub fn ray_kernel_from_words(&self, name: &str, words: &[u32]) -> Result<RayKernel, SlotError> {
+        self.can_trace()?;
+        self.pipelines.ray_kernel_from_words(name, words, self.rays).map_err(SlotError::other)
+    }
+
+    /// A graphics pipeline.
+    ///
+    /// # Errors
+    /// As [`Build::kernel`].
+    pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, SlotError> {
+        self.pipelines.raster_kernel(desc).map_err(SlotError::other)
+    }
+
+    /// As [`Gpu::bilinear`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn bilinear(&self, format: Format, wrap: [Wrap; 2]) -> Result<SamplerId, SlotError> {
+        // A frame that does not run samples nothing.
+        self.gpu.map_or(Ok(SamplerId::default()), |gpu| gpu.bilinear(format, wrap)).map_err(SlotError::other)
+    }
+
+    fn can_trace(&self) -> Result<(), SlotError> {
+        self.gpu
+            .map_or(Ok(()), |gpu: &Gpu| -> Result<(), GpuError> { gpu.check_rays(self.rays) })
+            .map_err(SlotError::other)
+    }
+}
