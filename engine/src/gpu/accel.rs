@@ -1,4 +1,4 @@
-//! The driver's acceleration structures: sizes, builds, updates, compaction.
+//! Acceleration structures built by the driver: sizes, builds, refits, compaction.
 use super::device::Garbage;
 use super::{Buffer, CommandEncoder, Gpu, GpuError};
 use ash::vk;
@@ -6,92 +6,92 @@ use bytemuck::{Pod, Zeroable};
 use magpie_shaders::Address;
 use std::sync::Arc;
 
-/// What an acceleration structure is built from.
+/// Geometry or instances that an acceleration structure is built from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AccelGeometry {
-    /// A bottom level of triangles. Whether any-hit shaders run is up to the instances.
+    /// A bottom level of triangles. The flags of each instance decide whether any-hit shaders run.
     Triangles {
-        /// Three `f32` per vertex.
+        /// Vertex positions, three `f32` each.
         positions: Address,
-        /// How many vertices.
+        /// Number of vertices.
         vertices: u32,
-        /// Three `u32` per triangle.
+        /// Vertex indices, three `u32` per triangle.
         indices: Address,
-        /// How many triangles.
+        /// Number of triangles.
         triangles: u32,
     },
-    /// A bottom level of boxes around procedural shapes.
+    /// A bottom level of bounding boxes of procedural primitives.
     Boxes {
-        /// Least and greatest corner of each, six `f32`.
+        /// Minimum and maximum corner of each box, six `f32`.
         boxes: Address,
-        /// How many boxes.
+        /// Number of boxes.
         count: u32,
     },
     /// A top level.
     Instances {
-        /// [`AccelInstance`] table.
+        /// Table of [`AccelInstance`]s.
         instances: Address,
-        /// How many instances.
+        /// Number of instances.
         count: u32,
     },
 }
 
-/// What an acceleration structure is and will be used for.
+/// How an acceleration structure is built and used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AccelDesc {
     /// What it is built from.
     pub geometry: AccelGeometry,
-    /// It is built often: a fast build counts more than fast rays.
+    /// Prefer fast builds over fast traversal, for structures that are rebuilt often.
     pub fast_build: bool,
-    /// It can be refitted.
+    /// Allow refits.
     pub update: bool,
-    /// It can be compacted.
+    /// Allow compaction.
     pub compact: bool,
 }
 
-/// Bytes that an acceleration structure takes.
+/// Memory that an acceleration structure needs, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AccelSizes {
     /// The structure itself.
     pub bytes: u64,
-    /// Working memory of a build.
+    /// Scratch memory of a build, alignment included.
     pub build_scratch: u64,
-    /// Working memory of a refit.
+    /// Scratch memory of a refit, alignment included.
     pub refit_scratch: u64,
 }
 
 /// An instance as the driver's top level reads it (`VkAccelerationStructureInstanceKHR`).
 ///
-/// Front is where the corners run counter-clockwise in object space: Vulkan's default, which is clockwise in a left-handed system.
-/// `VK_GEOMETRY_INSTANCE_TRIANGLE_FRONT_COUNTERCLOCKWISE_BIT_KHR` would turn it round.
+/// A face is front-facing if its corners run counter-clockwise in object space. This is Vulkan's default, which the specification
+/// states as clockwise in a left-handed system; `VK_GEOMETRY_INSTANCE_TRIANGLE_FRONT_COUNTERCLOCKWISE_BIT_KHR` would reverse it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct AccelInstance {
-    /// World from object, three rows.
+    /// Transform from object to world space, three rows.
     pub world_from_object: [[f32; 4]; 3],
-    /// Index that shaders see in the low 24 bits, mask in the high 8.
+    /// Index that shaders see in the low 24 bits, visibility mask in the high 8.
     pub index_and_mask: u32,
-    /// Hit group in the low 24 bits, [`AccelInstance::DOUBLE_SIDED`] and such in the high 8.
+    /// Offset of the hit group in the low 24 bits, flags such as [`AccelInstance::DOUBLE_SIDED`] in the high 8.
     pub group_and_flags: u32,
-    /// Address of the bottom level.
+    /// Device address of the bottom level.
     pub bottom: [u32; 2],
 }
 
 impl AccelInstance {
-    /// Rays go through none of its faces for their side.
+    /// Rays hit its faces from both sides: facing culling is off.
     pub const DOUBLE_SIDED: u32 = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw() << 24;
-    /// A shader decides about each of its hits.
+    /// Shaders decide about every hit, for alpha-tested and blended materials.
     pub const NOT_OPAQUE: u32 = vk::GeometryInstanceFlagsKHR::FORCE_NO_OPAQUE.as_raw() << 24;
-    /// Instances that a top level can tell apart.
+    /// Largest number of instances in a top level, since their index has 24 bits.
     pub const LIMIT: u32 = 1 << 24;
 
-    /// The index that shaders see.
+    /// The index that shaders see, below [`AccelInstance::LIMIT`].
     pub fn index(&self) -> u32 {
         self.index_and_mask & (Self::LIMIT - 1)
     }
 }
 
-/// An acceleration structure in a piece of a buffer. Freed when dropped, after the device is done with it.
+/// An acceleration structure in a range of a buffer. It is freed after it is dropped and the device has finished using it.
 pub struct Accel {
     gpu: Gpu,
     pub(super) raw: vk::AccelerationStructureKHR,
@@ -102,13 +102,13 @@ pub struct Accel {
 }
 
 impl Accel {
-    /// Alignment of its place in a buffer, bytes.
+    /// Alignment of its offset in a buffer, bytes.
     pub const ALIGN: u64 = 256;
 
-    /// An acceleration structure, not built yet, in `bytes` bytes of a buffer.
+    /// An acceleration structure in `bytes` bytes of a buffer. It must be built before use.
     ///
     /// # Errors
-    /// [`GpuError::MissingExtension`] where the driver has none, and failing calls.
+    /// [`GpuError::MissingExtension`] if the driver has no acceleration structures, and failed Vulkan calls.
     pub fn new(gpu: &Gpu, buffer: &Arc<Buffer>, offset: u64, bytes: u64, top: bool) -> Result<Self, GpuError> {
         let calls = gpu.0.ray_calls()?;
         let kind = if top {
@@ -130,23 +130,23 @@ impl Accel {
     /// An acceleration structure in a buffer of its own.
     ///
     /// # Errors
-    /// As [`Accel::new`], and exhausted memory.
+    /// As [`Accel::new`], and [`GpuError::OutOfMemory`].
     pub fn alone(gpu: &Gpu, name: &str, bytes: u64, top: bool) -> Result<Self, GpuError> {
         let buffer = Buffer::new(gpu, name, bytes, super::BufferMemory::Device, super::BufferUse::Storage)?;
         Self::new(gpu, &Arc::new(buffer), 0, bytes, top)
     }
 
-    /// Its address, as instances and shaders know it.
+    /// Device address, as instances and shaders use it.
     pub fn address(&self) -> Address {
         self.address
     }
 
-    /// Bytes that it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Where it lies.
+    /// The buffer that it is in, and its offset there.
     pub fn place(&self) -> (&Arc<Buffer>, u64) {
         (&self.buffer, self.offset)
     }
@@ -154,12 +154,12 @@ impl Accel {
 
 impl Drop for Accel {
     fn drop(&mut self) {
-        // The buffer is let go of after this, so it is freed after this.
+        // The buffer is dropped after this, so it is freed later than the structure.
         self.gpu.0.discard(Garbage::Accel(self.raw));
     }
 }
 
-/// The one geometry of a build in Vulkan's words, and how many primitives it has.
+/// The single geometry of a build as a Vulkan struct, its number of primitives, and whether it is a top level.
 fn geometry(geometry: AccelGeometry) -> (vk::AccelerationStructureGeometryKHR<'static>, u32, bool) {
     let at = |address: Address| vk::DeviceOrHostAddressConstKHR { device_address: address.get() };
     let (kind, data, count) = match geometry {
@@ -205,10 +205,10 @@ fn build_info(desc: &AccelDesc, top: bool) -> vk::AccelerationStructureBuildGeom
 }
 
 impl Gpu {
-    /// How large an acceleration structure will be.
+    /// Memory requirements of an acceleration structure.
     ///
     /// # Errors
-    /// [`GpuError::MissingExtension`] where the driver has none.
+    /// [`GpuError::MissingExtension`] if the driver has no acceleration structures.
     pub fn accel_sizes(&self, desc: &AccelDesc) -> Result<AccelSizes, GpuError> {
         let calls = self.0.ray_calls()?;
         let (geometry, count, top) = geometry(desc.geometry);
@@ -218,7 +218,7 @@ impl Gpu {
         let host = vk::AccelerationStructureBuildTypeKHR::DEVICE;
         // SAFETY: `info` describes one geometry, and there is one count.
         unsafe { calls.accel.get_acceleration_structure_build_sizes(host, &info, &[count], &mut sizes) };
-        // Scratch is placed at some offset of a shared buffer: room for its alignment is added here.
+        // Scratch memory may be at any offset of a shared buffer, so room for its alignment is added.
         let align = u64::from(self.0.ray_support.scratch_align);
         Ok(AccelSizes {
             bytes: sizes.acceleration_structure_size,
@@ -228,17 +228,17 @@ impl Gpu {
     }
 }
 
-/// Where the device notes how small structures can become, one number for each.
+/// A query pool in which the device stores the compacted sizes of structures.
 pub struct CompactedSizes {
     gpu: Gpu,
     pool: vk::QueryPool,
 }
 
 impl CompactedSizes {
-    /// Room for `count` sizes.
+    /// A pool for `count` sizes.
     ///
     /// # Errors
-    /// Failing calls.
+    /// The pool could not be created.
     pub fn new(gpu: &Gpu, count: u32) -> Result<Self, GpuError> {
         let info = vk::QueryPoolCreateInfo::default()
             .query_type(vk::QueryType::ACCELERATION_STRUCTURE_COMPACTED_SIZE_KHR)
@@ -259,7 +259,7 @@ impl Drop for CompactedSizes {
 }
 
 impl CommandEncoder {
-    /// Builds `target`, or refits it to what its geometry is now. `scratch` has the room that [`Gpu::accel_sizes`] says.
+    /// Builds `target`, or refits it to its current geometry. `scratch` must have the size that [`Gpu::accel_sizes`] returns.
     pub fn build_accel(&mut self, desc: &AccelDesc, refit: bool, target: &Accel, scratch: Address) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
@@ -279,7 +279,7 @@ impl CommandEncoder {
         unsafe { calls.accel.cmd_build_acceleration_structures(self.raw(), &[info], &[&ranges[..]]) };
     }
 
-    /// Writes how small structures can become to a buffer: eight bytes each, from `offset` on.
+    /// Writes the compacted sizes to a buffer from `offset` on, as one 64-bit word each.
     pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes, (target, offset): (&Buffer, u64)) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
@@ -294,7 +294,7 @@ impl CommandEncoder {
         }
     }
 
-    /// Copies a structure into a smaller one.
+    /// Compacts a structure into one that has the compacted size.
     pub fn compact_accel(&mut self, source: &Accel, target: &Accel) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };

@@ -1,9 +1,9 @@
-//! Accesses of the graph as Vulkan stages, access masks and layouts.
+//! Translates accesses of the graph to Vulkan pipeline stages, access masks and layouts.
 use super::Gpu;
 use crate::graph::{Access, Domain, Layout, Uses};
 use ash::vk;
 
-/// Stages and kinds of access on one side of a barrier.
+/// The stages and accesses on one side of a barrier.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Scope {
     pub(super) stages: vk::PipelineStageFlags2,
@@ -11,7 +11,7 @@ pub(crate) struct Scope {
 }
 
 impl Scope {
-    /// Everything that came before, in any stage.
+    /// All stages and all accesses.
     pub const EVERYTHING: Self = Self {
         stages: vk::PipelineStageFlags2::ALL_COMMANDS,
         access: vk::AccessFlags2::from_raw(
@@ -40,7 +40,7 @@ impl Scope {
             ),
             Access::Sample => (shaders, vk::AccessFlags2::SHADER_SAMPLED_READ),
             Access::StorageRead | Access::BufferRead => (shaders, storage_read),
-            // Magpie's own tree is plain memory, the driver's is not.
+            // A BVH for tracing in software is plain memory; one of the driver's is not.
             Access::Trace => (shaders, storage_read | vk::AccessFlags2::ACCELERATION_STRUCTURE_READ_KHR),
             Access::StorageWrite | Access::BufferWrite => (shaders, storage_write),
             Access::StorageReadWrite | Access::BufferReadWrite => (shaders, storage_read | storage_write),
@@ -65,7 +65,7 @@ impl Scope {
         Self { stages, access }
     }
 
-    /// Uses that must be over. None at all wait for nothing; what a batch waited for is over in every stage.
+    /// The first scope of a barrier. No uses wait for nothing; uses that the batch waited for are ordered before all stages.
     pub fn before(uses: Uses) -> Self {
         if uses.is_any() {
             return Self::EVERYTHING.available();
@@ -78,7 +78,7 @@ impl Scope {
         uses.iter().map(|(access, domain)| Self::of(access, domain).available()).fold(waited, std::ops::BitOr::bitor)
     }
 
-    /// Uses that wait. None at all stand for another queue, which waits for everything.
+    /// The second scope of a barrier. No uses stand for another queue, whose semaphore wait covers all stages.
     pub fn after(uses: Uses) -> Self {
         if uses.is_any() {
             return Self::EVERYTHING;
@@ -89,7 +89,7 @@ impl Scope {
         uses.iter().map(|(access, domain)| Self::of(access, domain)).fold(Self::default(), std::ops::BitOr::bitor)
     }
 
-    /// As the first half of a barrier: only writes have anything to make available.
+    /// As the first scope of a barrier, which needs only the write accesses.
     pub(super) fn available(self) -> Self {
         const WRITES: vk::AccessFlags2 = vk::AccessFlags2::from_raw(
             vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw()
@@ -104,10 +104,10 @@ impl Scope {
 }
 
 impl Gpu {
-    /// A scope in the words that this device knows.
+    /// A scope with only the stages and accesses that this device supports.
     ///
-    /// Ray passes may be compute shaders or ray-tracing pipelines, so what waits for the one waits for the other. Reads of
-    /// acceleration structures may be named together with compute shaders only where those can read them, by ray queries.
+    /// Ray passes may be compute shaders or ray-tracing pipelines, so a barrier for one covers both. Compute shaders may be
+    /// paired with reads of acceleration structures only if the device has ray queries.
     pub(super) fn fit(&self, mut scope: Scope) -> Scope {
         let support = &self.0.ray_support;
         if support.pipeline && scope.stages.contains(vk::PipelineStageFlags2::COMPUTE_SHADER) {

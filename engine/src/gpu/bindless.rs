@@ -1,4 +1,4 @@
-//! The one descriptor set: sampled images, storage images and samplers, addressed by index.
+//! The bindless descriptor set: sampled images, storage images and samplers, addressed by index.
 use super::GpuError;
 use super::device::lock;
 use crate::scene::{Sampler, Wrap};
@@ -8,8 +8,8 @@ use magpie_shaders::{SampledImage, SamplerId, StorageImage};
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Mutex;
 
-/// Places in the set: enough for big scenes, below every desktop driver's limit, and small enough for one set per pass when
-/// the validation layers are on.
+/// Descriptors in the set: enough for large scenes, below every desktop driver's limit, and small enough for one set per pass
+/// when the validation layers are on.
 const SAMPLED: u32 = 8_192;
 const STORAGE: u32 = 1_024;
 const SAMPLERS: u32 = 128;
@@ -26,18 +26,18 @@ pub(super) struct Bindless {
     pool: vk::DescriptorPool,
     sampled: Mutex<Slots>,
     storage: Mutex<Slots>,
-    /// Sampled images that no pass of a frame writes: textures.
+    /// Indices of sampled images that no pass writes, which are the textures.
     textures: Mutex<BTreeSet<u32>>,
     samplers: Mutex<HashMap<Sampler, (u32, vk::Sampler)>>,
     anisotropy: f32,
 }
 
-/// An index as shaders take it: the only place where one is made of a number. `T` is one of the three types of indices.
+/// Makes an index for shaders from a number, which happens nowhere else. `T` is one of the three index types.
 pub(super) fn place<T: Pod>(index: u32) -> T {
     bytemuck::cast(index)
 }
 
-/// Indices that are free again, then those never used.
+/// Allocator of indices: those that were freed first, then those never used.
 struct Slots {
     free: Vec<u32>,
     next: u32,
@@ -97,7 +97,7 @@ impl Bindless {
         })
     }
 
-    /// A place for a sampled image; `texture` says that no pass of a frame writes it.
+    /// Adds a sampled image and returns its index. `texture` means that no pass writes it.
     pub fn add_sampled(&self, device: &ash::Device, view: vk::ImageView, texture: bool) -> Result<u32, GpuError> {
         let index = lock(&self.sampled).take()?;
         if texture {
@@ -141,13 +141,13 @@ impl Bindless {
         lock(&self.storage).free.extend(storage);
     }
 
-    /// Images with a place, sampled and storage together, beside the two that stand for none.
+    /// Number of sampled and storage images in the set, without the two placeholders at index 0.
     pub fn in_use(&self) -> u32 {
         let taken = |slots: &Slots| (slots.next - slots.free.len() as u32).saturating_sub(1);
         taken(&lock(&self.sampled)) + taken(&lock(&self.storage))
     }
 
-    /// The sampler with these properties, made when first asked for.
+    /// The sampler with these properties; created on first use.
     pub fn sampler(&self, device: &ash::Device, wanted: Sampler) -> Result<SamplerId, GpuError> {
         let mut known = lock(&self.samplers);
         if let Some((index, _)) = known.get(&wanted) {
@@ -210,7 +210,7 @@ impl Bindless {
     }
 }
 
-/// A set of this layout from a pool of its own.
+/// A descriptor set of this layout, from a pool of its own.
 fn allocate(
     device: &ash::Device,
     layout: vk::DescriptorSetLayout,
@@ -237,10 +237,10 @@ fn allocate(
     }
 }
 
-/// The part of the bindless set that one pass declared: its images, every texture and sampler.
+/// The part of the bindless set that one pass uses: its images, and all textures and samplers.
 ///
-/// Synchronization validation cannot know which elements of the set a shader reads and takes every element for read. With a set
-/// per pass, what it sees is what the pass declared. Only used with the validation layers on.
+/// Synchronization validation cannot know which elements of an array a shader reads, and assumes all of them. With a set per
+/// pass, it assumes what the pass declared. Only used with the validation layers on.
 pub(crate) struct PassSet {
     gpu: super::Gpu,
     pool: vk::DescriptorPool,
@@ -279,10 +279,10 @@ impl Drop for PassSet {
 }
 
 impl super::Gpu {
-    /// The bindless index of a sampler, made when first asked for.
+    /// The bindless index of a sampler; created on first use.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] after 128 different samplers.
+    /// [`GpuError::Limit`] if there are 128 different samplers already.
     pub fn sampler(&self, wanted: Sampler) -> Result<SamplerId, GpuError> {
         self.0.bindless.sampler(self.raw(), wanted)
     }

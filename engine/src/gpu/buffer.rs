@@ -1,4 +1,4 @@
-//! Buffers, reached from shaders by device address.
+//! Buffers, which shaders access by device address.
 use super::device::{Garbage, lock};
 use super::heap::Heap;
 use super::rays::RaySupport;
@@ -9,32 +9,32 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use magpie_shaders::Address;
 use std::sync::Arc;
 
-/// Where a buffer's memory lives.
+/// Where a buffer's memory is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BufferMemory {
-    /// Fast for the device, out of the host's reach.
+    /// Device memory that the host cannot access.
     Device,
-    /// Written by the host, read by the device.
+    /// Host-visible memory, written by the host and read by the device.
     Upload,
-    /// Written by the device, read by the host.
+    /// Host-visible memory, written by the device and read by the host.
     ReadBack,
 }
 
-/// What a buffer is for, beyond being addressed and copied, which every buffer can be.
+/// Usage of a buffer. Every buffer can be copied, and accessed by its device address.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BufferUse {
-    /// Shaders read and write it by address.
+    /// Read and written by shaders.
     #[default]
     Storage,
-    /// Indices of draws as well.
+    /// Also an index buffer.
     Index,
-    /// Arguments of indirect draws and dispatches as well.
+    /// Also arguments of indirect draws and dispatches.
     Indirect,
     /// All of these.
     Any,
 }
 
-/// A buffer. Freed when dropped, after the device is done with it.
+/// A buffer. It is freed after it is dropped and the device has finished using it.
 pub struct Buffer {
     gpu: Gpu,
     pub(super) raw: vk::Buffer,
@@ -45,10 +45,10 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// Makes a buffer of `bytes` bytes (at least 4 are taken).
+    /// A buffer of `bytes` bytes, at least 4.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] beyond the largest buffer of the device, [`GpuError::OutOfMemory`] with the name and size.
+    /// [`GpuError::Limit`] above the device's largest buffer size, [`GpuError::OutOfMemory`] with the name and size.
     pub fn new(gpu: &Gpu, name: &str, bytes: u64, memory: BufferMemory, usage: BufferUse) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let size = bytes.max(4);
@@ -105,10 +105,10 @@ impl Buffer {
         Ok(made)
     }
 
-    /// Makes one buffer over all of a heap, for whatever lies in it.
+    /// A buffer that spans a whole heap, with every usage.
     ///
     /// # Errors
-    /// Failing calls.
+    /// Vulkan calls that failed.
     pub(crate) fn over(gpu: &Gpu, name: &str, heap: &Arc<Heap>) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let info = vk::BufferCreateInfo::default()
@@ -140,17 +140,17 @@ impl Buffer {
         self.gpu.name_object(self.raw, &self.name);
     }
 
-    /// Its device address.
+    /// Device address, for shaders.
     pub fn address(&self) -> Address {
         self.address
     }
 
-    /// Its size in bytes.
+    /// Size in bytes, at least 4.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Its name.
+    /// Name in errors and captures.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -158,19 +158,19 @@ impl Buffer {
     /// Copies `data` to `offset`. The device must not be reading that range.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] past the end, or when the host cannot reach the memory.
+    /// [`GpuError::Limit`] if the range ends past the buffer, or if the host cannot access the memory.
     pub fn write(&mut self, offset: u64, data: &[u8]) -> Result<(), GpuError> {
         let (bytes, name) = (self.bytes, &self.name);
         let end = offset.saturating_add(data.len() as u64);
         let past = || GpuError::Limit { what: format!("write to {name}"), wanted: end, limit: bytes };
         let mapped = self.memory.own_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(past)?;
-        // The memory may be longer than the buffer.
+        // The mapped memory may be longer than the buffer.
         let range = if end <= bytes { mapped.get_mut(offset as usize..end as usize) } else { None };
         range.ok_or_else(past)?.copy_from_slice(data);
         Ok(())
     }
 
-    /// What it is made of, for someone else to free.
+    /// Takes its handle and memory, which the caller must free. `None` if it is in a heap.
     pub(super) fn into_parts(mut self) -> Option<(vk::Buffer, Allocation)> {
         match std::mem::replace(&mut self.memory, Memory::Gone) {
             Memory::Own(memory) => Some((self.raw, memory)),
@@ -181,7 +181,7 @@ impl Buffer {
         }
     }
 
-    /// The contents, as far as the host can reach them: empty for device memory.
+    /// The contents as the host sees them; empty for device memory.
     pub fn contents(&self) -> &[u8] {
         let mapped = self.memory.own().and_then(Allocation::mapped_slice).unwrap_or(&[]);
         &mapped[..mapped.len().min(self.bytes as usize)]
@@ -199,14 +199,14 @@ impl Drop for Buffer {
     }
 }
 
-/// Where a buffer's bytes are.
+/// The memory behind a buffer.
 enum Memory {
     Own(Allocation),
-    /// In a heap, which it keeps alive.
+    /// A range of a heap, which it keeps alive.
     Placed {
         _heap: Arc<Heap>,
     },
-    /// Handed to the garbage.
+    /// Moved to the garbage list.
     Gone,
 }
 
@@ -220,19 +220,19 @@ impl Memory {
     }
 }
 
-/// What every buffer can be.
+/// Usage of every buffer.
 const BASIC: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS.as_raw()
         | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
-/// What the transients of a frame can be.
+/// Usage of the buffer behind the transients of a frame.
 const EVERYTHING: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     BASIC.as_raw() | vk::BufferUsageFlags::INDEX_BUFFER.as_raw() | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw(),
 );
 
-/// Every queue may use it: for buffers that costs nothing.
+/// Concurrent sharing between all queue families. For buffers this costs nothing.
 fn shared<'a>(info: vk::BufferCreateInfo<'a>, families: &'a [u32]) -> vk::BufferCreateInfo<'a> {
     if families.len() > 1 {
         info.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(families)
@@ -241,7 +241,7 @@ fn shared<'a>(info: vk::BufferCreateInfo<'a>, families: &'a [u32]) -> vk::Buffer
     }
 }
 
-/// Memory types that the transients of a frame can lie in, as bits.
+/// Bit mask of the memory types that the buffer behind the transients can be in.
 pub(super) fn memory_types(device: &ash::Device, rays: RaySupport) -> u32 {
     let info = vk::BufferCreateInfo::default().size(1 << 16).usage(EVERYTHING | rays.buffer_usage());
     let question = vk::DeviceBufferMemoryRequirements::default().create_info(&info);

@@ -1,4 +1,4 @@
-//! Which devices Magpie accepts, and why it refuses the others.
+//! Decides which devices are accepted, and says why others are refused.
 use super::instance::Instance;
 use super::rays::RaySupport;
 use super::{GpuError, format};
@@ -9,10 +9,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::ffi::CStr;
 
-/// A Vulkan device as `magpie devices` shows it.
+/// A Vulkan device, as `magpie devices` lists it.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceReport {
-    /// Position in the loader's list: what `--device 0` means.
+    /// Position in the loader's list, which `--device` accepts.
     pub index: usize,
     /// Name, as the driver gives it.
     pub name: String,
@@ -20,39 +20,39 @@ pub struct DeviceReport {
     pub driver: String,
     /// `cpu`, `integrated`, `discrete`, `virtual` or `other`.
     pub kind: &'static str,
-    /// Vulkan version.
+    /// Vulkan version, as `major.minor.patch`.
     pub api: String,
-    /// Magpie runs on it.
+    /// Whether Magpie runs on it.
     pub accepted: bool,
-    /// What is missing, one sentence each.
+    /// What it lacks, one sentence each; empty if it is accepted.
     pub refusals: Vec<String>,
-    /// Ways to trace a ray: `software` always, `query` and `pipeline` where the driver has them.
+    /// Ways to trace rays: always `software`, and `query` and `pipeline` if the driver has them.
     pub rays: Vec<&'static str>,
-    /// Samplers blend the texels of 32-bit float images. Where they do not, shaders do.
+    /// Whether samplers filter 32-bit float images linearly. If not, shaders do.
     pub filters_float32: bool,
-    /// Queue families.
+    /// Its queue families, in the order of their indices.
     pub queues: Vec<QueueFamilyReport>,
-    /// Limits that matter.
+    /// Limits that Magpie depends on, by name; the unit is in the name.
     pub limits: BTreeMap<&'static str, u64>,
 }
 
-/// A queue family.
+/// A queue family of a device.
 #[derive(Clone, Debug, Serialize)]
 pub struct QueueFamilyReport {
     /// Index of the family.
     pub family: u32,
-    /// How many queues it has.
+    /// Number of queues in the family.
     pub count: u32,
-    /// `graphics`, `compute`, `transfer`.
+    /// What the queues can do: `graphics`, `compute`, `transfer`.
     pub can: Vec<&'static str>,
     /// Valid bits of a timestamp; 0 means that it cannot be timed.
     pub timestamp_bits: u32,
 }
 
-/// Lists every Vulkan device with what it can do and why it is refused, if it is.
+/// Lists all Vulkan devices, with their features and the reasons why they are refused.
 ///
 /// # Errors
-/// [`GpuError::NoLoader`] and failing calls.
+/// [`GpuError::NoLoader`] and failed Vulkan calls.
 pub fn devices() -> Result<Vec<DeviceReport>, GpuError> {
     let instance = Instance::new(false)?;
     let physical = enumerate(&instance)?;
@@ -64,7 +64,7 @@ fn enumerate(instance: &Instance) -> Result<Vec<vk::PhysicalDevice>, GpuError> {
     unsafe { instance.raw.enumerate_physical_devices() }.map_err(GpuError::call("vkEnumeratePhysicalDevices"))
 }
 
-/// The device that `wanted` names (an index or a part of a name), else the best accepted one.
+/// The device that `wanted` selects by index or by a part of its name, or else the best accepted one.
 pub(super) fn choose(
     instance: &Instance,
     wanted: Option<&str>,
@@ -97,7 +97,7 @@ pub(super) fn choose(
     Ok((physical[chosen.index], chosen.clone()))
 }
 
-/// The extensions of a device, by name.
+/// Names of a device's extensions.
 pub(super) fn extensions(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
     // SAFETY: the handle comes from this instance.
     let list = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
@@ -190,10 +190,10 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
     }
 }
 
-/// Images that the G-buffer pass draws into at once.
+/// Number of colour attachments of the G-buffer pass.
 const COLOUR_ATTACHMENTS: u32 = 6;
 
-/// What the frame does with each format, beyond what Vulkan guarantees.
+/// Features that the frame needs of each format, beyond those that Vulkan guarantees.
 const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
     (Format::Rgba16Snorm, ATTACHMENT),
     (Format::Rgba16Float, ATTACHMENT),
@@ -217,13 +217,13 @@ const STORAGE: vk::FormatFeatureFlags = vk::FormatFeatureFlags::from_raw(
     vk::FormatFeatureFlags::STORAGE_IMAGE.as_raw() | vk::FormatFeatureFlags::SAMPLED_IMAGE.as_raw(),
 );
 
-/// The first family that does graphics and compute and can be timed.
+/// The first family with graphics, compute and timestamps.
 pub(super) fn graphics_family(families: &[vk::QueueFamilyProperties]) -> Option<u32> {
     let wanted = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     families.iter().zip(0..).find(|(f, _)| f.queue_flags.contains(wanted) && f.timestamp_valid_bits > 0).map(|(_, i)| i)
 }
 
-/// The family of a queue beside the one for graphics: the one that can do the least that it must.
+/// The family for a queue. Beside graphics, the first family that supports the queue's work and no more general work.
 pub(super) fn family_for(queue: Queue, families: &[vk::QueueFamilyProperties]) -> Option<u32> {
     let (must, must_not) = match queue {
         Queue::Graphics => return graphics_family(families),
@@ -231,21 +231,21 @@ pub(super) fn family_for(queue: Queue, families: &[vk::QueueFamilyProperties]) -
         Queue::Transfer => (vk::QueueFlags::TRANSFER, vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE),
     };
     let suits = |f: &vk::QueueFamilyProperties| {
-        // Image copies of a transfer queue must reach every pixel.
+        // Copies on a transfer queue must be able to reach every pixel.
         let whole = queue != Queue::Transfer || f.min_image_transfer_granularity.width == 1;
         f.queue_flags.contains(must) && !f.queue_flags.intersects(must_not) && f.timestamp_valid_bits > 0 && whole
     };
     families.iter().zip(0..).find(|(f, _)| suits(f)).map(|(_, i)| i)
 }
 
-/// The features of the floor, as they are asked for when the device is opened.
+/// The required features, as they are enabled when the device is opened.
 pub(super) struct Features {
     pub core: vk::PhysicalDeviceFeatures,
     pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
     pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
 }
 
-/// Everything that the frame cannot do without.
+/// All features that the frame needs.
 pub(super) fn needed() -> Features {
     Features {
         core: vk::PhysicalDeviceFeatures::default()
@@ -256,7 +256,7 @@ pub(super) fn needed() -> Features {
             .fragment_stores_and_atomics(true)
             .vertex_pipeline_stores_and_atomics(true)
             .full_draw_index_uint32(true)
-            .geometry_shader(true), // the primitive id in fragment shaders
+            .geometry_shader(true), // for the primitive id in fragment shaders
         v12: vk::PhysicalDeviceVulkan12Features::default()
             .descriptor_indexing(true)
             .runtime_descriptor_array(true)
@@ -277,7 +277,7 @@ pub(super) fn needed() -> Features {
     }
 }
 
-/// Names of the needed features that the device lacks.
+/// Names of the required features that the device lacks.
 fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();

@@ -1,4 +1,4 @@
-//! One opened device and everything that lives as long as it does.
+//! An opened device, and everything that lives as long as it does.
 use super::GpuError;
 use super::bindless::Bindless;
 use super::choice::{self, DeviceReport};
@@ -17,21 +17,21 @@ use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// How to open a device.
+/// Options for opening a device.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// Index or part of the name; the best accepted device when `None`.
+    /// Index, or part of the name; `None` takes the best accepted device.
     pub device: Option<String>,
-    /// Turn the validation layers on, synchronization validation included. Up to 1.3.239 at least, they may crash when a device is opened or
-    /// closed while another thread uses one (Vulkan-ValidationLayers, issue 4391).
+    /// Enable the validation layers with synchronization validation. Up to version 1.3.239 at least, they may crash if a device
+    /// is opened or closed while another thread uses one (Vulkan-ValidationLayers, issue 4391).
     pub validation: bool,
-    /// Ways to trace that the driver has and that are left turned off, as if it had not.
+    /// Ways to trace rays that are not enabled even if the driver has them.
     pub without_rays: Vec<Rays>,
-    /// Leave the filtering of 32-bit floats by samplers unused, as if the device had not got it: shaders blend texels themselves then.
+    /// Do not filter 32-bit float images with samplers, even if the device can; shaders then filter them.
     pub without_float_filter: bool,
 }
 
-/// One opened device. Clones share it.
+/// An opened device. Clones share it.
 #[derive(Clone)]
 pub struct Gpu(pub(super) Arc<Inner>);
 
@@ -40,29 +40,29 @@ pub(super) struct Inner {
     pub bindless: Bindless,
     pub pipelines: Arc<Pipelines>,
     pub pipeline_layout: vk::PipelineLayout,
-    /// One per [`Queue`]; the first counts frames.
+    /// One per [`Queue`]. The timeline of the first one orders the freeing of resources.
     pub lanes: [Lane; Queue::ALL.len()],
-    /// The families of the lanes, each once.
+    /// The queue families in use, each once, ascending.
     pub families: Vec<u32>,
-    /// Memory types that buffers can lie in, as bits.
+    /// Bit mask of the memory types for buffers.
     pub buffer_types: u32,
     /// Properties of each memory type.
     pub memory_types: Vec<vk::MemoryPropertyFlags>,
-    /// Images and buffers that share memory keep this far apart, bytes.
+    /// Least distance between images and buffers in the same memory, bytes (`bufferImageGranularity`).
     pub granularity: u64,
     garbage: Mutex<Vec<(u64, Garbage)>>,
-    /// What stands at place 0 of the bindless set.
+    /// The placeholder images at index 0 of the bindless set.
     nothing: Mutex<Vec<Garbage>>,
     cache: vk::PipelineCache,
     cache_file: Option<std::path::PathBuf>,
-    /// One call can draw several times what a buffer says.
+    /// Whether one call can issue several indirect draws.
     pub multi_draw_indirect: bool,
     pub timestamp_period: f64,
-    /// Bits that every queue's timestamps have: only those can be compared.
+    /// Number of valid bits in the timestamps of every queue; more cannot be compared between queues.
     pub timestamp_bits: u32,
     pub pipeline_statistics: bool,
     pub calibrated: Option<ext::calibrated_timestamps::Device>,
-    /// Words that the device writes into a buffer on its way through the commands.
+    /// VK_AMD_buffer_marker, which writes words to a buffer as the device executes commands.
     pub markers: Option<amd::buffer_marker::Device>,
     pub labels: Option<ext::debug_utils::Device>,
     pub ray_support: RaySupport,
@@ -76,7 +76,7 @@ pub(super) struct Inner {
     logical: Logical,
 }
 
-/// The logical device and its instance; dropped last, also when opening fails half-way.
+/// The logical device and its instance. Dropped last, and also if opening fails half-way.
 struct Logical {
     raw: ash::Device,
     instance: Instance,
@@ -89,7 +89,7 @@ impl Drop for Logical {
     }
 }
 
-/// What waits for the device before it is freed.
+/// Objects to be freed once the device has finished using them.
 pub(super) enum Garbage {
     Buffer(vk::Buffer, Allocation),
     Image {
@@ -97,7 +97,7 @@ pub(super) enum Garbage {
         views: Vec<vk::ImageView>,
         sampled: Vec<u32>,
         storage: Vec<u32>,
-        /// None where it lies in a heap of someone else's.
+        /// `None` if it is in a heap, which owns the memory.
         memory: Option<Allocation>,
     },
     PlacedBuffer(vk::Buffer),
@@ -105,17 +105,17 @@ pub(super) enum Garbage {
     Memory(Allocation),
 }
 
-/// A lock whose holder panicked still guards valid data here: every critical section leaves it whole.
+/// Locks a mutex even if it is poisoned: every critical section leaves its data valid.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Gpu {
-    /// Opens a device.
+    /// Opens a device according to `options`.
     ///
     /// # Errors
     /// [`GpuError::NoLoader`], [`GpuError::NoDevice`] with every reason, [`GpuError::UnknownDevice`], [`GpuError::MissingLayer`],
-    /// and failing calls.
+    /// and failed Vulkan calls.
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
         let instance = Instance::new(options.validation)?;
         let (physical, mut report) = choice::choose(&instance, options.device.as_deref())?;
@@ -129,7 +129,7 @@ impl Gpu {
         let family = choice::graphics_family(&families)
             .ok_or_else(|| GpuError::NoDevice { refusals: report.refusals.clone() })?;
 
-        // The logical device.
+        // Create the logical device.
         let available = choice::extensions(&instance, physical);
         let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
         let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
@@ -178,7 +178,7 @@ impl Gpu {
         let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
         let memory_types = memory.memory_types_as_slice().iter().map(|t| t.property_flags).collect();
 
-        // Memory, descriptors, pipelines.
+        // Create the allocator, the descriptor set and the pipeline layout.
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),
             device: raw.clone(),
@@ -239,7 +239,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// What the device is and can do.
+    /// Properties of the device.
     pub fn report(&self) -> &DeviceReport {
         &self.0.report
     }
@@ -248,33 +248,33 @@ impl Gpu {
         self.0.without_float_filter
     }
 
-    /// The validation layers are on.
+    /// Whether the validation layers are on.
     pub fn validates(&self) -> bool {
         self.0.validation
     }
 
-    /// For whoever was asked to heed the validation layers: without them, nothing would ever be found.
+    /// Checks that validation messages can be reported at all, for callers that rely on them.
     ///
     /// # Errors
-    /// [`GpuError::NotValidated`] where they are off.
+    /// [`GpuError::NotValidated`] if the validation layers are off.
     pub fn need_validation(&self) -> Result<(), GpuError> {
         let device = self.report().name.clone();
         if self.validates() { Ok(()) } else { Err(GpuError::NotValidated { device }) }
     }
 
-    /// Messages of the validation layers since the last call.
+    /// Takes the validation messages since the last call.
     ///
     /// # Errors
-    /// [`GpuError::Validation`] when there is any.
+    /// [`GpuError::Validation`] if there are any.
     pub fn check_validation(&self) -> Result<(), GpuError> {
         let messages = self.0.logical.instance.messages.take();
         if messages.is_empty() { Ok(()) } else { Err(GpuError::Validation { messages }) }
     }
 
-    /// Waits until the device has done all that was submitted, then frees what waited for it.
+    /// Waits until all submitted frames and uploads are done, then frees the resources that were dropped before.
     ///
     /// # Errors
-    /// [`GpuError::DeviceLost`].
+    /// [`GpuError::DeviceLost`], and other failed Vulkan calls.
     pub fn wait_idle(&self) -> Result<(), GpuError> {
         let last = self.0.timeline().last();
         self.0.timeline().wait(&self.0.raw, last)?;
@@ -282,7 +282,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// Bytes of device memory in use, and how many images have places in the bindless set: for tests that look for leaks.
+    /// Bytes of device memory in use, and number of images in the bindless set. Tests use it to find leaks.
     pub fn in_use(&self) -> (u64, u32) {
         let report = lock(&self.0.allocator).generate_report();
         (report.total_allocated_bytes, self.0.bindless.in_use())
@@ -292,7 +292,7 @@ impl Gpu {
         &self.0.raw
     }
 
-    /// What the device does with images of a format that lie as it likes.
+    /// Features of a format in optimal tiling.
     pub(super) fn format_features(&self, format: vk::Format) -> vk::FormatFeatureFlags {
         let instance = &self.0.logical.instance.raw;
         // SAFETY: the physical device belongs to the instance, which lives as long as the device.
@@ -305,23 +305,23 @@ impl Gpu {
 }
 
 impl Inner {
-    /// The calls of the driver's ray tracing.
+    /// Functions of the ray tracing extensions.
     pub fn ray_calls(&self) -> Result<&RayCalls, GpuError> {
         let name = "VK_KHR_acceleration_structure";
         self.ray_calls.as_ref().ok_or(GpuError::MissingExtension { name, needed_for: "the driver traces no rays" })
     }
 
-    /// The timeline of the graphics queue, which ends every frame and every upload.
+    /// Timeline of the graphics queue, on which every frame and every upload ends.
     pub fn timeline(&self) -> &Timeline {
         &self.lanes[Queue::Graphics.index()].timeline
     }
 
-    /// Frees `what` once everything that was submitted so far is done.
+    /// Frees `what` once everything submitted so far is done.
     pub fn discard(&self, what: Garbage) {
         lock(&self.garbage).push((self.timeline().last(), what));
     }
 
-    /// Frees what the device no longer uses.
+    /// Frees the resources that the device has finished using.
     pub fn collect(&self) {
         let done = self.timeline().done(&self.raw);
         let mut free = Vec::new();

@@ -1,4 +1,4 @@
-//! Recording commands. Safe to call; only the graph's execution does, in the order that its plan proved right.
+//! Command recording. Its methods are safe to call, but only the graph's execution does so, in an order that the plan has checked.
 use super::access::{self, Scope};
 use super::bindless::PassSet;
 use super::pipeline::PUSH_BYTES;
@@ -9,26 +9,26 @@ use crate::graph::{Extent, Layout, Part, Queue, Uses};
 use ash::vk;
 use std::ffi::{CStr, CString};
 
-/// One command pool with one command buffer, recorded anew each time it is free.
+/// A command pool with one command buffer, which can be recorded again once the device has finished it.
 pub(crate) struct CommandEncoder {
     gpu: Gpu,
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
-    /// Its queue runs compute shaders.
+    /// Whether its queue family supports compute.
     computes: bool,
-    /// Its queue draws.
+    /// Whether its queue family supports graphics.
     draws: bool,
-    /// Pipelines bound now: for compute, for drawing, for rays.
+    /// Currently bound pipelines: compute, graphics, ray tracing.
     bound: [Option<u32>; 3],
     pub(super) counting: Option<Counting>,
 }
 
-/// Waits for some uses, then lets others see what they wrote, wherever it is.
+/// Waits for some uses, and makes their writes visible to others, without naming a resource.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 pub(crate) struct MemoryBarrier(vk::MemoryBarrier2<'static>);
 
-/// Waits for some uses, then lets others see a part of an image in its new layout.
+/// Waits for some uses of a part of an image, makes their writes visible to others, and may change its layout.
 #[derive(Clone, Copy)]
 #[repr(transparent)]
 pub(crate) struct ImageBarrier(vk::ImageMemoryBarrier2<'static>);
@@ -54,8 +54,8 @@ impl MemoryBarrier {
         )
     }
 
-    /// One barrier that does what both do, where they differ only in what they wait for, in who waits, or in kinds of access: the
-    /// same stages wait for the same stages.
+    /// Merges `other` into this barrier if both have the same stages on both sides, or if they differ on only one side. Returns
+    /// whether it did; the merged barrier does what both do.
     pub fn join(&mut self, other: &Self) -> bool {
         let (a, b) = (&mut self.0, &other.0);
         let same_from = (a.src_stage_mask, a.src_access_mask) == (b.src_stage_mask, b.src_access_mask);
@@ -73,7 +73,7 @@ impl MemoryBarrier {
 }
 
 impl ImageBarrier {
-    /// `families` are those that a change of ownership goes from and to.
+    /// `families` are the releasing and the acquiring queue family of an ownership transfer.
     pub fn new(
         image: &Image,
         part: Part,
@@ -99,31 +99,31 @@ impl ImageBarrier {
         )
     }
 
-    /// The same for another image of the same kind.
+    /// Replaces the image by one with the same format, mips and layers.
     pub fn set_image(&mut self, image: &Image) {
         self.0.image = image.raw;
     }
 }
 
-/// A target of a draw list.
+/// A render target of a pass.
 pub(crate) struct Attachment<'a> {
     pub image: &'a Image,
-    /// One mip of one layer of it, prepared unless it is the first of both.
+    /// The mip and layer that is rendered to. Unless it is mip 0 of layer 0, it must have been prepared.
     pub part: Part,
-    /// Cleared to this value; `None` keeps what is there. Depth reads the first number.
+    /// Clear value; `None` loads the contents. For depth only the first number counts.
     pub clear: Option<[f32; 4]>,
-    /// Somebody reads the result.
+    /// Whether the result is read later, so that it must be stored.
     pub store: bool,
 }
 
-/// Which faces are not drawn.
+/// Which faces are culled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Cull {
-    /// Both are drawn.
+    /// No faces.
     None,
-    /// Back faces; front faces wind counter-clockwise as seen from outside.
+    /// Back faces. Front faces wind counter-clockwise as seen from outside.
     Back,
-    /// Back faces of an instance that its transform mirrors: fronts wind clockwise.
+    /// Back faces of an instance whose transform mirrors: front faces wind clockwise.
     BackMirrored,
 }
 
@@ -136,7 +136,7 @@ pub(crate) struct DrawRange {
     pub cull: Cull,
 }
 
-/// Part of an image in a buffer: rows without gaps.
+/// A part of an image in a buffer, with tightly packed rows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageRegion {
     pub buffer_offset: u64,
@@ -145,7 +145,7 @@ pub(crate) struct ImageRegion {
 }
 
 impl CommandEncoder {
-    /// Commands for a queue.
+    /// An encoder for a queue.
     pub fn new(gpu: &Gpu, queue: Queue) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let info = vk::CommandPoolCreateInfo::default()
@@ -180,7 +180,7 @@ impl CommandEncoder {
         &self.gpu
     }
 
-    /// What a pipeline was called when it was made.
+    /// Name of a pipeline, by its index.
     pub fn pipeline_name(&self, index: u32) -> String {
         self.gpu.0.pipelines.name(index)
     }
@@ -190,7 +190,7 @@ impl CommandEncoder {
         self.gpu.make_pipeline(index)
     }
 
-    /// Begins anew. The device must be done with what was recorded before.
+    /// Starts recording again. The device must have finished the previous submission.
     pub fn begin(&mut self) -> Result<(), GpuError> {
         let device = self.gpu.raw();
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
@@ -207,7 +207,7 @@ impl CommandEncoder {
         Ok(())
     }
 
-    /// Everything that follows sees this set instead of the whole.
+    /// Binds this set in place of the whole bindless set for all following commands.
     pub fn bind_pass_set(&mut self, set: &PassSet) {
         self.bind(set.set);
     }
@@ -230,7 +230,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().end_command_buffer(self.buffer) }.map_err(GpuError::call("vkEndCommandBuffer"))
     }
 
-    /// One batch of barriers. House rule: only `graph/execute/` calls this.
+    /// Records barriers in one call. A house rule allows only `graph/execute/` to call this.
     pub fn barriers(&mut self, memory: &[MemoryBarrier], images: &[ImageBarrier]) {
         // SAFETY: both are transparent wrappers of the structs that Vulkan takes.
         let (memory, images) = unsafe {
@@ -244,13 +244,13 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    /// A barrier that waits for nothing: drivers that put off work begin it here.
+    /// An empty barrier, which makes drivers that defer work start it.
     pub(super) fn flush(&mut self) {
         // SAFETY: the command buffer is recording, outside of rendering.
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &vk::DependencyInfo::default()) };
     }
 
-    /// Brings the one mip of an image of the device's own from a layout to another, once everything before is done.
+    /// Changes the layout of an image of the device's own with one mip, after everything before it is done.
     pub(super) fn settle(&mut self, image: &Image, from: vk::ImageLayout, to: vk::ImageLayout) {
         let everything = Scope::EVERYTHING;
         let barrier = [vk::ImageMemoryBarrier2::default()
@@ -269,7 +269,8 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    /// Everything before it is done and seen by everything after it, the host included. Called as [`Self::barriers`] is.
+    /// Makes everything before it visible to everything after it, the host included. The same house rule as for
+    /// [`Self::barriers`] applies.
     pub fn full_barrier(&mut self) {
         let (from, to) = (Scope::EVERYTHING.available(), Scope::EVERYTHING);
         let barrier = [vk::MemoryBarrier2::default()
@@ -282,7 +283,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
     }
 
-    /// Begins drawing into these targets, over all of `extent`, which is the size of each part.
+    /// Begins rendering to these attachments. `extent` is the size of each of them.
     pub fn begin_rendering(&mut self, extent: Extent, colours: &[Attachment<'_>], depth: Option<&Attachment<'_>>) {
         let info = |a: &Attachment<'_>, layout| {
             let is_depth = a.image.format().is_depth();
@@ -328,7 +329,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_end_rendering(self.buffer) };
     }
 
-    /// The caller compared their size with what the pipeline reads and with the limit.
+    /// Sets push constants. The caller has checked their size against the pipeline and the limit.
     fn push(&mut self, params: &[u8]) {
         debug_assert!(params.len() <= PUSH_BYTES as usize);
         let layout = self.gpu.0.pipeline_layout;
@@ -338,7 +339,7 @@ impl CommandEncoder {
         }
     }
 
-    /// Parameters of a ray pass, and in the last eight bytes the root of the scene's tables, for hit shaders.
+    /// Sets the parameters of a ray pass, and the address of the scene's tables in the last eight bytes, for hit shaders.
     pub(super) fn push_rays(&mut self, params: &[u8], scene: magpie_shaders::Address) {
         const ROOT: u32 = RAY_PUSH_BYTES;
         self.push(params);
@@ -373,7 +374,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_dispatch(self.buffer, groups[0], groups[1], groups[2]) };
     }
 
-    /// Dispatches as many groups as three words at `offset` say, which may be zero.
+    /// Dispatches the number of workgroups that three words of a buffer at `offset` say; any of them may be zero.
     pub fn dispatch_indirect(&mut self, kernel: Kernel, params: &[u8], groups: &Buffer, offset: u64) {
         self.begin_dispatch(kernel, params);
         // SAFETY: the command buffer is recording outside of rendering, with pipeline and bindless set bound; the caller keeps the
@@ -381,7 +382,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset) };
     }
 
-    /// Draws `count` times what five words each, from `offset` on, say.
+    /// Issues `count` indirect draws, with five words each from `offset` on.
     pub fn draw_indirect(
         &mut self,
         kernel: RasterKernel,
@@ -429,7 +430,7 @@ impl CommandEncoder {
         }
     }
 
-    /// Draws ranges of the indices that begin at `first_byte`.
+    /// Draws ranges of the index buffer, which starts at `first_byte`.
     pub fn draw(
         &mut self,
         kernel: RasterKernel,
@@ -458,13 +459,13 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_fill_buffer(self.buffer, buffer.raw, 0, vk::WHOLE_SIZE, 0) };
     }
 
-    /// Fills some bytes of a buffer with zeros; offset and count are multiples of four.
+    /// Fills a range of a buffer with zeros. Offset and size must be multiples of four.
     pub fn clear_range(&mut self, buffer: &Buffer, offset: u64, bytes: u64) {
         // SAFETY: as above; the caller keeps the range inside of the buffer.
         unsafe { self.gpu.raw().cmd_fill_buffer(self.buffer, buffer.raw, offset, bytes, 0) };
     }
 
-    /// Fills an image, which is the target of copies now, with zeros.
+    /// Fills an image with zeros. It must be in the layout for copy targets.
     pub fn clear_image(&mut self, image: &Image) {
         let (device, layout) = (self.gpu.raw(), vk::ImageLayout::TRANSFER_DST_OPTIMAL);
         let range = [image.range(Part::ALL.of(image.mips(), image.layers()))];
@@ -479,7 +480,7 @@ impl CommandEncoder {
         }
     }
 
-    /// Fills some bytes of a buffer, at most 65536; offset and count are multiples of four.
+    /// Writes at most 65536 bytes to a buffer. Offset and size must be multiples of four.
     pub fn fill_buffer(&mut self, to: &Buffer, offset: u64, bytes: &[u8]) {
         if !bytes.is_empty() {
             // SAFETY: the command buffer is recording, outside of rendering; the caller keeps the range inside of the buffer.
@@ -500,7 +501,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_copy_buffer_to_image(self.buffer, from.raw, to.raw, layout, &regions) };
     }
 
-    /// Copies one pixel of one mip of one layer from the start of a buffer.
+    /// Copies one pixel from the start of a buffer to one mip of one layer.
     pub fn copy_pixel(&mut self, from: &Buffer, to: &Image, part: Part, [x, y]: [u32; 2]) {
         let layers = vk::ImageSubresourceLayers {
             aspect_mask: format::aspect(to.format()),
@@ -524,7 +525,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_copy_image_to_buffer(self.buffer, from.raw, layout, to.raw, &regions) };
     }
 
-    /// Copies a mip of all layers to one of the same size and format.
+    /// Copies all layers of a mip to a mip of the same size and format.
     pub fn copy_image(&mut self, from: &Image, from_mip: u32, to: &Image, to_mip: u32) {
         let layers = |image: &Image, mip: u32| vk::ImageSubresourceLayers {
             aspect_mask: format::aspect(image.format()),
@@ -544,10 +545,10 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_copy_image(self.buffer, from.raw, source, to.raw, target, &region) };
     }
 
-    /// Opens a named section for debuggers and profilers.
+    /// Opens a labelled region for debuggers and profilers.
     pub fn begin_label(&mut self, name: &str) {
         let Some(api) = &self.gpu.0.labels else { return };
-        // Ended by a zero, on the stack: labels of passes are short, and there is one for each.
+        // Zero-terminated, on the stack: labels are short, and there is one for every pass.
         let mut text = [0_u8; 128];
         let length = name.len().min(text.len() - 1);
         text[..length].copy_from_slice(&name.as_bytes()[..length]);
@@ -590,7 +591,7 @@ impl Drop for CommandEncoder {
 }
 
 impl Gpu {
-    /// Gives an object a name for debuggers and validation messages.
+    /// Sets the name of an object in debuggers and validation messages.
     pub(super) fn name_object(&self, object: impl vk::Handle, name: &str) {
         if let (Some(api), Ok(text)) = (&self.0.labels, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&text);

@@ -1,25 +1,25 @@
-//! What can go wrong on the device, by name.
+//! Errors of the GPU layer.
 use ash::vk;
 
-/// A failure of the GPU layer.
+/// An error of the GPU layer.
 #[derive(Debug, thiserror::Error)]
 pub enum GpuError {
     /// The Vulkan loader could not be opened.
     #[error("no Vulkan loader on this machine ({reason}); `cargo xtask setup` installs one")]
     NoLoader {
-        /// The loader's own message.
+        /// Message of the loader.
         reason: String,
     },
-    /// No device meets the floor.
+    /// No device meets the minimum requirements.
     #[error("no usable Vulkan device: {}", if .refusals.is_empty() { "the loader lists none".to_owned() } else { .refusals.join("; ") })]
     NoDevice {
         /// One entry per device: its name and why it is refused.
         refusals: Vec<String>,
     },
-    /// `--device` names no device.
+    /// `--device` matches no device.
     #[error("no Vulkan device is called {wanted:?}; known: {}", .known.join(", "))]
     UnknownDevice {
-        /// What was asked for.
+        /// The index or name that was asked for.
         wanted: String,
         /// Index and name of each device.
         known: Vec<String>,
@@ -27,101 +27,101 @@ pub enum GpuError {
     /// The validation layer was asked for and is not installed.
     #[error("the layer {name} is not installed; on Debian and Ubuntu it is in the package vulkan-validationlayers")]
     MissingLayer {
-        /// The layer.
+        /// Name of the layer.
         name: &'static str,
     },
-    /// An extension that a request needs.
+    /// An extension that an operation needs is missing.
     #[error("the extension {name} is missing: {needed_for}")]
     MissingExtension {
-        /// The extension.
+        /// Name of the extension.
         name: &'static str,
-        /// What cannot be done without it.
+        /// What cannot be done without it, as a sentence.
         needed_for: &'static str,
     },
-    /// The device cannot trace rays in the way that was asked for.
+    /// The device does not support the way to trace rays that was asked for.
     #[error("{device} cannot trace rays by {wanted}; it can by {}", .known.join(", "))]
     Rays {
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What was asked for.
+        /// The way that was asked for.
         wanted: &'static str,
-        /// What it can do.
+        /// The ways that it supports.
         known: Vec<&'static str>,
     },
-    /// The device stopped answering.
+    /// The device was lost.
     #[error("the device was lost during {during}")]
     DeviceLost {
-        /// The call that reported it.
+        /// The Vulkan call that reported it.
         during: &'static str,
     },
-    /// Memory ran out.
+    /// Memory allocation failed.
     #[error("out of memory for {what}{}", if *.bytes > 0 { format!(" ({bytes} bytes)") } else { String::new() })]
     OutOfMemory {
-        /// The resource, or the call that failed.
+        /// Name of the resource, or of the call that failed.
         what: String,
-        /// Its size; 0 when it is not known.
+        /// Size in bytes; 0 if it is not known.
         bytes: u64,
     },
-    /// A size is beyond a limit of the device.
+    /// A size is above a limit of the device.
     #[error("{what}: {wanted} is over the device's limit of {limit}")]
     Limit {
-        /// Which limit.
+        /// What the limit applies to.
         what: String,
-        /// What was asked for.
+        /// The value that was needed.
         wanted: u64,
-        /// What the device can do.
+        /// The device's limit.
         limit: u64,
     },
-    /// A pass records push constants that are not as large as the block of its shader.
+    /// The push constants that a pass records do not have the size of its shader's block.
     #[error(
         "pass {pass}: {kernel} reads {wanted} bytes of push constants, but the pass gives it {given}: the struct in Rust and the block in \
          GLSL must have the same fields"
     )]
     PushConstants {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The pipeline: in most cases the name of its shader.
+        /// Name of the pipeline, which is usually that of its shader.
         kernel: String,
-        /// Bytes that the shader's block takes, or the most that there can be.
+        /// Size that the shader declares, or the largest size that is allowed, bytes.
         wanted: u32,
-        /// Bytes that the pass gave.
+        /// Size that the pass gave, bytes.
         given: u32,
     },
-    /// SPIR-V that is not SPIR-V, or lacks what is needed.
+    /// Invalid SPIR-V, or SPIR-V without a declaration that is needed.
     #[error("shader {name}: {reason}")]
     Shader {
-        /// The shader's name.
+        /// Name of the shader.
         name: String,
-        /// What is wrong.
+        /// What is wrong with it.
         reason: String,
     },
-    /// Messages of the validation layers were asked for, but the device was opened without them.
+    /// Validation messages are needed, but the device was opened without the validation layers.
     #[error(
         "check was asked for, but {device} was opened without the validation layers: open it with GpuOptions {{ validation: true, .. }}, or \
          leave check off"
     )]
     NotValidated {
-        /// The device.
+        /// Name of the device.
         device: String,
     },
-    /// The validation layers complained.
+    /// The validation layers reported messages.
     #[error("{} message(s) from the validation layers, the first: {}", .messages.len(), .messages.first().map_or("", String::as_str))]
     Validation {
-        /// Their messages.
+        /// The messages, in the order in which they came.
         messages: Vec<String>,
     },
-    /// Any other failing call.
+    /// Any other call that failed.
     #[error("{call} failed: {code}")]
     Call {
-        /// The Vulkan function.
+        /// Name of the function.
         call: &'static str,
-        /// Its result.
+        /// Its result code or message.
         code: String,
     },
 }
 
 impl GpuError {
-    /// Names a failed Vulkan call; lost devices and exhausted memory get their own variants.
+    /// Converts the result of a failed Vulkan call. Device loss and lack of memory have their own variants.
     pub(super) fn call(call: &'static str) -> impl Fn(vk::Result) -> Self {
         move |result| match result {
             vk::Result::ERROR_DEVICE_LOST => Self::DeviceLost { during: call },

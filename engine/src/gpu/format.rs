@@ -1,4 +1,4 @@
-//! Formats of the graph as Vulkan formats.
+//! Translates formats of the graph to Vulkan.
 use super::bindless::place;
 use super::{Gpu, GpuError};
 use crate::graph::Format;
@@ -8,15 +8,15 @@ use magpie_shaders::SamplerId;
 use magpie_shaders::filter::{FETCHED, REPEATS_U, REPEATS_V};
 
 impl Gpu {
-    /// Whether samplers can blend the texels of images of this format. Vulkan lets devices leave out 32-bit floats.
+    /// Whether samplers can filter images of this format linearly. Vulkan does not guarantee this for 32-bit floats.
     pub fn filters(&self, format: Format) -> bool {
         let left_out = self.without_float_filter() && format.bytes_per_pixel() / format.channels() == 4;
         !left_out && self.format_features(vulkan(format)).contains(FILTER)
     }
 
-    /// How shaders filter an image of this format bilinearly, without mips, by `sample_bilinear` of `lib/bindless.glsl`: with a sampler
-    /// where the device filters it, else with four fetches, which give the same but for rounding. An image that goes on mirrored cannot be
-    /// fetched; its edges are continued.
+    /// How shaders filter an image of this format bilinearly at mip 0, for `sample_bilinear` of `lib/bindless.glsl`: with a
+    /// sampler if the device supports it, otherwise with four fetches, which give the same result up to rounding. Fetches cannot
+    /// mirror, so a mirrored image is clamped to its edge instead.
     ///
     /// # Errors
     /// As [`Gpu::sampler`].
@@ -29,7 +29,7 @@ impl Gpu {
     }
 }
 
-/// Samplers blend the texels of a format.
+/// Linear filtering by samplers.
 pub(super) const FILTER: vk::FormatFeatureFlags = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
 
 pub(super) fn vulkan(format: Format) -> vk::Format {
@@ -51,7 +51,7 @@ pub(super) fn vulkan(format: Format) -> vk::Format {
     }
 }
 
-/// Which part of an image of this format holds its values.
+/// The aspect of an image of this format.
 pub(super) fn aspect(format: Format) -> vk::ImageAspectFlags {
     if format.is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR }
 }

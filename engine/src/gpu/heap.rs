@@ -1,22 +1,22 @@
-//! Memory that several objects share, each in a place of its own or in turn.
+//! Device memory that several objects share, side by side or aliased.
 use super::device::{Garbage, lock};
 use super::{Gpu, GpuError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
-/// A piece of device memory. Freed when dropped, after the device is done with it.
+/// A block of device memory. It is freed after it is dropped and the device has finished using it.
 pub(crate) struct Heap {
     gpu: Gpu,
     memory: Option<Allocation>,
     bytes: u64,
 }
 
-/// Alignment of a heap's begin, bytes: no object of today's devices asks for more.
+/// Alignment of a heap, bytes: current devices need no more for any object.
 const ALIGN: u64 = 1 << 16;
 
 impl Heap {
-    /// So many bytes of memory of a type.
+    /// A heap of `bytes` bytes in memory type `kind`.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`].
@@ -37,12 +37,12 @@ impl Heap {
         Ok(Self { gpu: gpu.clone(), memory: Some(memory), bytes })
     }
 
-    /// Its size.
+    /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Where an object at `offset` is bound.
+    /// Memory and offset to bind an object at `offset` of the heap to.
     pub(super) fn place(&self, offset: u64) -> (vk::DeviceMemory, u64) {
         self.memory.as_ref().map_or((vk::DeviceMemory::null(), 0), |m| {
             // SAFETY: the memory lives as long as the heap, which whoever is bound to it holds.
@@ -60,8 +60,7 @@ impl Drop for Heap {
 }
 
 impl Gpu {
-    /// The memory type for objects that can lie in these types: one that is fast for the device, and the one that buffers lie in
-    /// where that is among them.
+    /// The memory type for objects that allow `types`: device-local, and the same as for buffers if possible.
     pub(super) fn memory_kind(&self, types: u32) -> u8 {
         let buffers = self.0.buffer_types.trailing_zeros() as u8;
         let fast = |t: &u8| {
@@ -77,7 +76,7 @@ impl Gpu {
         self.memory_kind(self.0.buffer_types)
     }
 
-    /// How far images and buffers keep apart in one heap, bytes.
+    /// Least distance between images and buffers in one heap, bytes.
     pub(crate) fn granularity(&self) -> u64 {
         self.0.granularity
     }

@@ -1,4 +1,4 @@
-//! Images with their places in the bindless set.
+//! Images, with their indices in the bindless set.
 use super::bindless::place;
 use super::device::{Garbage, lock};
 use super::heap::Heap;
@@ -10,18 +10,18 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use magpie_shaders::{SampledImage, StorageImage};
 use std::sync::{Arc, RwLock};
 
-/// What an image is for; copies are always possible.
+/// Usage of an image. Copies are always possible.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ImageUse {
-    /// Shaders sample or load it.
+    /// Sampled or fetched by shaders.
     pub sampled: bool,
-    /// Shaders store to it.
+    /// Storage image.
     pub storage: bool,
-    /// It is a colour or depth attachment.
+    /// Colour or depth attachment.
     pub attachment: bool,
 }
 
-/// An image as it is made.
+/// Everything needed to create an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct ImageInfo {
     pub format: Format,
@@ -29,22 +29,22 @@ pub(crate) struct ImageInfo {
     pub mips: u32,
     pub layers: u32,
     pub usage: ImageUse,
-    /// One queue at a time owns it; else all may use it at once.
+    /// Exclusive sharing mode: one queue family owns it at a time. Otherwise all queues may use it concurrently.
     pub exclusive: bool,
 }
 
-/// A two-dimensional image, or an array of them. Freed when dropped, after the device is done with it.
+/// A two-dimensional image or image array. It is freed after it is dropped and the device has finished using it.
 pub struct Image {
     pub(super) gpu: Gpu,
     pub(super) raw: vk::Image,
     view: vk::ImageView,
-    /// Mip 0 of layer 0, to draw to.
+    /// View of mip 0 of layer 0, for rendering.
     target: vk::ImageView,
-    /// Other parts to draw to.
+    /// Views of other parts, for rendering.
     targets: RwLock<Vec<(Part, vk::ImageView)>>,
     sampled: Option<u32>,
     storage: Option<u32>,
-    /// Places of parts of it.
+    /// Bindless indices of its parts.
     parts: RwLock<Vec<PartPlace>>,
     views: RwLock<Vec<vk::ImageView>>,
     memory: Option<Allocation>,
@@ -56,7 +56,7 @@ pub struct Image {
 /// Mip 0 of layer 0.
 const FIRST: Part = Part { mip: 0, mips: 1, layer: 0, layers: 1 };
 
-/// Where a part of an image is in the bindless set.
+/// Bindless index of a part of an image.
 #[derive(Clone, Copy)]
 struct PartPlace {
     part: Part,
@@ -65,10 +65,10 @@ struct PartPlace {
 }
 
 impl Image {
-    /// Makes an image with undefined contents, which every queue may use.
+    /// An image with one layer and undefined contents, which every queue may use.
     ///
     /// # Errors
-    /// [`GpuError::Limit`] for an edge beyond the device's or a full bindless set, [`GpuError::OutOfMemory`].
+    /// [`GpuError::Limit`] if a side is too long or the bindless set is full, [`GpuError::OutOfMemory`].
     pub fn new(
         gpu: &Gpu,
         name: &str,
@@ -80,7 +80,7 @@ impl Image {
         Self::with(gpu, name, ImageInfo { format, extent, mips, layers: 1, usage, exclusive: false })
     }
 
-    /// The same for any image.
+    /// An image with any properties.
     pub(crate) fn with(gpu: &Gpu, name: &str, info: ImageInfo) -> Result<Self, GpuError> {
         let device = gpu.raw();
         let raw = info.create(gpu, name)?;
@@ -107,7 +107,7 @@ impl Image {
         Self::bind(gpu, name, info, raw, place, (Some(memory), None, requirements.size))
     }
 
-    /// Makes an image in a heap. Whoever else has had these bytes must be done with them.
+    /// An image in a heap. Objects that it aliases must no longer be in use.
     pub(crate) fn placed(
         gpu: &Gpu,
         name: &str,
@@ -176,7 +176,7 @@ impl Image {
         Ok(view)
     }
 
-    /// Mips and layers in Vulkan's words.
+    /// The subresource range of a part.
     pub(super) fn range(&self, part: Part) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange {
             aspect_mask: format::aspect(self.info.format),
@@ -187,7 +187,7 @@ impl Image {
         }
     }
 
-    /// Gives a part its own places in the bindless set, if it has none yet and the whole's will not do.
+    /// Creates a view and a bindless index for a part, unless it has them or the whole image's will do.
     pub(crate) fn prepare(&self, part: Part, storage: bool) -> Result<(), GpuError> {
         if self.is_whole(part, storage) || self.part_place(part, storage).is_some() {
             return Ok(());
@@ -201,7 +201,7 @@ impl Image {
         Ok(())
     }
 
-    /// Makes a part, one mip of one layer, ready to be drawn to.
+    /// Creates a view to render to a part, which must be one mip of one layer.
     pub(crate) fn prepare_target(&self, part: Part) -> Result<(), GpuError> {
         if part == FIRST || self.other_target(part).is_some() {
             return Ok(());
@@ -216,7 +216,7 @@ impl Image {
         targets.iter().find(|(known, _)| *known == part).map(|(_, view)| *view)
     }
 
-    /// What to draw to for a part that is prepared; mip 0 of layer 0 always is.
+    /// The view to render to a part. It must be prepared, except for mip 0 of layer 0.
     pub(super) fn target_part(&self, part: Part) -> vk::ImageView {
         self.other_target(part).unwrap_or(self.target)
     }
@@ -231,24 +231,24 @@ impl Image {
         parts.iter().find(|p| p.part == part && p.storage == storage).map(|p| p.index)
     }
 
-    /// Index of a part for sampling, once it is prepared.
+    /// Bindless index of a part for sampling; `None` before it is prepared.
     pub(crate) fn sampled_part(&self, part: Part) -> Option<SampledImage> {
         let own = if self.is_whole(part, false) { self.sampled } else { self.part_place(part, false) };
         own.map(place)
     }
 
-    /// Index of a part's first mip for storing, once it is prepared.
+    /// Bindless index of a part's first mip as a storage image; `None` before it is prepared.
     pub(crate) fn storage_part(&self, part: Part) -> Option<StorageImage> {
         let own = if self.is_whole(part, true) { self.storage } else { self.part_place(part, true) };
         own.map(place)
     }
 
-    /// Its index for sampling, when it was made for that.
+    /// Bindless index for sampling; `None` without sampled usage.
     pub fn sampled(&self) -> Option<SampledImage> {
         self.sampled.map(place)
     }
 
-    /// Its index for storing, when it was made for that.
+    /// Bindless index as a storage image; `None` without storage usage.
     pub fn storage(&self) -> Option<StorageImage> {
         self.storage.map(place)
     }
@@ -258,22 +258,22 @@ impl Image {
         self.info.format
     }
 
-    /// Width and height of mip 0.
+    /// Size of mip 0, pixels.
     pub fn extent(&self) -> Extent {
         self.info.extent
     }
 
-    /// How many mips.
+    /// Number of mips.
     pub fn mips(&self) -> u32 {
         self.info.mips
     }
 
-    /// How many layers.
+    /// Number of layers.
     pub fn layers(&self) -> u32 {
         self.info.layers
     }
 
-    /// Bytes of memory behind it.
+    /// Size of its memory, bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -326,7 +326,7 @@ impl ImageInfo {
         unsafe { gpu.raw().create_image(&info, None) }.map_err(GpuError::call("vkCreateImage"))
     }
 
-    /// Bytes and alignment that such an image takes of memory, and the type of memory that it goes to.
+    /// Size and alignment of its memory in bytes, and its memory type.
     pub fn footprint(&self, gpu: &Gpu) -> (u64, u64, u8) {
         let info = self.shared(self.vulkan(), gpu);
         let question = vk::DeviceImageMemoryRequirements::default().create_info(&info);
@@ -339,7 +339,7 @@ impl ImageInfo {
 }
 
 impl Image {
-    /// What it is made of, for one that the device itself holds and frees.
+    /// Takes its handles and memory, so that the device itself can hold and free them.
     pub(super) fn into_parts(mut self) -> Garbage {
         self.parts()
     }
@@ -360,7 +360,7 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
-        // Not where its parts were taken out.
+        // Nothing is left after `into_parts`.
         if self.raw != vk::Image::null() {
             let parts = self.parts();
             self.gpu.0.discard(parts);

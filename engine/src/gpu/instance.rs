@@ -1,4 +1,4 @@
-//! The Vulkan instance, and the validation layers' messages.
+//! The Vulkan instance, and the messages of the validation layers.
 use super::GpuError;
 use ash::{ext, vk};
 use std::ffi::{CStr, c_void};
@@ -6,7 +6,7 @@ use std::sync::Mutex;
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Messages of the validation layers, in the order they came.
+/// Messages of the validation layers, in the order in which they came.
 #[derive(Default)]
 pub(super) struct Messages(Mutex<Vec<String>>);
 
@@ -16,7 +16,7 @@ impl Messages {
     }
 }
 
-/// A loaded instance. `messages` is boxed: the messenger keeps its address.
+/// A Vulkan instance. `messages` is boxed because the messenger holds its address.
 pub(super) struct Instance {
     _entry: ash::Entry,
     pub raw: ash::Instance,
@@ -26,7 +26,7 @@ pub(super) struct Instance {
 }
 
 impl Instance {
-    /// Opens the loader. With `validation`, the Khronos layer and synchronization validation are on, and must be installed.
+    /// Creates an instance. `validation` enables the Khronos layer and synchronization validation; the layer must be installed.
     pub fn new(validation: bool) -> Result<Self, GpuError> {
         // SAFETY: the loader is the system's own library; it stays loaded as long as `_entry` lives.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader { reason: e.to_string() })?;
@@ -40,7 +40,7 @@ impl Instance {
             return Err(GpuError::NoLoader { reason: format!("it speaks Vulkan {major}.{minor}, 1.3 is needed") });
         }
 
-        // Layers and extensions.
+        // Check layers and extensions.
         // SAFETY: plain enumeration calls on a loaded entry.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }
             .map_err(GpuError::call("vkEnumerateInstanceLayerProperties"))?;
@@ -79,7 +79,7 @@ impl Instance {
         let info = info.enabled_layer_names(&enabled_layers).enabled_extension_names(&extensions);
         // SAFETY: every pointer in `info` outlives the call.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-            vk::Result::ERROR_INCOMPATIBLE_DRIVER => GpuError::NoDevice { refusals: Vec::new() }, // not one driver
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => GpuError::NoDevice { refusals: Vec::new() }, // no driver at all
             other => GpuError::call("vkCreateInstance")(other),
         })?;
 

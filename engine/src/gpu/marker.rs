@@ -1,26 +1,26 @@
-//! Words in a buffer that say how far the device came; they outlive a lost device.
+//! Markers: words that the device writes to a buffer as it executes commands. They can be read after a device loss.
 use super::{Buffer, CommandEncoder, Gpu};
 use ash::vk;
 
-/// When a marker is written.
+/// When a marker is written, relative to the commands around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Moment {
-    /// The device has come to this place in the commands.
+    /// When the device reaches this command.
     Reached,
-    /// Everything before this place is done.
+    /// When everything before this command is done.
     Done,
 }
 
 impl Gpu {
-    /// The device can write markers while passes overlap as ever (VK_AMD_buffer_marker).
+    /// Whether the device can write markers without serialising passes (VK_AMD_buffer_marker).
     pub fn has_markers(&self) -> bool {
         self.0.markers.is_some()
     }
 }
 
 impl CommandEncoder {
-    /// Writes a word at a multiple of four bytes, outside of rendering. Where the device has no markers it is a fill, which keeps to
-    /// no moment: the caller puts a barrier between it and what it tells of.
+    /// Writes a word at `offset`, a multiple of four, outside rendering. Without markers this is a buffer fill, which ignores
+    /// `moment`: the caller must separate it by barriers from the work that it reports on.
     pub fn mark(&mut self, buffer: &Buffer, offset: u64, word: u32, moment: Moment) {
         let stage = match moment {
             Moment::Reached => vk::PipelineStageFlags::TOP_OF_PIPE,

@@ -1,7 +1,7 @@
 //! The GPU layer: the only user of `ash` and the only place with `unsafe`.
 //!
-//! [`Gpu`] is one opened device; images and buffers free themselves once the device no longer uses them. Every image has its
-//! place in one bindless descriptor set, every buffer its device address; pipelines are named by small [`Kernel`] ids.
+//! [`Gpu`] is an opened device. Images and buffers are freed after they are dropped and the device has finished using them. Every image
+//! has an index in one bindless descriptor set, and every buffer a device address; pipelines are referred to by small [`Kernel`] ids.
 #![allow(unsafe_code)]
 
 mod accel;

@@ -1,11 +1,10 @@
-//! What stands at place 0 of the bindless set, for indices that nobody set: one black pixel to be read, and one to be written, that
-//! nobody else uses.
+//! The placeholder images at index 0 of the bindless set, for indices that were not set: one black pixel to read, and one to write.
 use super::device::Garbage;
 use super::{CommandEncoder, Gpu, GpuError, Image, ImageUse};
 use crate::graph::{Extent, Format, Queue};
 use ash::vk;
 
-/// Makes both, which must be the first images of the device. They live as long as it does.
+/// Creates both. They must be the first images of the device, and live as long as it does.
 pub(super) fn images(gpu: &Gpu) -> Result<Vec<Garbage>, GpuError> {
     let [sampled, storage] =
         [ImageUse { sampled: true, ..Default::default() }, ImageUse { storage: true, ..Default::default() }];
@@ -22,7 +21,7 @@ pub(super) fn images(gpu: &Gpu) -> Result<Vec<Garbage>, GpuError> {
 }
 
 impl CommandEncoder {
-    /// Fills a new image with zeros and brings it to the layout in which it stays.
+    /// Fills a new image with zeros and moves it to its permanent layout.
     fn blacken(&mut self, image: &Image, layout: vk::ImageLayout) {
         let target = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
         self.settle(image, vk::ImageLayout::UNDEFINED, target);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::{env, fs};
 
-/// Opens the cache with what an earlier run left, if it belongs to this very device and driver.
+/// Creates the cache, with the data of an earlier run if it is from the same device and driver.
 pub(super) fn open(
     device: &ash::Device,
     properties: &vk::PhysicalDeviceProperties,
@@ -20,19 +20,19 @@ pub(super) fn open(
     Ok((cache, file))
 }
 
-/// Writes the cache beside its place and renames it, so that a reader never sees half a file. Failing is no error.
+/// Writes the cache to a temporary file and renames it, so that nobody reads half a file. Failure is logged, not an error.
 pub(super) fn save(device: &ash::Device, cache: vk::PipelineCache, file: &Path) {
     // SAFETY: the cache is alive.
     let Ok(data) = (unsafe { device.get_pipeline_cache_data(cache) }) else { return };
     let written = (|| {
         fs::create_dir_all(file.parent().unwrap_or(Path::new(".")))?;
-        // One name per save: two devices of one process may close at the same time.
+        // Unique per save, since two devices of one process may close at the same time.
         static SAVES: AtomicU32 = AtomicU32::new(0);
         let save = SAVES.fetch_add(1, Ordering::Relaxed);
         let temporary = file.with_extension(format!("{}-{save}.tmp", std::process::id()));
         let moved = fs::write(&temporary, data).and_then(|()| fs::rename(&temporary, file));
         if moved.is_err() {
-            let _ = fs::remove_file(&temporary); // it may not even be there
+            let _ = fs::remove_file(&temporary); // it may not exist
         }
         moved
     })();
@@ -41,7 +41,7 @@ pub(super) fn save(device: &ash::Device, cache: vk::PipelineCache, file: &Path) 
     }
 }
 
-/// `$MAGPIE_CACHE`, else `magpie` in the user's cache folder.
+/// `$MAGPIE_CACHE`, or else `magpie` in the user's cache folder.
 fn folder() -> Option<PathBuf> {
     let from = |name: &str| env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     from("MAGPIE_CACHE")
@@ -55,7 +55,7 @@ fn file_name(properties: &vk::PhysicalDeviceProperties) -> String {
     format!("pipelines-{:04x}-{:04x}-{uuid}.bin", properties.vendor_id, properties.device_id)
 }
 
-/// The header of VkPipelineCacheHeaderVersionOne names this device.
+/// Whether the header (`VkPipelineCacheHeaderVersionOne`) names this device.
 fn belongs(data: &[u8], properties: &vk::PhysicalDeviceProperties) -> bool {
     let word = |at: usize| data.get(at..at + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     word(0).is_some_and(|length| length as usize >= 32)

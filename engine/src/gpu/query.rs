@@ -1,9 +1,9 @@
-//! What the device counts: timestamps, and the invocations of shaders.
+//! Query pools: timestamps and shader invocations.
 use super::{CommandEncoder, Gpu, GpuError};
 use ash::vk;
 use std::time::Instant;
 
-/// A pool of timestamps for one frame in flight.
+/// Query pool for the timestamps of one frame.
 pub(crate) struct Timestamps {
     gpu: Gpu,
     pool: vk::QueryPool,
@@ -25,7 +25,7 @@ impl Timestamps {
         self.capacity
     }
 
-    /// Makes every timestamp writable again. The device must be done with the frame that wrote them.
+    /// Resets all queries. The device must have finished the frame that wrote them.
     pub fn reset(&self) {
         // SAFETY: hostQueryReset is on; the caller waited for the frame that used the pool.
         unsafe { self.gpu.raw().reset_query_pool(self.pool, 0, self.capacity) };
@@ -46,8 +46,8 @@ impl Timestamps {
     }
 }
 
-/// Ticks from `first` to `now` on a counter of so many bits, which may have wrapped in between. A moment before `first`, as the
-/// clock of another queue may tell it, counts as the same moment.
+/// Ticks from `first` to `now` on a counter with `bits` valid bits, which may wrap around in between. A time shortly before
+/// `first`, which another queue may report, counts as 0.
 fn ticks_since(first: u64, now: u64, bits: u32) -> u64 {
     let valid = u64::MAX >> (64 - bits.clamp(1, 64));
     let since = now.wrapping_sub(first) & valid;
@@ -57,9 +57,9 @@ fn ticks_since(first: u64, now: u64, bits: u32) -> u64 {
 impl CommandEncoder {
     /// Writes timestamp `index` once everything before it is done.
     ///
-    /// llvmpipe puts a timestamp into the bins of its rasteriser, which it works off at the next flush, while dispatches run at
-    /// once: without a flush, a dispatch that follows is over before the timestamp is taken. A barrier flushes, also one that waits
-    /// for nothing, which leaves mistakes in barriers for the validation layers to find.
+    /// llvmpipe stores a timestamp with its binned raster work, which it executes at the next flush, while it runs dispatches at
+    /// once. Without a flush, a following dispatch would finish before the timestamp is taken. An empty barrier flushes as well,
+    /// without hiding a missing barrier from the validation layers.
     pub fn timestamp(&mut self, pool: &Timestamps, index: u32) {
         let (device, stage) = (pool.gpu.raw(), vk::PipelineStageFlags2::ALL_COMMANDS);
         // SAFETY: the pool was reset before this frame and `index` is below its capacity.
@@ -69,14 +69,13 @@ impl CommandEncoder {
         }
     }
 
-    /// Counts from here to [`Self::end_statistics`], both inside of the same rendering or both outside, what is drawn, or what is
-    /// dispatched.
+    /// Counts shader invocations until [`Self::end_statistics`]. Both calls must be inside the same rendering scope, or both outside.
     pub fn begin_statistics(&mut self, statistics: &Statistics, index: u32) {
         let Statistics { draws, dispatches, .. } = *statistics;
         self.counting = Some(Counting { draws, dispatches, index, active: None });
     }
 
-    /// Ends what [`Self::begin_statistics`] began.
+    /// Ends the counting that [`Self::begin_statistics`] started.
     pub fn end_statistics(&mut self) {
         if let Some(Counting { index, active: Some(pool), .. }) = self.counting.take() {
             // SAFETY: the command buffer is recording, and the query is active.
@@ -84,8 +83,8 @@ impl CommandEncoder {
         }
     }
 
-    /// The first draw or dispatch comes next, with its pipeline bound: Mesa's lavapipe 25 looks at the compute pipeline when it
-    /// begins to count dispatches, and crashes where there is none yet.
+    /// Begins the query right before the first draw or dispatch, when its pipeline is bound: Mesa's lavapipe 25 looks at the
+    /// compute pipeline when the query begins, and crashes if there is none.
     pub(super) fn count(&mut self, work: Work) {
         let commands = self.raw();
         if let Some(counting @ Counting { active: None, .. }) = &mut self.counting {
@@ -99,24 +98,24 @@ impl CommandEncoder {
     }
 }
 
-/// What is counted.
+/// Kind of work that is counted.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Work {
     Draw,
     Dispatch,
 }
 
-/// Counting that was asked for.
+/// A request to count.
 pub(super) struct Counting {
     draws: vk::QueryPool,
     dispatches: vk::QueryPool,
     index: u32,
-    /// The pool whose query is active.
+    /// The pool of the running query.
     active: Option<vk::QueryPool>,
 }
 
-/// Counters of the pipeline for one frame in flight. A pass draws or dispatches; each kind of work has a pool of its own, because a
-/// queue that only computes knows no counters of draws.
+/// Query pools for the shader invocations of one frame. Draws and dispatches have pools of their own, because a compute queue
+/// does not support the counters of draws.
 pub(crate) struct Statistics {
     gpu: Gpu,
     draws: vk::QueryPool,
@@ -125,14 +124,14 @@ pub(crate) struct Statistics {
 }
 
 impl Gpu {
-    /// The device counts the invocations of shaders.
+    /// Whether the device can count shader invocations (pipelineStatisticsQuery).
     pub fn has_statistics(&self) -> bool {
         self.0.pipeline_statistics
     }
 }
 
 impl Statistics {
-    /// Room for `capacity` passes, all reset; none where the device does not count.
+    /// Pools for `capacity` passes, all reset; `None` if the device cannot count.
     pub fn new(gpu: &Gpu, capacity: u32) -> Result<Option<Self>, GpuError> {
         if !gpu.has_statistics() {
             return Ok(None);
@@ -163,7 +162,7 @@ impl Statistics {
         self.capacity
     }
 
-    /// Makes every counter writable again. The device must be done with the frame that wrote them.
+    /// Resets all queries. The device must have finished the frame that wrote them.
     pub fn reset(&self) {
         for pool in [self.draws, self.dispatches] {
             // SAFETY: hostQueryReset is on; the caller waited for the frame that used the pools.
@@ -171,13 +170,13 @@ impl Statistics {
         }
     }
 
-    /// Input vertices, vertex shader invocations, triangles after clipping, and fragment shader invocations of a pass that drew and
-    /// is done.
+    /// Input vertices, vertex shader invocations, triangles after clipping, and fragment shader invocations of a pass that drew.
+    /// The pass must be done.
     pub fn drawn(&self, index: u32) -> Result<[u64; 4], GpuError> {
         self.read(self.draws, index)
     }
 
-    /// Compute shader invocations of a pass that dispatched and is done.
+    /// Compute shader invocations of a pass that dispatched. The pass must be done.
     pub fn dispatched(&self, index: u32) -> Result<u64, GpuError> {
         self.read::<1>(self.dispatches, index).map(|[count]| count)
     }
@@ -209,14 +208,14 @@ impl Drop for Timestamps {
 }
 
 impl Gpu {
-    /// Device ticks as nanoseconds. Bits beyond the family's valid ones are noise.
+    /// Device ticks in nanoseconds. Bits above the valid ones are ignored.
     fn nanoseconds(&self, ticks: u64) -> u64 {
         let bits = self.0.timestamp_bits;
         let valid = if bits >= 64 { ticks } else { ticks & ((1 << bits) - 1) };
         (valid as f64 * self.0.timestamp_period) as u64
     }
 
-    /// The device's clock, nanoseconds, and the host's at the same moment. `None` where the device cannot be asked.
+    /// The device's clock in nanoseconds, and the host's at the same time. `None` without VK_EXT_calibrated_timestamps.
     pub(crate) fn calibrate(&self) -> Option<(u64, Instant)> {
         let api = self.0.calibrated.as_ref()?;
         let domain = [vk::CalibratedTimestampInfoEXT::default().time_domain(vk::TimeDomainEXT::DEVICE)];
@@ -236,7 +235,7 @@ mod tests {
     fn ticks_wrap_and_never_go_back() {
         assert_eq!(ticks_since(10, 25, 64), 15);
         assert_eq!(ticks_since(u64::MAX - 1, 3, 64), 5);
-        assert_eq!(ticks_since(0xffff_fffe, 0x5_0000_0001, 32), 3); // bits beyond the valid ones are noise
+        assert_eq!(ticks_since(0xffff_fffe, 0x5_0000_0001, 32), 3); // bits above the valid ones are ignored
         assert_eq!(ticks_since(100, 98, 64), 0);
         assert_eq!(ticks_since(1, 0xffff_ffff, 32), 0);
     }

@@ -1,33 +1,33 @@
-//! What a device can do with rays beside running compute shaders, and how that is asked for.
+//! Ray tracing support of a device, and how it is enabled.
 use super::Gpu;
 use super::instance::Instance;
 use ash::{khr, vk};
 use magpie_shaders::Rays;
 use std::ffi::CStr;
 
-/// Ray tracing by the driver.
+/// Ray tracing features and limits of the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct RaySupport {
-    /// Acceleration structures, which both ways need.
+    /// Acceleration structures, which ray queries and ray-tracing pipelines need.
     pub accel: bool,
     /// Ray queries in compute shaders.
     pub query: bool,
     /// Ray-tracing pipelines.
     pub pipeline: bool,
-    /// Their launch size can come from a buffer.
+    /// Indirect launches of ray-tracing pipelines.
     pub indirect: bool,
-    /// Bytes of a shader group's handle.
+    /// Size of a shader group handle, bytes.
     pub handle_bytes: u32,
-    /// Alignment of a handle in a table, bytes.
+    /// Alignment of a handle in a shader binding table, bytes.
     pub handle_align: u32,
-    /// Alignment of a table's begin, bytes.
+    /// Alignment of the start of a region in a shader binding table, bytes.
     pub base_align: u32,
-    /// Alignment of a build's working memory, bytes.
+    /// Alignment of the scratch memory of a build, bytes.
     pub scratch_align: u32,
 }
 
 impl RaySupport {
-    /// What a device with these extensions has.
+    /// The support of a device with these extensions.
     pub fn of(instance: &Instance, device: vk::PhysicalDevice, extensions: &[String]) -> Self {
         let has = |name: &CStr| extensions.iter().any(|e| e.as_bytes() == name.to_bytes());
         if !has(khr::acceleration_structure::NAME) || !has(khr::deferred_host_operations::NAME) {
@@ -71,7 +71,7 @@ impl RaySupport {
         }
     }
 
-    /// What is left without some ways.
+    /// The support without some ways to trace.
     pub fn without(mut self, ways: &[Rays]) -> Self {
         self.query &= !ways.contains(&Rays::Query);
         self.pipeline &= !ways.contains(&Rays::Pipeline);
@@ -80,7 +80,7 @@ impl RaySupport {
         self
     }
 
-    /// Every way that it gives.
+    /// The ways to trace that it supports; software always.
     pub fn ways(self) -> Vec<Rays> {
         let has = |rays: &Rays| match rays {
             Rays::Software => true,
@@ -90,7 +90,7 @@ impl RaySupport {
         Rays::ALL.into_iter().filter(has).collect()
     }
 
-    /// The extensions to ask for.
+    /// The device extensions to enable.
     pub fn extensions(self) -> Vec<&'static CStr> {
         let wanted = [
             (self.accel, khr::acceleration_structure::NAME),
@@ -101,7 +101,7 @@ impl RaySupport {
         wanted.into_iter().filter(|(has, _)| *has).map(|(_, name)| name).collect()
     }
 
-    /// What every buffer can be used for beside the rest.
+    /// Additional usage of every buffer.
     pub fn buffer_usage(self) -> vk::BufferUsageFlags {
         let mut usage = vk::BufferUsageFlags::empty();
         if self.accel {
@@ -115,7 +115,7 @@ impl RaySupport {
     }
 }
 
-/// The features of a [`RaySupport`], to be asked for when the device is opened.
+/// The feature structs of a [`RaySupport`], for opening a device.
 #[derive(Default)]
 pub(super) struct RayFeatures {
     accel: vk::PhysicalDeviceAccelerationStructureFeaturesKHR<'static>,
@@ -134,7 +134,7 @@ impl RayFeatures {
         }
     }
 
-    /// Adds what the support has to the request for a device.
+    /// Chains the supported features into the creation of a device.
     pub fn ask<'a>(&'a mut self, support: RaySupport, mut info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
         if support.accel {
             info = info.push_next(&mut self.accel);
@@ -149,14 +149,14 @@ impl RayFeatures {
     }
 }
 
-/// The calls of the extensions that were turned on.
+/// Functions of the ray tracing extensions that are enabled.
 pub(super) struct RayCalls {
     pub accel: khr::acceleration_structure::Device,
     pub pipeline: Option<khr::ray_tracing_pipeline::Device>,
 }
 
 impl RayCalls {
-    /// `None` where the driver traces no rays.
+    /// `None` if the driver has no ray tracing.
     pub fn new(instance: &ash::Instance, device: &ash::Device, support: RaySupport) -> Option<Self> {
         support.accel.then(|| Self {
             accel: khr::acceleration_structure::Device::new(instance, device),
@@ -165,7 +165,7 @@ impl RayCalls {
     }
 }
 
-/// Opens a device with what it has for rays. A driver that fails then is told of no rays: it is better than none.
+/// Opens a device with ray tracing; if the driver fails, opens it again without.
 pub(super) fn with_rays_or_without<T, E>(
     support: RaySupport,
     mut open: impl FnMut(RaySupport) -> Result<T, E>,
@@ -180,23 +180,23 @@ pub(super) fn with_rays_or_without<T, E>(
     }
 }
 
-/// Why a way to trace was chosen.
+/// A way to trace rays, and why it was chosen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RayChoice {
-    /// The way.
+    /// The way that was chosen.
     pub rays: Rays,
-    /// One sentence for the log.
+    /// The reason, as one sentence for the log.
     pub reason: String,
 }
 
 impl Gpu {
-    /// Every way to trace that was turned on; software always is.
+    /// The ways to trace that are enabled; software always is.
     pub fn rays(&self) -> Vec<Rays> {
         self.0.ray_support.ways()
     }
 
-    /// The way that is taken when none is asked for. On processors Magpie's own walk: there a driver's is software as well, and
-    /// measured slower (docs/rays.md). Else ray queries, whose hits cost no shader call, or the pipeline where only that exists.
+    /// The default way to trace. On CPU devices it is Magpie's software traversal, which is faster there than the driver's
+    /// (`docs/rays.md`). Otherwise it is ray queries, whose hits need no shader calls, or ray-tracing pipelines if those are all there is.
     pub fn choose_rays(&self) -> RayChoice {
         let (ways, report) = (self.rays(), self.report());
         let (rays, why) = if report.kind == "cpu" {

@@ -1,7 +1,7 @@
-//! What SPIR-V says about itself: the size of a workgroup, and of the block of push constants (SPIR-V 1.6).
+//! Reflection of SPIR-V: workgroup size and size of the push constants (SPIR-V 1.6).
 use std::collections::HashMap;
 
-// Opcodes, decorations and storage classes by their numbers in the specification.
+// Opcodes, decorations and storage classes, by their numbers in the specification.
 const EXECUTION_MODE: u32 = 16;
 const TYPE_INT: u32 = 21;
 const TYPE_FLOAT: u32 = 22;
@@ -20,10 +20,10 @@ const ARRAY_STRIDE: u32 = 6;
 const MATRIX_STRIDE: u32 = 7;
 const OFFSET: u32 = 35;
 const PUSH_CONSTANT: u32 = 9;
-/// Types in a block are nested less deep than this; SPIR-V that goes round in circles ends here.
+/// Limit on the nesting of types, in case invalid SPIR-V has cycles.
 const DEEPEST: u32 = 64;
 
-/// The instructions of a module: opcode and operands. Ends where the words end or make no sense.
+/// The instructions of a module, as opcode and operands. Stops at the end or at the first invalid one.
 fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     let mut rest = words.get(5..).unwrap_or_default();
     std::iter::from_fn(move || {
@@ -43,8 +43,8 @@ pub(super) fn local_size(words: &[u32]) -> Option<[u32; 3]> {
     })
 }
 
-/// Bytes of a shader's block of push constants, from byte 0 on to the end of its last member, rounded up to the size of its widest
-/// number, as a Rust struct is. `None` where it has no such block, or one whose size it does not say.
+/// Size of a shader's push constants in bytes: from byte 0 to the end of the last member, rounded up to the size of the widest
+/// scalar, as in a `#[repr(C)]` struct. `None` if the shader has none, or if their size is not declared.
 pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
     let mut types = Types::default();
     let mut block = None;
@@ -56,7 +56,7 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
             (TYPE_ARRAY, [id, of, length]) => drop(types.kinds.insert(*id, Kind::Array(*of, *length))),
             (TYPE_STRUCT, [id, members @ ..]) => drop(types.kinds.insert(*id, Kind::Struct(members))),
             (TYPE_POINTER, [id, PUSH_CONSTANT, to]) => drop(types.kinds.insert(*id, Kind::Block(*to))),
-            // Buffer references: addresses, which Rust has as two words.
+            // Pointers to other storage classes are buffer references, which are two words in Rust.
             (TYPE_POINTER, [id, ..]) => drop(types.kinds.insert(*id, Kind::Address)),
             (CONSTANT, [_, id, value]) => drop(types.constants.insert(*id, *value)),
             (DECORATE, [id, ARRAY_STRIDE, stride]) => drop(types.strides.insert(*id, *stride)),
@@ -73,16 +73,16 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
     bytes.checked_next_multiple_of(widest.max(1))
 }
 
-/// A type, with the ids of what it is made of.
+/// A type; numbers are ids of other types.
 enum Kind<'w> {
-    /// Bytes of a number.
+    /// A scalar, with its size in bytes.
     Number(u32),
     Address,
     Vector(u32, u32),
     Matrix(u32, u32),
     Array(u32, u32),
     Struct(&'w [u32]),
-    /// A pointer to a block of push constants.
+    /// A pointer to the push constants.
     Block(u32),
 }
 
@@ -91,11 +91,11 @@ struct Types<'w> {
     kinds: HashMap<u32, Kind<'w>>,
     constants: HashMap<u32, u32>,
     strides: HashMap<u32, u32>,
-    /// Offset, stride of a matrix and its order, of the members of structs.
+    /// Decorations of struct members, by (struct, member, decoration): offset, matrix stride, row-major.
     members: HashMap<(u32, u32, u32), u32>,
 }
 
-/// Bytes of a type, and of the widest number in it.
+/// Size of a type in bytes, and of the widest scalar in it.
 #[derive(Clone, Copy)]
 struct Size {
     bytes: u32,
@@ -131,7 +131,7 @@ impl Types<'_> {
         }
     }
 
-    /// The size of a member of a struct, which says how far apart the columns or rows of a matrix lie.
+    /// Size of a struct member, whose decorations give the matrix stride.
     fn member(&self, id: u32, member: u32, of: u32, deeper: u32) -> Option<Size> {
         let plain = self.size(of, deeper)?;
         let (Some(stride), Some(Kind::Matrix(column, columns))) =

@@ -1,9 +1,9 @@
-//! Memory that the host fills anew every frame.
+//! Host-written buffers that get new contents every frame.
 use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use std::sync::Arc;
 
-/// Contents for one frame at a time. Frames do not overlap, so one buffer is enough: where something still holds what an earlier
-/// frame was declared with, that keeps it, and this one takes another.
+/// A buffer for data of the current frame. Frames do not overlap, so one buffer suffices. If an earlier frame's buffer is still
+/// referenced elsewhere, it stays as it is and a new one is made.
 pub struct Staging {
     gpu: Gpu,
     name: &'static str,
@@ -11,12 +11,12 @@ pub struct Staging {
 }
 
 impl Staging {
-    /// Nothing yet.
+    /// No buffer yet; it is made by the first [`Self::write`].
     pub fn new(gpu: &Gpu, name: &'static str) -> Self {
         Self { gpu: gpu.clone(), name, buffer: None }
     }
 
-    /// The buffer, holding `bytes` from its begin on. It is at least as long.
+    /// Writes `bytes` to the start of the buffer and returns it. The buffer may be longer.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`].

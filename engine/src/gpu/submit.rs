@@ -1,4 +1,4 @@
-//! Submission: up to three queues, each with a timeline semaphore that counts what was handed to it.
+//! Submission to up to three queues. A timeline semaphore per queue counts its submissions.
 use super::device::lock;
 use super::{CommandEncoder, Gpu, GpuError};
 use crate::graph::{Queue, Queues};
@@ -6,16 +6,16 @@ use ash::vk;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Work that was handed to a queue: it is done when the queue's timeline reaches the value.
+/// Submitted work. It is done when the queue's timeline reaches `value`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Submission {
     queue: Queue,
     value: u64,
 }
 
-/// One queue of the graph. Several may stand for one queue of the device.
+/// One queue of the graph. Several may share one queue of the device.
 pub(super) struct Lane {
-    /// Shared by the lanes that stand for one queue of the device.
+    /// Shared by the lanes that use the same queue of the device.
     pub queue: Arc<Mutex<vk::Queue>>,
     pub family: u32,
     pub timeline: Timeline,
@@ -35,12 +35,12 @@ impl Timeline {
         Ok(Self { semaphore, last: AtomicU64::new(0) })
     }
 
-    /// The value that the newest submission will signal.
+    /// Value that the newest submission signals.
     pub fn last(&self) -> u64 {
         self.last.load(Ordering::Acquire)
     }
 
-    /// The value that the device has reached. A lost device has reached everything: nothing runs on it any more.
+    /// Value that the device has reached. For a lost device this is the maximum, since nothing runs on it any more.
     pub fn done(&self, device: &ash::Device) -> u64 {
         // SAFETY: the semaphore is alive.
         unsafe { device.get_semaphore_counter_value(self.semaphore) }.unwrap_or(u64::MAX)
@@ -69,18 +69,18 @@ impl Timeline {
 }
 
 impl Gpu {
-    /// The queues that the device has beside the one for graphics.
+    /// Which queues the device has beside the graphics queue.
     pub fn queues(&self) -> Queues {
         let own = |queue: Queue| self.family(queue) != self.family(Queue::Graphics);
         Queues { async_compute: own(Queue::AsyncCompute), transfer: own(Queue::Transfer) }
     }
 
-    /// The family of a queue; that of the one for graphics where the device has no other.
+    /// Queue family of a queue; that of the graphics queue if the device has no other.
     pub(crate) fn family(&self, queue: Queue) -> u32 {
         self.0.lanes[queue.index()].family
     }
 
-    /// Hands finished commands to a queue, to run one after another once what they wait for is done.
+    /// Submits command buffers to a queue, to be executed in order after the submissions in `waits`.
     pub(crate) fn submit<'e>(
         &self,
         queue: Queue,
@@ -105,7 +105,7 @@ impl Gpu {
         Ok(Submission { queue, value })
     }
 
-    /// Waits until `submission` is done, then frees what waited for it.
+    /// Waits until `submission` is done, then frees the resources that were dropped before it.
     pub(crate) fn wait(&self, submission: Submission) -> Result<(), GpuError> {
         self.0.lanes[submission.queue.index()].timeline.wait(self.raw(), submission.value)?;
         self.0.collect();

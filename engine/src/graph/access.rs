@@ -1,57 +1,57 @@
-//! How a pass touches a resource, in words that know nothing of Vulkan: `gpu/` maps them to stages and access masks.
+//! How a pass uses a resource, in terms that are independent of Vulkan: `gpu/access.rs` maps them to pipeline stages and access masks.
 
 use std::fmt;
 
-/// What a pass does with one resource.
+/// One way in which a pass uses a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Access {
     /// Colour attachment, cleared first.
     Color,
-    /// Colour attachment over what is there.
+    /// Colour attachment whose contents are loaded.
     ColorLoad,
     /// Depth attachment, cleared first.
     Depth,
-    /// Depth attachment over what is there.
+    /// Depth attachment whose contents are loaded.
     DepthLoad,
-    /// Texture reads in a shader.
+    /// Sampled, or fetched by texel, in a shader.
     Sample,
     /// Storage image, read.
     StorageRead,
-    /// Storage image, written, nothing kept of what was there.
+    /// Storage image, written; earlier contents are discarded.
     StorageWrite,
     /// Storage image, read and written.
     StorageReadWrite,
     /// Buffer read in a shader.
     BufferRead,
-    /// Buffer written in a shader, nothing kept of what was there.
+    /// Buffer written in a shader; earlier contents are discarded.
     BufferWrite,
     /// Buffer read and written in a shader.
     BufferReadWrite,
-    /// Indices of a draw.
+    /// Index buffer of a draw.
     Index,
-    /// Arguments of an indirect draw or dispatch.
+    /// Arguments of an indirect draw, dispatch or trace.
     Indirect,
     /// Rays traced through an acceleration structure.
     Trace,
-    /// Acceleration structure built, or compacted into, nothing kept of what was there.
+    /// Target of an acceleration structure build or compaction; earlier contents are discarded.
     Build,
-    /// Acceleration structure refitted: the build before is read and written over.
+    /// Acceleration structure refitted in place: the earlier build is read and overwritten.
     Refit,
-    /// Read by a build: geometry in buffers, bottom levels under a top level, the source of a compaction.
+    /// Input of a build: geometry buffers, the bottom levels of a top level, or the source of a compaction.
     BuildInput,
-    /// Working memory of a build.
+    /// Scratch buffer of a build.
     BuildScratch,
     /// Source of a copy.
     CopyRead,
     /// Target of a copy; what the copy leaves out is kept.
     CopyWrite,
-    /// Read by the host after the frame; only as the state that an imported buffer is left in.
+    /// Read by the host after the frame. Valid only as the state in which an imported buffer enters or leaves the frame.
     HostRead,
 }
 
 impl Access {
-    /// Every access, in the order of their numbers.
+    /// Every access, in discriminant order.
     pub const ALL: [Self; 21] = [
         Self::Color,
         Self::ColorLoad,
@@ -117,14 +117,14 @@ impl Access {
         }
     }
 
-    /// Whether images can be used so. Copies suit images and buffers.
+    /// Whether this access applies to images. Copies apply to images and buffers.
     pub fn is_image(self) -> bool {
         self.is_attachment()
             || self.is_copy()
             || matches!(self, Self::Sample | Self::StorageRead | Self::StorageWrite | Self::StorageReadWrite)
     }
 
-    /// Whether buffers can be used so.
+    /// Whether this access applies to buffers.
     pub fn is_buffer(self) -> bool {
         self.is_copy()
             || matches!(
@@ -140,7 +140,7 @@ impl Access {
             )
     }
 
-    /// Whether acceleration structures can be used so: built, traced, or written as plain bytes where a shader builds them.
+    /// Whether this access applies to acceleration structures: built, traced, or written as plain bytes where a shader builds them.
     pub fn is_accel(self) -> bool {
         matches!(
             self,
@@ -155,27 +155,27 @@ impl Access {
         )
     }
 
-    /// Part of a build of the driver's acceleration structures.
+    /// Whether it is part of a build by the driver.
     pub fn is_build(self) -> bool {
         matches!(self, Self::Build | Self::Refit | Self::BuildInput | Self::BuildScratch)
     }
 
-    /// Colour or depth attachment.
+    /// Whether it is a colour or depth attachment.
     pub fn is_attachment(self) -> bool {
         self.is_color() || self.is_depth()
     }
 
-    /// Colour attachment.
+    /// Whether it is a colour attachment.
     pub fn is_color(self) -> bool {
         matches!(self, Self::Color | Self::ColorLoad)
     }
 
-    /// Depth attachment.
+    /// Whether it is a depth attachment.
     pub fn is_depth(self) -> bool {
         matches!(self, Self::Depth | Self::DepthLoad)
     }
 
-    /// Source or target of a copy.
+    /// Whether it is the source or target of a copy.
     pub fn is_copy(self) -> bool {
         matches!(self, Self::CopyRead | Self::CopyWrite)
     }
@@ -203,8 +203,8 @@ impl Access {
         }
     }
 
-    /// This access in a pass of a domain. Where the access alone fixes the domain, that one is given, so that equal uses are
-    /// equal values: attachments and indices are raster, copies and the host are copy, builds are compute.
+    /// This access, paired with the domain that it has in a pass of domain `pass`. An access that implies a domain overrides `pass`, so
+    /// that equal uses compare equal: attachments and index buffers are raster, copies and host reads are copy, builds are compute.
     pub fn at(self, pass: Domain) -> (Self, Domain) {
         let domain = match self {
             Self::Color | Self::ColorLoad | Self::Depth | Self::DepthLoad | Self::Index => Domain::Raster,
@@ -215,7 +215,7 @@ impl Access {
         (self, domain)
     }
 
-    /// In words, for dumps and messages.
+    /// Name for dumps and messages, such as `colour`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Color => "colour",
@@ -249,23 +249,23 @@ impl fmt::Display for Access {
     }
 }
 
-/// Which part of the device a pass runs on; with an [`Access`] it fixes the pipeline stages.
+/// Kind of work that a pass does; together with an [`Access`] it determines the pipeline stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Domain {
-    /// It has colour or depth attachments.
+    /// The pass draws: it has colour or depth attachments, or an index buffer.
     Raster,
-    /// Dispatches and rays.
+    /// Dispatches, ray traces and builds of acceleration structures.
     Compute,
     /// Copies only.
     Copy,
 }
 
 impl Domain {
-    /// Every domain, in the order of their numbers.
+    /// Every domain, in discriminant order.
     pub const ALL: [Self; 3] = [Self::Raster, Self::Compute, Self::Copy];
 
-    /// In words, for dumps.
+    /// Name for dumps.
     pub fn name(self) -> &'static str {
         match self {
             Self::Raster => "raster",
@@ -275,28 +275,29 @@ impl Domain {
     }
 }
 
-/// The queue a pass would like. It is a wish: the plan grants it where the device has such a queue and the pass can run there.
+/// The queue that a pass requests. The plan grants it if the device has such a queue and the pass can run on it; otherwise the
+/// pass runs on the graphics queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
 pub enum Queue {
-    /// The queue that can do everything.
+    /// Draws, dispatches, traces and copies. Every device has this queue.
     Graphics,
-    /// Compute beside graphics, where the device has such a queue.
+    /// Compute that may overlap the graphics queue.
     AsyncCompute,
-    /// Copies beside both, where the device has such a queue.
+    /// Copies that may overlap the other queues.
     Transfer,
 }
 
 impl Queue {
-    /// Every queue, in the order of their numbers.
+    /// Every queue, in discriminant order.
     pub const ALL: [Self; 3] = [Self::Graphics, Self::AsyncCompute, Self::Transfer];
 
-    /// Its place in [`Queue::ALL`].
+    /// Index in [`Queue::ALL`].
     pub fn index(self) -> usize {
         self as usize
     }
 
-    /// In words, for dumps.
+    /// Name for dumps, such as `async compute`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Graphics => "graphics",
@@ -306,10 +307,10 @@ impl Queue {
     }
 }
 
-/// How an image lies in memory; buffers and acceleration structures are always [`Layout::Undefined`].
+/// Layout of an image. Buffers and acceleration structures are always [`Layout::Undefined`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Layout {
-    /// Contents are lost, or it is no image.
+    /// Contents are undefined, or the resource is not an image.
     Undefined,
     /// Storage image.
     General,
@@ -326,7 +327,7 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// In words, for dumps.
+    /// Name for dumps.
     pub fn name(self) -> &'static str {
         match self {
             Self::Undefined => "undefined",
@@ -340,7 +341,7 @@ impl Layout {
     }
 }
 
-/// A set of pairs of [`Access`] and [`Domain`], or everything whatsoever ([`Uses::ANY`]).
+/// A set of pairs of [`Access`] and [`Domain`], or every possible use ([`Uses::ANY`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Uses(u128);
 
@@ -349,16 +350,16 @@ const WAITED_BIT: u128 = 1 << 126;
 const _: () = assert!(Access::ALL.len() * Domain::ALL.len() < 126, "one bit per pair, and two for ANY and WAITED");
 
 impl Uses {
-    /// Nothing.
+    /// The empty set.
     pub const EMPTY: Self = Self(0);
 
-    /// All that the device did before, in this frame and in those before it.
+    /// Every use by the device before this point, in this frame and in earlier ones.
     pub const ANY: Self = Self(ANY_BIT);
 
-    /// All that the batch waited for on other queues, whose results the wait has shown to everything already.
+    /// Every use on other queues that the batch waited for. The semaphore wait has already made their results visible.
     pub const WAITED: Self = Self(WAITED_BIT);
 
-    /// The set of one use.
+    /// The set that holds one use.
     pub fn of((access, domain): (Access, Domain)) -> Self {
         Self(1 << (access as u32 * Domain::ALL.len() as u32 + domain as u32))
     }
@@ -368,42 +369,42 @@ impl Uses {
         self.0 |= Self::of(at).0;
     }
 
-    /// Takes one use out.
+    /// Removes one use.
     pub fn remove(&mut self, at: (Access, Domain)) {
         self.0 &= !Self::of(at).0;
     }
 
-    /// Whether the set names this use. [`Uses::ANY`] names none.
+    /// Whether the set holds this use explicitly. [`Uses::ANY`] holds none.
     pub fn contains(self, at: (Access, Domain)) -> bool {
         self.0 & Self::of(at).0 != 0
     }
 
-    /// Both together.
+    /// The union of both sets.
     pub fn union(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 
-    /// Whether every use of `other` is in it, where neither is [`Uses::ANY`].
+    /// Whether every use of `other` is in the set. Only meaningful where neither contains [`Uses::ANY`].
     pub fn includes(self, other: Self) -> bool {
         other.0 & !self.0 == 0
     }
 
-    /// No use at all.
+    /// Whether the set is empty.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// Whether it stands for everything whatsoever.
+    /// Whether it contains [`Uses::ANY`].
     pub fn is_any(self) -> bool {
         self.0 & ANY_BIT != 0
     }
 
-    /// Whether it includes what the batch waited for.
+    /// Whether it contains [`Uses::WAITED`].
     pub fn is_waited(self) -> bool {
         self.0 & WAITED_BIT != 0
     }
 
-    /// The named uses, by access and then domain.
+    /// The explicit uses, ordered by access and then by domain.
     pub fn iter(self) -> impl Iterator<Item = (Access, Domain)> {
         let mut left = self.0 & !(ANY_BIT | WAITED_BIT);
         std::iter::from_fn(move || {

@@ -1,4 +1,4 @@
-//! What a pass says about itself.
+//! Declaring what one pass uses.
 
 use super::{
     access::Access,
@@ -13,11 +13,11 @@ use super::{
     },
 };
 
-/// Declares the uses of one pass. What is declared here, and only that, can be used while recording.
+/// Declares the uses of one pass. The pass can use nothing else while it records.
 pub struct PassBuilder<'g> {
     pub(super) graph: &'g mut FrameGraph,
     pub(super) pass: u32,
-    /// Of the pass's uses in the declaration, the first.
+    /// Index of the pass's first use in the declaration.
     pub(super) first_use: usize,
 }
 
@@ -29,21 +29,21 @@ impl PassBuilder<'_> {
         self.create_part(name, desc, Part::ALL)
     }
 
-    /// Makes an image that is a colour attachment, cleared to `clear`. For unsigned formats these are whole numbers.
+    /// Makes an image that is a colour attachment, cleared to `clear`. For unsigned formats the channels are truncated to integers.
     pub fn color(&mut self, name: &str, desc: ImageDesc, clear: [f32; 4]) -> (WriteHandle<Image>, ColorToken) {
         let handle = self.make_image(name, desc, Access::Color, Some(Clear::Color(clear)));
         let token = ColorToken { resource: handle.at.id, pass: self.pass };
         (handle, token)
     }
 
-    /// Makes an image that is the depth attachment, cleared to `clear`: 0 is infinitely far.
+    /// Makes an image that is the depth attachment, cleared to `clear`; depth is reversed, so 0 is infinitely far.
     pub fn depth(&mut self, name: &str, desc: ImageDesc, clear: f32) -> (WriteHandle<Image>, DepthToken) {
         let handle = self.make_image(name, desc, Access::Depth, Some(Clear::Depth(clear)));
         let token = DepthToken { resource: handle.at.id, pass: self.pass };
         (handle, token)
     }
 
-    /// Makes an image that the pass writes in part; the rest is for later passes to write.
+    /// Makes an image of which the pass writes one part as a storage image; later passes write the rest.
     pub fn create_part(&mut self, name: &str, desc: ImageDesc, part: Part) -> (WriteHandle<Image>, StorageToken) {
         let shape = self.graph.image_shape(name, desc);
         let handle = self.make(name, shape, Access::StorageWrite, part, None);
@@ -60,7 +60,7 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
-    /// Makes a buffer that the pass fills from the host, or with copies.
+    /// Makes a buffer that the pass fills by copies: from the host, from images or from other buffers.
     pub fn fill_buffer(&mut self, name: &str, desc: BufferDesc) -> (WriteHandle<Buffer>, CopyTarget) {
         let shape = self.graph.buffer_shape(name, desc);
         let handle = self.make(name, shape, Access::CopyWrite, Part::ALL, None);
@@ -69,7 +69,7 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
-    /// Makes an acceleration structure of `bytes` bytes by a build.
+    /// Makes an acceleration structure of `bytes` bytes that the driver builds in this pass.
     pub fn build<K: Accel>(&mut self, name: &str, bytes: u64) -> (WriteHandle<K>, BuildToken) {
         let handle = self.make_accel(name, bytes, Access::Build);
         let token = BuildToken { resource: handle.at.id, pass: self.pass };
@@ -83,25 +83,25 @@ impl PassBuilder<'_> {
         (handle, token)
     }
 
-    /// Builds an acceleration structure anew in its place: nothing is kept of what it was.
+    /// Builds an acceleration structure again in the same memory; its earlier contents are discarded.
     pub fn rebuild<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BuildToken) {
         let token = BuildToken { resource: accel.at.id, pass: self.pass };
         (self.change(accel, Access::Build, Part::ALL), token)
     }
 
-    /// Copies to an acceleration structure that is plain memory.
+    /// Copies to an acceleration structure that is plain memory, not built by the driver.
     pub fn copy_to_accel<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, CopyTarget) {
         let token = CopyTarget { resource: accel.at.id, pass: self.pass };
         (self.change(accel, Access::CopyWrite, Part::ALL), token)
     }
 
-    /// Writes the nodes of an acceleration structure in a shader, over what is there.
+    /// Writes the nodes of an acceleration structure in a shader; nodes that the shader does not write are kept.
     pub fn write_accel<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BufferToken) {
         let token = BufferToken { resource: accel.at.id, pass: self.pass };
         (self.change(accel, Access::BufferReadWrite, Part::ALL), token)
     }
 
-    /// Makes a smaller copy of an acceleration structure, of `bytes` bytes.
+    /// Makes an acceleration structure of `bytes` bytes and compacts `source` into it.
     pub fn compact(
         &mut self,
         name: &str,
@@ -113,28 +113,28 @@ impl PassBuilder<'_> {
         (handle, input, token)
     }
 
-    /// Makes a buffer that a build of this pass works in.
+    /// Makes the scratch buffer of a build in this pass.
     pub fn scratch(&mut self, name: &str, desc: BufferDesc) -> ScratchToken {
         let shape = self.graph.buffer_shape(name, desc);
         let handle: WriteHandle<Buffer> = self.make(name, shape, Access::BuildScratch, Part::ALL, None);
         ScratchToken { resource: handle.at.id, pass: self.pass }
     }
 
-    // Further versions.
+    // New versions of existing resources.
 
-    /// Draws over a colour attachment.
+    /// Draws to a colour attachment and keeps its contents.
     pub fn color_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, ColorToken) {
         let token = ColorToken { resource: image.at.id, pass: self.pass };
         (self.change(image, Access::ColorLoad, Part::ALL), token)
     }
 
-    /// Draws over a depth attachment.
+    /// Draws to a depth attachment and keeps its contents.
     pub fn depth_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, DepthToken) {
         let token = DepthToken { resource: image.at.id, pass: self.pass };
         (self.change(image, Access::DepthLoad, Part::ALL), token)
     }
 
-    /// Draws into one layer of a depth image, cleared to `clear` first; the other layers keep what they hold.
+    /// Draws into one layer of a depth image, cleared to `clear` first; the other layers keep their contents.
     pub fn depth_layer(
         &mut self,
         image: WriteHandle<Image>,
@@ -147,12 +147,12 @@ impl PassBuilder<'_> {
         (self.change(image, Access::Depth, part), token)
     }
 
-    /// Reads and writes a storage image. One that was imported without contents must be written everywhere.
+    /// Reads and writes a storage image. One that was imported without contents must be written in every pixel.
     pub fn write(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, StorageToken) {
         self.write_part(image, Part::ALL)
     }
 
-    /// Reads and writes a part of a storage image. What the pass reads of other parts it declares first.
+    /// Reads and writes a part of a storage image. Reads of other parts must be declared before this.
     pub fn write_part(&mut self, image: WriteHandle<Image>, part: Part) -> (WriteHandle<Image>, StorageToken) {
         let resource = image.at.id;
         let handle = self.change(image, Access::StorageReadWrite, part);
@@ -165,13 +165,13 @@ impl PassBuilder<'_> {
         (self.change(buffer, Access::BufferReadWrite, Part::ALL), token)
     }
 
-    /// Copies to an image or a buffer; what the copy leaves out is kept.
+    /// Copies to an image or a buffer; what the copy does not cover is kept.
     pub fn copy_to<K: Copyable>(&mut self, target: WriteHandle<K>) -> (WriteHandle<K>, CopyTarget) {
         let token = CopyTarget { resource: target.at.id, pass: self.pass };
         (self.change(target, Access::CopyWrite, Part::ALL), token)
     }
 
-    /// Refits an acceleration structure: its geometry moved, its tree stays.
+    /// Refits an acceleration structure to moved geometry; its topology is kept.
     pub fn refit<K: Accel>(&mut self, accel: WriteHandle<K>) -> (WriteHandle<K>, BuildToken) {
         let token = BuildToken { resource: accel.at.id, pass: self.pass };
         (self.change(accel, Access::Refit, Part::ALL), token)
@@ -184,7 +184,7 @@ impl PassBuilder<'_> {
         self.sample_part(image, Part::ALL)
     }
 
-    /// Samples a part of an image; mip 0 of what is bound is the first mip of the part.
+    /// Samples a part of an image. Mip 0 in the shader is the first mip of the part.
     pub fn sample_part(&mut self, image: Handle<Image>, part: Part) -> SampleToken {
         let (resource, part) = self.see(image, Access::Sample, part);
         SampleToken { resource, pass: self.pass, part }
@@ -195,7 +195,7 @@ impl PassBuilder<'_> {
         self.storage_part(image, Part::ALL)
     }
 
-    /// Reads a part of a storage image; what is bound is the first mip of the part.
+    /// Reads a part of a storage image. The shader sees the first mip of the part.
     pub fn storage_part(&mut self, image: Handle<Image>, part: Part) -> StorageToken {
         let (resource, part) = self.see(image, Access::StorageRead, part);
         StorageToken { resource, pass: self.pass, part }
@@ -221,7 +221,7 @@ impl PassBuilder<'_> {
         TraceToken { resource: self.see(tlas, Access::Trace, Part::ALL).0, pass: self.pass }
     }
 
-    /// Gives a build what it is made from: geometry in a buffer, or a bottom level.
+    /// Declares an input of a build: a buffer of geometry, or a bottom level.
     pub fn build_input<K: BuildInput>(&mut self, input: Handle<K>) -> BuildInputToken {
         BuildInputToken { resource: self.see(input, Access::BuildInput, Part::ALL).0, pass: self.pass }
     }
@@ -231,24 +231,24 @@ impl PassBuilder<'_> {
         CopySource { resource: self.see(source, Access::CopyRead, Part::ALL).0, pass: self.pass }
     }
 
-    // Questions.
+    // Queries.
 
-    /// What an image is like; its size is given as that of the image itself.
+    /// Description of an image, with its size given as that of the image itself ([`Size::Like`](super::Size::Like)).
     pub fn desc(&self, image: Handle<Image>) -> ImageDesc {
         self.graph.desc(image)
     }
 
-    /// Size of an image, pixels.
+    /// Size of mip 0 of an image, pixels.
     pub fn extent(&self, image: Handle<Image>) -> Extent {
         self.graph.extent(image)
     }
 
-    /// Size that an image of this description has or would have, pixels.
+    /// Size of mip 0 that an image of this description has or would have, pixels.
     pub fn extent_of(&self, desc: ImageDesc) -> Extent {
         self.graph.extent_of(desc)
     }
 
-    // How it is noted.
+    // Recording the uses in the declaration.
 
     fn make_image(&mut self, name: &str, desc: ImageDesc, access: Access, clear: Option<Clear>) -> WriteHandle<Image> {
         let shape = self.graph.image_shape(name, desc);
@@ -287,7 +287,7 @@ impl PassBuilder<'_> {
         self.check_format(resource, access);
         let part = self.resolve(resource, part);
         if access.is_attachment() && access.reads() {
-            // A storage write or a copy may replace everything; an attachment that is not cleared shows what was there.
+            // A storage write or a copy may overwrite everything, but an attachment that is not cleared shows its earlier contents.
             self.check_contents(resource, version, access);
         }
         self.check_together(resource, access, part);
@@ -297,14 +297,14 @@ impl PassBuilder<'_> {
         WriteHandle::new(self.graph.handle(resource, version + 1))
     }
 
-    /// Notes a read and gives the index of what is read, and its part.
+    /// Declares a read. Returns the index of the resource and the resolved part.
     fn see<K: Kind>(&mut self, handle: Handle<K>, access: Access, part: Part) -> (u32, Part) {
         let (resource, version) = (handle.id, handle.version);
         self.graph.assert_own(handle);
         let part = self.resolve(resource, part);
         let new = Use { resource, access, part, reads: Some(version), writes: None };
         if self.uses().contains(&new) {
-            return (resource, part); // Declared twice, which is no more than once.
+            return (resource, part); // Declaring the same read twice counts once.
         }
         self.check_format(resource, access);
         if self.check_together(resource, access, part) {
@@ -315,7 +315,7 @@ impl PassBuilder<'_> {
         (resource, part)
     }
 
-    /// A part with its counts resolved, checked against the image.
+    /// The part with [`Part::REST`] replaced by actual counts. A part outside the image is an error and yields the whole image.
     fn resolve(&mut self, resource: u32, part: Part) -> Part {
         let (mips, layers) = self.graph.declaration.resources[resource as usize].shape.parts();
         if part.is_all() {
@@ -359,8 +359,8 @@ impl PassBuilder<'_> {
         }
     }
 
-    /// Whether this use goes with those of the same part that the pass has declared already: buffers may be read in several
-    /// ways at once, images have one layout at a time, and nothing is both read and written.
+    /// Whether this use is compatible with the pass's other uses of overlapping parts: buffers may be read in several ways at
+    /// once, images have one layout at a time, and nothing is both read and written.
     fn check_together(&mut self, resource: u32, access: Access, part: Part) -> bool {
         let goes = |other: &Use| {
             let only_read = !access.writes() && !other.access.writes();

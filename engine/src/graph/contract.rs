@@ -1,4 +1,4 @@
-//! What the images that a slot of the frame gives must be like.
+//! Checks an image that a slot of the frame outputs against the contract of that slot.
 
 use super::{
     desc::{Extent, Format},
@@ -7,18 +7,18 @@ use super::{
     pass::FrameGraph,
 };
 
-/// What an image that a slot gives must be like.
+/// What a slot requires of one of its output images.
 #[derive(Clone, Copy, Debug)]
 pub struct Contract<'a> {
-    /// Name of the slot.
+    /// Name of the slot, such as `shadows`.
     pub slot: &'a str,
-    /// Name of what fills it.
+    /// Name of the implementation that fills the slot.
     pub implementation: &'a str,
-    /// Name of the image in the contract.
+    /// Name of the output in the contract.
     pub output: &'a str,
-    /// Formats that it may have.
+    /// Formats that are allowed.
     pub formats: &'a [Format],
-    /// Its size.
+    /// Required size of mip 0, pixels.
     pub extent: Extent,
 }
 
@@ -58,7 +58,7 @@ impl FrameGraph {
         }
     }
 
-    /// Notes a mistake where an image is not as a slot's contract says.
+    /// Records [`GraphError::Contract`] if the image's format or size breaks the contract.
     pub fn check_contract(&mut self, image: Handle<Image>, contract: Contract<'_>) {
         let (format, extent, ..) = self.image_at(image);
         let Contract { slot, implementation, output, formats, extent: wanted } = contract;

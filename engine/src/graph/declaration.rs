@@ -1,69 +1,69 @@
-//! A declared frame as plain data: what the plan is made from.
+//! A declared frame as plain data: the input of the plan.
 //!
-//! Everything lies in a few flat lists, so that a frame can be compared with another and thrown away without touching the heap.
+//! Everything is in a few flat lists, so that comparing two frames is cheap and the lists can be reused without allocating.
 
 use super::{
     access::{Access, Domain, Layout, Queue, Uses},
     desc::{Extent, Format, Part},
 };
 
-/// Everything that was declared, in the order of declaration. Passes and resources are named by their index.
+/// Everything that was declared, in the order of declaration. Passes and resources are referred to by index.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Declaration {
-    /// What `Size::Full` means, pixels.
+    /// Size of an image with [`Size::Full`](super::Size::Full), pixels.
     pub full: Extent,
     /// Images, buffers and acceleration structures.
     pub resources: Vec<ResourceDecl>,
-    /// Passes.
+    /// Passes, in the order of declaration.
     pub passes: Vec<PassDecl>,
-    /// What the passes do with which resource, pass by pass.
+    /// The uses of all passes, pass by pass; [`PassDecl::uses`] is the range of one pass.
     pub uses: Vec<Use>,
-    /// What attachments are cleared to, by the index of the use, ascending.
+    /// Clear values of attachments, by the index of the use, ascending.
     pub clears: Vec<(u32, Clear)>,
-    /// Buffers whose words are all floats, by index, ascending.
+    /// Indices of the buffers that hold only 32-bit floats, ascending.
     pub floats: Vec<u32>,
-    /// What the frame is made for.
+    /// The contents that the frame is rendered for; everything that they do not depend on may be culled.
     pub outputs: Vec<OutputDecl>,
     /// Pairs of images or buffers that carry contents from frame to frame.
     pub histories: Vec<HistoryDecl>,
     names: String,
 }
 
-/// A name, by its place among all names of the declaration.
+/// A name, as a range of the one string that holds all names of the declaration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Name {
     start: u32,
     length: u32,
 }
 
-/// From one index up to another, which is not included.
+/// A half-open range of indices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Span {
-    /// The first.
+    /// First index.
     pub start: u32,
-    /// The one after the last.
+    /// One past the last index.
     pub end: u32,
 }
 
 impl Span {
-    /// As a range of indices.
+    /// The range as a standard range.
     pub fn range(self) -> std::ops::Range<usize> {
         self.start as usize..self.end as usize
     }
 
-    /// How many.
+    /// Number of indices.
     pub fn len(self) -> usize {
         (self.end - self.start) as usize
     }
 
-    /// None at all.
+    /// Whether the range is empty.
     pub fn is_empty(self) -> bool {
         self.end == self.start
     }
 }
 
 impl Declaration {
-    /// Nothing declared yet, for a frame of so many pixels.
+    /// An empty declaration for a frame of `full` pixels.
     pub fn new(full: Extent) -> Self {
         Self {
             full,
@@ -78,7 +78,7 @@ impl Declaration {
         }
     }
 
-    /// Forgets everything but keeps the memory of the lists.
+    /// Empties the declaration and keeps the capacity of its lists.
     pub(super) fn clear(&mut self, full: Extent) {
         self.full = full;
         self.resources.clear();
@@ -107,13 +107,13 @@ impl Declaration {
         self.text(self.passes[pass as usize].name)
     }
 
-    /// The stage that a pass belongs to: its name up to the first dot.
+    /// First part of a pass's name, up to the dot: `shadows` of `shadows.trace`. Passes of one slot share it.
     pub fn stage(&self, pass: u32) -> &str {
         let name = self.pass_name(pass);
         name.split_once('.').map_or(name, |(stage, _)| stage)
     }
 
-    /// What a pass does with which resource. Colour attachments are in the order of the fragment shader's outputs.
+    /// The uses of a pass. Colour attachments are in the order of the fragment shader's outputs.
     pub fn uses_of(&self, pass: u32) -> &[Use] {
         &self.uses[self.passes[pass as usize].uses.range()]
     }
@@ -132,29 +132,29 @@ impl Declaration {
         self.uses_of(pass).iter().map(of).sum()
     }
 
-    /// What an attachment is cleared to, by the index of its use.
+    /// The clear value of an attachment, by the index of its use; `None` if it is not cleared.
     pub fn clear_of(&self, use_index: u32) -> Option<Clear> {
         let at = self.clears.binary_search_by_key(&use_index, |(at, _)| *at).ok()?;
         Some(self.clears[at].1)
     }
 
-    /// Whether a resource is a buffer whose words are all floats.
+    /// Whether a resource is a buffer that holds only 32-bit floats.
     pub fn is_floats(&self, resource: u32) -> bool {
         self.floats.binary_search(&resource).is_ok()
     }
 
-    /// `pass:output` of the pass that makes a resource, or the name that it was imported by.
+    /// Full name of a resource: `pass:output` with the pass that makes it, or the name under which it was imported.
     pub fn resource_name(&self, resource: u32) -> String {
         let decl = &self.resources[resource as usize];
         let local = self.text(decl.name);
         decl.maker.map_or_else(|| local.to_owned(), |maker| format!("{}:{local}", self.pass_name(maker)))
     }
 
-    /// What a pass leaves for others. An output has the name that its resource was made or imported by; where that leaves two
-    /// outputs of one pass with one name, that which was made elsewhere has the resource's full name.
+    /// The resources that a pass writes, by name. The name is the one under which the resource was made or imported. If two
+    /// outputs of the pass share it, the one made elsewhere gets its full name instead.
     pub fn outputs_of(&self, pass: u32) -> Vec<NamedOutput> {
         let uses = self.uses_of(pass);
-        // A pass that writes several parts of one image has one output, the last of its versions.
+        // A pass that writes several parts of one image has one output: the last version.
         let is_last = |at: usize| !uses[at + 1..].iter().any(|u| u.resource == uses[at].resource && u.writes.is_some());
         let written = || {
             let writes = uses.iter().enumerate().filter_map(|(at, u)| Some((at, u.resource, u.writes?)));
@@ -170,7 +170,7 @@ impl Declaration {
         written().map(named).collect()
     }
 
-    /// Who wrote which version.
+    /// The pass that wrote each version of each resource.
     pub fn writers(&self) -> Writers {
         Writers::of(self)
     }
@@ -178,7 +178,7 @@ impl Declaration {
 
 /// The pass that wrote each version of each resource.
 pub struct Writers {
-    /// Of each resource, the place of its version 0.
+    /// For each resource, the index in `writers` of its version 0.
     first: Vec<u32>,
     writers: Vec<Option<u32>>,
 }
@@ -202,45 +202,45 @@ impl Writers {
         Self { first, writers }
     }
 
-    /// The pass that wrote a version; none for the contents that an imported resource came with.
+    /// The pass that wrote a version; `None` for the contents with which a resource was imported.
     pub fn get(&self, resource: u32, version: u32) -> Option<u32> {
         self.writers[(self.first[resource as usize] + version) as usize]
     }
 }
 
-/// A resource.
+/// A declared resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ResourceDecl {
-    /// The name that it was made or imported by; see [`Declaration::resource_name`].
+    /// Local name, without the pass; see [`Declaration::resource_name`].
     pub name: Name,
-    /// The pass that makes it; none where it was imported.
+    /// Index of the pass that makes it; `None` if it is imported.
     pub maker: Option<u32>,
-    /// What it is like.
+    /// Kind, format and size.
     pub shape: Shape,
-    /// Where it comes from.
+    /// Whether it is transient or imported.
     pub origin: Origin,
-    /// How many versions there are.
+    /// Number of versions; version 0 is what the maker wrote or what was imported.
     pub versions: u32,
 }
 
 impl ResourceDecl {
-    /// Bytes that its contents take, without padding.
+    /// Size of the contents in bytes, without padding.
     pub fn bytes(&self) -> u64 {
         self.shape.bytes()
     }
 
-    /// Whether it was imported without contents, so that version 0 is nothing.
+    /// Whether it was imported without contents, so that version 0 is undefined.
     pub fn is_undefined(&self) -> bool {
         matches!(self.origin, Origin::Imported { last, .. } if last.is_empty())
     }
 
-    /// Whether it is made and forgotten within the frame.
+    /// Whether it exists only within this frame.
     pub fn is_transient(&self) -> bool {
         self.origin == Origin::Transient
     }
 }
 
-/// What a resource is like, sizes resolved.
+/// Kind, format and size of a resource, with relative sizes resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// An image.
@@ -249,27 +249,27 @@ pub enum Shape {
         format: Format,
         /// Size of mip 0.
         extent: Extent,
-        /// Number of mips.
+        /// Number of mips, at least 1.
         mips: u32,
-        /// Number of layers.
+        /// Number of layers, at least 1.
         layers: u32,
     },
     /// A buffer.
     Buffer {
-        /// Its size.
+        /// Size in bytes.
         bytes: u64,
     },
     /// An acceleration structure.
     Accel {
-        /// Its size; zero where it was imported and its size is its owner's.
+        /// Size in bytes; zero if it was imported, since its owner knows the size.
         bytes: u64,
-        /// It is a top level.
+        /// Whether it is a top level.
         top: bool,
     },
 }
 
 impl Shape {
-    /// Bytes that contents take, without padding.
+    /// Size of the contents in bytes, without padding.
     pub fn bytes(self) -> u64 {
         match self {
             Self::Image { format, extent, mips, layers } => {
@@ -294,7 +294,7 @@ impl Shape {
         }
     }
 
-    /// Mips and layers; one of each for what is no image.
+    /// Number of mips and layers; (1, 1) for a buffer or an acceleration structure.
     pub fn parts(self) -> (u32, u32) {
         match self {
             Self::Image { mips, layers, .. } => (mips, layers),
@@ -302,12 +302,12 @@ impl Shape {
         }
     }
 
-    /// Whether it is an image: only images have layouts.
+    /// Whether it is an image; only images have layouts.
     pub fn is_image(self) -> bool {
         matches!(self, Self::Image { .. })
     }
 
-    /// The layout that it has during an access; [`Layout::Undefined`] for what is no image.
+    /// Layout during an access; [`Layout::Undefined`] for anything but an image.
     pub fn layout(self, access: Access) -> Layout {
         if self.is_image() { access.layout() } else { Layout::Undefined }
     }
@@ -316,63 +316,63 @@ impl Shape {
 /// Where a resource comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Origin {
-    /// Made by a pass, gone after the frame.
+    /// Made by a pass; its memory is reused after its last use.
     Transient,
-    /// It exists before and after the frame.
+    /// Exists before and after the frame.
     Imported {
-        /// The object behind it.
+        /// Which object it is.
         key: ImportKey,
-        /// Last uses before the frame; empty where nothing is known and contents do not matter.
+        /// Uses before the frame that it must be synchronised with; empty where the contents do not matter.
         last: Uses,
-        /// Layout before the frame.
+        /// Layout when the frame begins.
         layout: Layout,
-        /// What the frame makes it ready for at its end.
+        /// The use for which the frame makes it ready at its end, if any.
         leave: Option<(Access, Domain)>,
     },
 }
 
-/// The object behind an imported resource.
+/// Identifies the object behind an imported resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImportKey {
-    /// One that the caller brings, by the caller's number.
+    /// An object of the caller, by its index in [`Imports`](super::execute::Imports).
     Caller(u32),
-    /// What the frame before left in a history.
+    /// The half of a history that the previous frame wrote.
     Previous(u32),
-    /// What this frame leaves in a history.
+    /// The half of a history that this frame writes.
     Next(u32),
-    /// A buffer that keeps its contents.
+    /// A kept buffer or kept image.
     Kept(u32),
 }
 
-/// State in which an imported image comes.
+/// State of an imported image when the frame begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageState {
-    /// Last use before the frame; none where contents are not defined.
+    /// Last use before the frame; `None` if the contents are undefined.
     pub access: Option<(Access, Domain)>,
 }
 
 impl ImageState {
-    /// New, or its contents do not matter any more.
+    /// Undefined contents: the image is new, or its contents are no longer needed.
     pub const UNDEFINED: Self = Self { access: None };
 
-    /// Last used so.
+    /// Defined contents, last used in this way.
     pub fn last(access: Access, domain: Domain) -> Self {
         Self { access: Some((access, domain)) }
     }
 }
 
-/// A pass.
+/// A declared pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct PassDecl {
-    /// Its name, such as `shadows.trace`; see [`Declaration::pass_name`].
+    /// Full name, such as `shadows.trace`; see [`Declaration::pass_name`].
     pub name: Name,
-    /// The queue it would like.
+    /// The queue that it requests; the plan may choose another.
     pub queue: Queue,
-    /// Where it runs, from its accesses.
+    /// Kind of work, derived from its accesses.
     pub domain: Domain,
-    /// It observes: it does not keep what it reads alive.
+    /// Whether it only observes: it keeps nothing alive that it reads.
     pub weak: bool,
-    /// Its uses, in [`Declaration::uses`].
+    /// Its range of [`Declaration::uses`].
     pub uses: Span,
 }
 
@@ -381,20 +381,20 @@ pub struct PassDecl {
 pub struct Use {
     /// Index of the resource.
     pub resource: u32,
-    /// How it is used.
+    /// The kind of access.
     pub access: Access,
-    /// How much of it, counts resolved.
+    /// The mips and layers that are used, counts resolved.
     pub part: Part,
-    /// The version it builds on: read, or kept where it is not written.
+    /// The version that is read, or of which the unwritten rest is kept.
     pub reads: Option<u32>,
-    /// The version it makes.
+    /// The version that this use creates.
     pub writes: Option<u32>,
 }
 
-/// What an attachment is cleared to.
+/// Clear value of an attachment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Clear {
-    /// Channels of a colour attachment; of an unsigned one, whole numbers.
+    /// Channels of a colour attachment; for an unsigned format they are truncated to integers.
     Color([f32; 4]),
     /// Depth; 0 is infinitely far.
     Depth(f32),

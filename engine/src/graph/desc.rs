@@ -1,4 +1,4 @@
-//! What a resource is like: format, size and mips of images, bytes of buffers.
+//! Descriptions of resources: format, size and mips of images, size of buffers.
 
 use std::fmt;
 
@@ -13,27 +13,27 @@ pub enum Format {
     Rg8Unorm,
     /// Four channels, 0 to 1, 8 bits each.
     Rgba8Unorm,
-    /// Four channels, 8 bits each, rgb in the sRGB curve; shaders read it linear.
+    /// Four channels, 0 to 1, 8 bits each; rgb is stored in the sRGB curve and read as linear.
     Rgba8Srgb,
     /// Four channels, -1 to 1, 16 bits each.
     Rgba16Snorm,
-    /// One half float.
+    /// One 16-bit float.
     R16Float,
-    /// Two half floats.
+    /// Two 16-bit floats.
     Rg16Float,
-    /// Four half floats.
+    /// Four 16-bit floats.
     Rgba16Float,
-    /// One float.
+    /// One 32-bit float.
     R32Float,
-    /// Two floats.
+    /// Two 32-bit floats.
     Rg32Float,
-    /// Four floats.
+    /// Four 32-bit floats.
     Rgba32Float,
-    /// One unsigned integer.
+    /// One 32-bit unsigned integer.
     R32Uint,
-    /// Two unsigned integers.
+    /// Two 32-bit unsigned integers.
     Rg32Uint,
-    /// Depth, one float.
+    /// Depth, one 32-bit float.
     D32Float,
 }
 
@@ -49,7 +49,7 @@ impl Format {
         }
     }
 
-    /// Numbers per pixel.
+    /// Number of channels, 1 to 4.
     pub fn channels(self) -> u32 {
         match self {
             Self::R8Unorm | Self::R16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
@@ -58,7 +58,7 @@ impl Format {
         }
     }
 
-    /// Whether pixels are floating-point numbers, so that they can be NaN or infinite.
+    /// Whether channels are floating-point numbers, which can be NaN or infinite.
     pub fn is_float(self) -> bool {
         match self {
             Self::R16Float
@@ -78,13 +78,13 @@ impl Format {
         }
     }
 
-    /// Whether it is a depth attachment's format.
+    /// Whether it is a depth format.
     pub fn is_depth(self) -> bool {
         self == Self::D32Float
     }
 
-    /// Greatest number that a float format holds, infinite for 32 bits and for formats that are no floats: what a shader may bring a
-    /// number down to, so that a finite one stays finite.
+    /// Largest finite value of a 16-bit float format; infinite for all other formats. Shaders clamp finite values to it, so that
+    /// storing one never gives an infinity.
     pub fn greatest(self) -> f32 {
         match self {
             Self::R16Float | Self::Rg16Float | Self::Rgba16Float => 65504.0,
@@ -92,12 +92,12 @@ impl Format {
         }
     }
 
-    /// Whether pixels are unsigned integers.
+    /// Whether channels are unsigned integers.
     pub fn is_uint(self) -> bool {
         matches!(self, Self::R32Uint | Self::Rg32Uint)
     }
 
-    /// Whether it can be a storage image: not depth, and not sRGB, whose curve stores do not apply.
+    /// Whether it can be a storage image. Depth formats cannot, nor can sRGB, since stores do not apply the curve.
     pub fn is_storable(self) -> bool {
         !self.is_depth() && self != Self::Rgba8Srgb
     }
@@ -113,15 +113,15 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// Longest side that the graph accepts, pixels. No Vulkan device of today makes larger images.
+    /// Longest side that the graph accepts, pixels. Current Vulkan devices support at most this.
     pub const MAX_SIDE: u32 = 32768;
 
-    /// An extent in pixels.
+    /// An extent of `width` by `height` pixels.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height }
     }
 
-    /// Half of it on each side, rounded up, so that every full pixel has a half one.
+    /// Half of it on each side, rounded up, so that every pixel of the full image has one in the half image.
     pub fn half(self) -> Self {
         Self { width: self.width.div_ceil(2), height: self.height.div_ceil(2) }
     }
@@ -131,7 +131,7 @@ impl Extent {
         u32::BITS - self.width.max(self.height).leading_zeros()
     }
 
-    /// Extent of a mip; mip 0 is the whole.
+    /// Size of a mip, at least 1 pixel on each side; mip 0 is the extent itself.
     pub fn mip(self, level: u32) -> Self {
         let side = |s: u32| s.checked_shr(level).unwrap_or(0).max(1);
         Self { width: side(self.width), height: side(self.height) }
@@ -144,7 +144,7 @@ impl fmt::Display for Extent {
     }
 }
 
-/// How large an image is. No effect reads the window's size.
+/// Size of an image, relative to the frame where possible: effects do not read the window's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// As large as the frame.
@@ -153,25 +153,25 @@ pub enum Size {
     Half,
     /// As large as another image.
     Like(Handle<Image>),
-    /// So many pixels, for tables and maps that do not follow the frame.
+    /// A fixed size in pixels, for tables and maps that do not depend on the frame's size.
     Fixed(Extent),
 }
 
-/// A part of an image: some of its mips, some of its layers.
+/// A part of an image: a range of its mips and a range of its layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Part {
     /// First mip.
     pub mip: u16,
-    /// How many mips; [`Part::REST`] for all that follow.
+    /// Number of mips; [`Part::REST`] for all from the first on.
     pub mips: u16,
     /// First layer.
     pub layer: u16,
-    /// How many layers; [`Part::REST`] for all that follow.
+    /// Number of layers; [`Part::REST`] for all from the first on.
     pub layers: u16,
 }
 
 impl Part {
-    /// As a count: all that follow the first.
+    /// As a count: all from the first on.
     pub const REST: u16 = u16::MAX;
 
     /// All mips of all layers.
@@ -187,18 +187,18 @@ impl Part {
         Self { layer: layer as u16, layers: 1, ..Self::ALL }
     }
 
-    /// Whether it is the whole.
+    /// Whether it is [`Part::ALL`].
     pub fn is_all(self) -> bool {
         self == Self::ALL
     }
 
-    /// With counts in place of [`Part::REST`], for an image of so many mips and layers.
+    /// The same part with [`Part::REST`] replaced by actual counts, for an image with `mips` mips and `layers` layers.
     pub fn of(self, mips: u32, layers: u32) -> Self {
         let rest = |first: u16, count: u16, all: u32| if count == Self::REST { all as u16 - first } else { count };
         Self { mips: rest(self.mip, self.mips, mips), layers: rest(self.layer, self.layers, layers), ..self }
     }
 
-    /// Whether it lies inside of an image of so many mips and layers, and is not empty.
+    /// Whether it is not empty and lies inside an image with `mips` mips and `layers` layers.
     pub fn fits(self, mips: u32, layers: u32) -> bool {
         let inside = |first: u16, count: u16, all: u32| {
             u32::from(first) < all && (count == Self::REST || (count > 0 && u32::from(first) + u32::from(count) <= all))
@@ -206,7 +206,7 @@ impl Part {
         inside(self.mip, self.mips, mips) && inside(self.layer, self.layers, layers)
     }
 
-    /// Whether all of it lies in another, counts of both resolved.
+    /// Whether `other` contains all of it; counts of both must be resolved.
     pub fn is_within(self, other: Self) -> bool {
         let inside = |a: u16, a_count: u16, b: u16, b_count: u16| {
             a >= b && u32::from(a) + u32::from(a_count) <= u32::from(b) + u32::from(b_count)
@@ -214,7 +214,7 @@ impl Part {
         inside(self.mip, self.mips, other.mip, other.mips) && inside(self.layer, self.layers, other.layer, other.layers)
     }
 
-    /// Whether two parts of one image have anything in common.
+    /// Whether two parts of one image overlap.
     pub fn overlaps(self, other: Self) -> bool {
         let meet = |a: u16, a_count: u16, b: u16, b_count: u16| {
             u32::from(a) < u32::from(b) + u32::from(b_count) && u32::from(b) < u32::from(a) + u32::from(a_count)
@@ -223,78 +223,78 @@ impl Part {
     }
 }
 
-/// An image to make.
+/// Description of an image to make.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageDesc {
     /// Format of its pixels.
     pub format: Format,
     /// Size of mip 0.
     pub size: Size,
-    /// Number of mips, 1 for none but the whole.
+    /// Number of mips, at least 1.
     pub mips: u32,
-    /// Number of layers, 1 for a plain image. Shaders see the layers of an image with several as an array.
+    /// Number of layers, at least 1. With more than one, shaders see the image as an array.
     pub layers: u32,
 }
 
 impl ImageDesc {
-    /// Most layers that the graph accepts; every Vulkan device makes as many.
+    /// Most layers that the graph accepts; every Vulkan device supports that many.
     pub const MAX_LAYERS: u32 = 256;
 
-    /// As large as the frame, without further mips.
+    /// As large as the frame, with one mip and one layer.
     pub fn full(format: Format) -> Self {
         Self { format, size: Size::Full, mips: 1, layers: 1 }
     }
 
-    /// Half the frame on each side, without further mips.
+    /// Half the frame on each side, with one mip and one layer.
     pub fn half(format: Format) -> Self {
         Self { format, size: Size::Half, mips: 1, layers: 1 }
     }
 
-    /// As large as another image, without further mips.
+    /// As large as another image, with one mip and one layer.
     pub fn like(format: Format, other: Handle<Image>) -> Self {
         Self { format, size: Size::Like(other), mips: 1, layers: 1 }
     }
 
-    /// So many pixels, without further mips.
+    /// A fixed size in pixels, with one mip and one layer.
     pub fn fixed(format: Format, extent: Extent) -> Self {
         Self { format, size: Size::Fixed(extent), mips: 1, layers: 1 }
     }
 }
 
-/// A buffer to make.
+/// Description of a buffer to make.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferDesc {
-    /// Its size in bytes.
+    /// Size in bytes.
     pub bytes: u64,
-    /// What its words are.
+    /// What the contents are.
     pub content: Content,
 }
 
-/// What the 32-bit words of a buffer are, as far as the graph is told.
+/// What the 32-bit words of a buffer hold, as far as the graph needs to know.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Content {
-    /// Anything.
+    /// Any data; the scan for NaN skips it.
     #[default]
     Raw,
-    /// All are floats, so that the scan of [`check`](super::check) can look for NaN and infinity.
+    /// Only 32-bit floats, so that the scan of [`check`](super::check) can look for NaN and infinity.
     Floats,
 }
 
 impl BufferDesc {
-    /// Largest size that the graph accepts: a tebibyte, more than any device holds.
+    /// Largest size that the graph accepts: a tebibyte, above what devices offer.
     pub const MAX_BYTES: u64 = 1 << 40;
 
-    /// A buffer of so many bytes.
+    /// A buffer of `bytes` bytes of any data.
     pub fn new(bytes: u64) -> Self {
         Self { bytes, content: Content::Raw }
     }
 
-    /// A buffer of so many 32-bit floats.
+    /// A buffer of `count` 32-bit floats.
     pub fn floats(count: u64) -> Self {
         Self { bytes: count.saturating_mul(4), content: Content::Floats }
     }
 
-    /// The same, all 32-bit words being floats.
+    /// The same buffer, declared to hold only 32-bit floats.
     pub fn of_floats(self) -> Self {
         Self { content: Content::Floats, ..self }
     }

@@ -1,11 +1,11 @@
-//! The plan in words, as data, as a graph and as a page with a picture.
+//! Dumps of a plan: as text, JSON, Graphviz and an HTML page with a drawing.
 //!
 //! | form | for | file |
 //! |---|---|---|
 //! | text | reading in a terminal, comparing two plans line by line | `text` |
 //! | JSON | programs | `json` |
 //! | DOT | Graphviz | `dot` |
-//! | HTML | looking at: queues, memory, what the graph gained | `html` |
+//! | HTML | looking at: queues, memory, the graph's savings | `html` |
 //!
 //! All of them are functions of the declaration and its plan: equal plans give equal dumps.
 
@@ -20,57 +20,58 @@ use super::{declaration::Declaration, plan::Plan};
 
 pub use gains::Gains;
 
-/// A plan to be shown, with what was measured of it.
+/// A plan to be dumped, with what was measured of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Dump<'a> {
-    /// What was declared.
+    /// The declared frame.
     pub declaration: &'a Declaration,
-    /// How it runs.
+    /// The plan of that frame.
     pub plan: &'a Plan,
-    /// What the graph gained.
+    /// What the graph saved.
     pub gains: Gains,
 }
 
 impl<'a> Dump<'a> {
-    /// A plan of which nothing was measured.
+    /// A plan without measurements.
     pub fn new(declaration: &'a Declaration, plan: &'a Plan) -> Self {
         Self { declaration, plan, gains: Gains::of(plan) }
     }
 
-    /// With the time that queues saved by working beside each other, milliseconds.
+    /// Adds the time that queues saved by overlapping, milliseconds.
     #[must_use]
     pub fn overlap(mut self, ms: Option<f64>) -> Self {
         self.gains.overlap_ms = ms;
         self
     }
 
-    /// In words: passes in order with all they wait for, what is left out and why, where everything lies in memory.
+    /// Text for people: passes in order with everything they wait for, culled passes with the reason, and the placement of
+    /// everything in memory.
     pub fn text(&self) -> String {
         text::text(self)
     }
 
-    /// As data.
+    /// JSON for programs.
     pub fn json(&self) -> String {
         json::json(self)
     }
 
-    /// For Graphviz: passes are boxes in the frames of their batches, versions of resources ellipses; what is left out is dashed.
+    /// DOT for Graphviz: passes are boxes inside frames for their batches, versions of resources are ellipses, culled passes are dashed.
     pub fn dot(&self) -> String {
         dot::dot(self)
     }
 
-    /// As a page that needs nothing else, without scripts.
+    /// A self-contained HTML page without scripts.
     pub fn html(&self) -> String {
         html::html(self)
     }
 }
 
-/// [`Dump::text`] of a plan of which nothing was measured.
+/// [`Dump::text`] without measurements.
 pub fn text(declaration: &Declaration, plan: &Plan) -> String {
     Dump::new(declaration, plan).text()
 }
 
-/// [`Dump::json`] of a plan of which nothing was measured.
+/// [`Dump::json`] without measurements.
 pub fn json(declaration: &Declaration, plan: &Plan) -> String {
     Dump::new(declaration, plan).json()
 }
@@ -80,12 +81,12 @@ pub fn dot(declaration: &Declaration, plan: &Plan) -> String {
     Dump::new(declaration, plan).dot()
 }
 
-/// [`Dump::html`] of a plan of which nothing was measured.
+/// [`Dump::html`] without measurements.
 pub fn html(declaration: &Declaration, plan: &Plan) -> String {
     Dump::new(declaration, plan).html()
 }
 
-/// Tests the examples of the page on the graph.
+/// Compiles and runs the examples of `docs/frame-graph.md`.
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/frame-graph.md")]
 mod page {}

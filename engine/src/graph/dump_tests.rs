@@ -1,12 +1,12 @@
-//! The dumps of one small frame that has a bit of everything.
+//! The dumps of one small frame that uses every feature.
 
 use super::{
     super::{plan::plan_with, *},
     Dump, Gains,
 };
 
-/// Three queues, a history, an image used mip by mip, an attachment that is handed over, one that nobody reads, and a pass that is
-/// left out. `first` is the name of its first stage.
+/// Three queues, a history, an image used mip by mip, an attachment that is handed over to another queue, one that nobody reads,
+/// and a culled pass. `first` is the name of its first stage.
 fn frame(first: &str) -> Frame {
     let mut g = FrameGraph::new(Extent::new(16, 8));
     let scope = HistoryScope::new();
@@ -122,7 +122,7 @@ batch 4 on transfer, waits for batch 3
 ";
     let told = super::text(&declaration, &plan);
     let (passes, rest) = told.split_once("\nleft out\n").unwrap();
-    // What stands at the end of a frame with imports that are left for the host follows the batches.
+    // The barriers at the end of the frame follow after the batches.
     assert!(passes.starts_with(expected), "wanted\n{expected}\ngot\n{passes}");
     let expected = "     ao.trace: nothing that is kept needs `ao.trace:open`
 
@@ -314,7 +314,7 @@ fn the_page_escapes_every_name() {
     assert!(!page.contains("<b>&") && !page.contains("&\"'"));
 }
 
-/// A device that keeps buffers apart from images.
+/// A device whose buffers and images need different kinds of memory.
 struct TwoKinds;
 
 impl plan::Footprints for TwoKinds {

@@ -1,4 +1,4 @@
-//! What can be wrong with a declared frame.
+//! Mistakes in a declared frame.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use super::{
     desc::{BufferDesc, Extent, Format, ImageDesc, Part},
 };
 
-/// One mistake in a declared frame. Declaring goes on after it; [`FrameGraph::finish`](super::FrameGraph::finish) returns all.
+/// One mistake in a declared frame. Declaring continues after it; [`FrameGraph::finish`](super::FrameGraph::finish) returns all of them.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GraphError {
     /// A pass uses contents that a later write has replaced.
@@ -15,13 +15,13 @@ pub enum GraphError {
         "pass `{pass}` wants version {version} of `{resource}` ({access}), but pass `{writer}` has written version {newest} ({written})"
     )]
     StaleRead {
-        /// The pass that reads.
+        /// Name of the pass that reads.
         pass: String,
-        /// The resource.
+        /// Full name of the resource.
         resource: String,
-        /// How it is read.
+        /// The access that was declared.
         access: Access,
-        /// The version that is wanted.
+        /// The version that the pass declared.
         version: u32,
         /// The newest version.
         newest: u32,
@@ -30,186 +30,186 @@ pub enum GraphError {
         /// How it was written.
         written: Access,
     },
-    /// A pass reads an imported image that has no contents yet.
+    /// A pass reads a resource that was imported without contents and that no pass has written.
     #[error(
         "pass `{pass}` reads `{resource}` ({access}), which was imported without contents and which no pass has written"
     )]
     Unwritten {
-        /// The pass that reads.
+        /// Name of the pass that reads.
         pass: String,
-        /// The resource.
+        /// Full name of the resource.
         resource: String,
-        /// How it is read.
+        /// The access that was declared.
         access: Access,
     },
-    /// A pass uses one resource in two ways that do not go together.
+    /// A pass uses overlapping parts of one resource in two incompatible ways.
     #[error("pass `{pass}` uses `{resource}` in two ways that do not go together: {first} and {second}")]
     Conflict {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The resource.
+        /// Full name of the resource.
         resource: String,
         /// The use declared first.
         first: Access,
         /// The use declared after it.
         second: Access,
     },
-    /// A pass copies and does something else as well; a pass is one copy, one dispatch, one trace or one draw list.
+    /// A pass copies and also does something else; a pass is one copy, one dispatch, one trace or one draw list.
     #[error("pass `{pass}` copies `{copied}` ({copy}) and also uses `{resource}` ({access}): make them two passes")]
     MixedCopy {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The resource that is copied.
+        /// Full name of the copied resource.
         copied: String,
-        /// How it is copied.
+        /// Whether it is the source or the target of the copy.
         copy: Access,
-        /// The other resource.
+        /// Full name of the other resource.
         resource: String,
-        /// How that is used.
+        /// Its access.
         access: Access,
     },
-    /// A format that does not suit the access.
+    /// The format of an image does not allow the access.
     #[error("pass `{pass}` uses `{resource}` as {access}, which its format {format:?} cannot be")]
     Format {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The resource.
+        /// Full name of the image.
         resource: String,
-        /// The access.
+        /// The access that was declared.
         access: Access,
-        /// The format of the resource.
+        /// The format of the image.
         format: Format,
     },
-    /// A part that the image does not have.
+    /// A part lies outside the image, or is empty.
     #[error(
         "pass `{pass}` uses {} of `{resource}`, which has {mips} mips and {layers} layers",
         part_in_words(*part)
     )]
     Part {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The image.
+        /// Full name of the image.
         resource: String,
-        /// The part.
+        /// The part that was declared.
         part: Part,
-        /// Mips of the image.
+        /// Number of mips of the image.
         mips: u32,
-        /// Layers of the image.
+        /// Number of layers of the image.
         layers: u32,
     },
-    /// Layers of an image: none, or more than any device makes.
+    /// An image with no layers, or with more than [`ImageDesc::MAX_LAYERS`].
     #[error("image `{resource}` wants {layers} layers; it can have 1 to {limit}", limit = ImageDesc::MAX_LAYERS)]
     Layers {
-        /// The image.
+        /// Name of the image.
         resource: String,
         /// Layers that were asked for.
         layers: u32,
     },
-    /// One history or kept buffer declared twice in a frame.
+    /// One history, kept buffer or kept image is declared twice in a frame.
     #[error("the history `{name}` is declared twice in one frame")]
     DuplicateHistory {
-        /// Its name.
+        /// The name that the effect gave it.
         name: String,
     },
-    /// Attachments of one pass differ in size.
+    /// The attachments of one pass differ in size.
     #[error("attachments of pass `{pass}` differ in size: `{first}` is {first_extent}, `{second}` is {second_extent}")]
     AttachmentExtent {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The first attachment.
+        /// Full name of the first attachment.
         first: String,
-        /// Its size.
+        /// Its size, pixels.
         first_extent: Extent,
-        /// The attachment that differs.
+        /// Full name of the attachment that differs.
         second: String,
-        /// Its size.
+        /// Its size, pixels.
         second_extent: Extent,
     },
-    /// More than one depth attachment.
+    /// A pass has more than one depth attachment.
     #[error("pass `{pass}` has two depth attachments: `{first}` and `{second}`")]
     TwoDepths {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The first.
+        /// Full name of the first one.
         first: String,
-        /// The second.
+        /// Full name of the second one.
         second: String,
     },
-    /// Two outputs of one pass with one name.
+    /// Two outputs of one pass have the same name.
     #[error("pass `{pass}` has two outputs called `{output}`")]
     DuplicateOutput {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The name.
+        /// The name that both have.
         output: String,
     },
-    /// Two passes with one name.
+    /// Two passes have the same name.
     #[error("two passes are called `{pass}`")]
     DuplicatePass {
-        /// The name.
+        /// The name that both have.
         pass: String,
     },
-    /// An image without pixels or larger than any device makes.
+    /// A side of an image is 0 or above [`Extent::MAX_SIDE`].
     #[error("image `{resource}` would be {extent}; each side must be 1 to {limit}", limit = Extent::MAX_SIDE)]
     Extent {
-        /// The image.
+        /// Name of the image.
         resource: String,
-        /// Its size.
+        /// The size that was asked for, pixels.
         extent: Extent,
     },
-    /// More mips than there are, or none.
+    /// An image with no mips, or with more than its size allows.
     #[error("image `{resource}` of {extent} wants {mips} mips; it can have 1 to {most}")]
     Mips {
-        /// The image.
+        /// Name of the image.
         resource: String,
-        /// Its size.
+        /// Size of mip 0, pixels.
         extent: Extent,
         /// Mips that were asked for.
         mips: u32,
-        /// Mips down to one pixel.
+        /// Number of mips down to one pixel.
         most: u32,
     },
-    /// A buffer of no bytes or of more than any device holds.
+    /// A buffer of 0 bytes, or above [`BufferDesc::MAX_BYTES`].
     #[error("buffer `{resource}` would have {bytes} bytes; it must have 1 to {limit}", limit = BufferDesc::MAX_BYTES)]
     BufferSize {
-        /// The buffer.
+        /// Name of the buffer.
         resource: String,
-        /// Its size.
+        /// The size that was asked for, bytes.
         bytes: u64,
     },
-    /// An imported resource comes or is left in a state that its kind cannot have.
+    /// The access with which a resource is imported or left does not apply to its kind.
     #[error("{kind} `{resource}` cannot be in state {access}")]
     State {
-        /// Kind of resource.
+        /// Kind of the resource: `image`, `buffer`, `tlas` or `blas`.
         kind: &'static str,
-        /// The resource.
+        /// Name of the resource.
         resource: String,
-        /// The state.
+        /// The access that was given as its state.
         access: Access,
     },
-    /// A resource is to be left in a state, but it does not outlive the frame.
+    /// A resource is to be left in a state at the end of the frame, but it is transient.
     #[error("`{resource}` is to be left in state {access}, but it is not imported and ends with the frame")]
     NotImported {
-        /// The resource.
+        /// Full name of the resource.
         resource: String,
-        /// The state.
+        /// The state that was asked for.
         access: Access,
     },
-    /// What fills a slot gives an image of another format or size than the slot's contract says.
+    /// An implementation outputs an image whose format or size breaks the contract of its slot.
     #[error(
         "slot `{slot}`: \"{implementation}\" gives `{output}` as {:?} of {}, wanted {} of {}",
         .given.0, .given.1, formats_in_words(&.wanted.0), .wanted.1
     )]
     Contract {
-        /// The slot.
+        /// Name of the slot.
         slot: String,
-        /// What fills it.
+        /// Name of the implementation.
         implementation: String,
-        /// The image, as the contract calls it.
+        /// Name of the image in the contract.
         output: String,
-        /// Formats that it may have, and its size.
+        /// Allowed formats, and the required size.
         wanted: (Vec<Format>, Extent),
-        /// The format and size that it has.
+        /// Actual format and size.
         given: (Format, Extent),
     },
     /// What fills a slot said that it, or a part of it, has nothing to do, and yet added a pass.
@@ -224,22 +224,22 @@ pub enum GraphError {
         /// The pass.
         pass: String,
     },
-    /// No pass of that name.
+    /// No pass has that name.
     #[error("no pass is called `{pass}`; there are: {}", known.join(", "))]
     UnknownPass {
-        /// The name asked for.
+        /// The name that was asked for.
         pass: String,
-        /// Passes with image outputs.
+        /// Names of the passes with image outputs.
         known: Vec<String>,
     },
-    /// No image output of that name.
+    /// The pass has no image output of that name.
     #[error("pass `{pass}` has no image output called `{output}`; it has: {}", known.join(", "))]
     UnknownOutput {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The name asked for.
+        /// The name that was asked for.
         output: String,
-        /// Its image outputs.
+        /// Names of its image outputs.
         known: Vec<String>,
     },
 }
@@ -257,7 +257,7 @@ fn part_in_words(part: Part) -> String {
     format!("mips {} of layers {}", range(part.mip, part.mips), range(part.layer, part.layers))
 }
 
-/// All mistakes of a declared frame, in the order in which they were made; never empty.
+/// All mistakes of a declared frame, in the order in which they were found; never empty.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GraphErrors(pub Vec<GraphError>);
 

@@ -1,20 +1,20 @@
-//! Typed, versioned names of the things that passes read and write.
+//! Typed, versioned handles to the resources that passes read and write.
 
 use std::{fmt, marker::PhantomData};
 
-/// Kind of resource: a two-dimensional image with all its mips.
+/// Kind of resource: a two-dimensional image with all its mips and layers.
 #[derive(Clone, Copy, Debug)]
 pub enum Image {}
 
-/// Kind of resource: a run of bytes.
+/// Kind of resource: a buffer.
 #[derive(Clone, Copy, Debug)]
 pub enum Buffer {}
 
-/// Kind of resource: a top-level acceleration structure, whatever the ray backend stores it in.
+/// Kind of resource: a top-level acceleration structure, whichever way rays are traced.
 #[derive(Clone, Copy, Debug)]
 pub enum Tlas {}
 
-/// Kind of resource: a bottom-level acceleration structure, over the triangles of one mesh.
+/// Kind of resource: a bottom-level acceleration structure over one mesh.
 #[derive(Clone, Copy, Debug)]
 pub enum Blas {}
 
@@ -26,9 +26,9 @@ mod sealed {
     impl Sealed for super::Blas {}
 }
 
-/// The kinds of resource that a graph knows: [`Image`], [`Buffer`], [`Tlas`] and [`Blas`].
+/// The kinds of resource: [`Image`], [`Buffer`], [`Tlas`] and [`Blas`].
 pub trait Kind: sealed::Sealed + 'static {
-    /// The kind in words, for messages.
+    /// Name of the kind, for messages.
     const NAME: &'static str;
 }
 
@@ -45,9 +45,9 @@ impl Kind for Blas {
     const NAME: &'static str = "blas";
 }
 
-/// The kinds that builds make: [`Tlas`] and [`Blas`].
+/// The kinds of acceleration structure: [`Tlas`] and [`Blas`].
 pub trait Accel: Kind {
-    /// It is a top level.
+    /// Whether it is a top level.
     const TOP: bool;
 }
 impl Accel for Tlas {
@@ -57,24 +57,24 @@ impl Accel for Blas {
     const TOP: bool = false;
 }
 
-/// The kinds that a build reads: geometry in a [`Buffer`], or a [`Blas`] under a top level or before its compaction.
+/// The kinds that a build reads: geometry in a [`Buffer`], or a [`Blas`] that a top level contains or that is compacted.
 pub trait BuildInput: Kind {}
 impl BuildInput for Buffer {}
 impl BuildInput for Blas {}
 
-/// The kinds that can be copied from and to: [`Image`] and [`Buffer`].
+/// The kinds that copies read and write: [`Image`] and [`Buffer`].
 pub trait Copyable: Kind {}
 impl Copyable for Image {}
 impl Copyable for Buffer {}
 
-/// One version of a resource, to read. It is a name and costs nothing to copy; it belongs to the frame that made it.
+/// One version of a resource, read-only. It is a plain index, free to copy, and belongs to the frame in which it was made.
 ///
-/// Every write makes a new version. Reading a version after a later one was written is reported by
-/// [`FrameGraph::finish`](super::FrameGraph::finish).
+/// Every write makes a new version. Reading an old version after a newer one was written is an error that
+/// [`FrameGraph::finish`](super::FrameGraph::finish) returns.
 pub struct Handle<K> {
     pub(super) id: u32,
     pub(super) version: u32,
-    /// Number of the graph that made it: a handle kept from an earlier frame is a programmer's mistake.
+    /// Number of the graph that made it. Using a handle in another frame panics.
     pub(super) graph: u32,
     kind: PhantomData<fn() -> K>,
 }
@@ -89,7 +89,7 @@ impl<K> Handle<K> {
         self.id
     }
 
-    /// How many writes came before: the contents that are meant.
+    /// Version of the contents: 0 for the first, plus 1 for every write.
     pub fn version(self) -> u32 {
         self.version
     }
@@ -117,9 +117,9 @@ impl<K: Kind> fmt::Debug for Handle<K> {
     }
 }
 
-/// The right to write the next version of a resource. There is one per resource; writing consumes it and gives the next.
+/// The unique right to write the next version of a resource. Writing consumes it and returns the one for the version after that.
 ///
-/// Hence two writers of one version do not compile:
+/// So two writers of the same version do not compile:
 ///
 /// ```compile_fail,E0382
 /// use magpie::graph::{Extent, Format, FrameGraph, ImageDesc, Queue, Record};
@@ -133,7 +133,7 @@ impl<K: Kind> fmt::Debug for Handle<K> {
 /// let second = g.pass("noise.sharpen", Queue::Graphics, |p| (p.write(noise).0, |_: &mut Record| {}));
 /// ```
 ///
-/// nor can the right be duplicated:
+/// nor can the right be cloned:
 ///
 /// ```compile_fail,E0599
 /// use magpie::graph::{Image, WriteHandle};
@@ -168,7 +168,7 @@ impl<K> WriteHandle<K> {
         Self { at }
     }
 
-    /// The version that the last write made, to read.
+    /// A handle to the newest version.
     pub fn read(&self) -> Handle<K> {
         self.at
     }

@@ -1,9 +1,9 @@
-//! What outlives a frame: histories, which hand images or buffers from each frame to the next, and buffers and layered images that
-//! keep what they hold.
+//! Resources that outlive a frame: histories, which pass an image or buffer from each frame to the next, and kept buffers and
+//! kept layered images, whose contents stay until a pass changes them.
 //!
-//! A history is a pair. Each frame reads one half and writes the other, and they change places when the frame has run. What
-//! it reads is valid when the frame before wrote it, in the same size, for the same instance of the effect, and no camera cut
-//! came between. What is not valid is all zeros, never an older frame.
+//! A history is a pair of objects. Each frame reads one and writes the other, and they swap after the frame has run. What is read
+//! is valid if the previous frame wrote it, in the same size and format, for the same scope, and without a camera cut in between.
+//! If it is not valid, it reads as zero, never as an older frame.
 
 use std::{
     borrow::Cow,
@@ -23,97 +23,99 @@ use super::{
     pass::{FrameGraph, in_any_pass},
 };
 
-/// The owner of histories: one instance of an effect has one, so that another implementation in its slot starts anew.
+/// Identifies the owner of histories. Each instance of an effect has its own, so that switching the implementation of a slot
+/// starts with empty histories.
 #[derive(Debug, PartialEq, Eq, Hash)]
 pub struct HistoryScope(u32);
 
 static SCOPES: AtomicU32 = AtomicU32::new(0);
 
 impl HistoryScope {
-    /// A scope unlike every other.
+    /// A new scope, different from all others.
     #[allow(clippy::new_without_default, reason = "two defaults would not be equal")]
     pub fn new() -> Self {
         Self(SCOPES.fetch_add(1, Ordering::Relaxed))
     }
 }
 
-/// An image that goes from frame to frame.
+/// An image that is passed from frame to frame.
 #[derive(Debug)]
 pub struct History {
-    /// What the frame before wrote; zeros where it is not valid.
+    /// What the previous frame wrote; all zeros if `valid` is false.
     pub previous: Handle<Image>,
-    /// What this frame writes, everywhere; its contents are undefined before.
+    /// What this frame writes. Its contents are undefined before, so every pixel must be written.
     pub next: WriteHandle<Image>,
-    /// Whether `previous` holds what the frame before wrote.
+    /// Whether `previous` holds what the previous frame wrote.
     pub valid: bool,
 }
 
-/// A buffer that goes from frame to frame.
+/// A buffer that is passed from frame to frame.
 #[derive(Debug)]
 pub struct BufferHistory {
-    /// What the frame before wrote; zeros where it is not valid.
+    /// What the previous frame wrote; all zeros if `valid` is false.
     pub previous: Handle<Buffer>,
-    /// What this frame writes, everywhere; its contents are undefined before.
+    /// What this frame writes. Its contents are undefined before, so every byte must be written.
     pub next: WriteHandle<Buffer>,
-    /// Whether `previous` holds what the frame before wrote.
+    /// Whether `previous` holds what the previous frame wrote.
     pub valid: bool,
 }
 
-/// A buffer that keeps what it holds and grows when more is asked for.
+/// A buffer that keeps its contents from frame to frame, and grows when more is asked for.
 #[derive(Debug)]
 pub struct KeptBuffer {
-    /// The buffer.
+    /// The buffer, to be read or changed in place.
     pub buffer: WriteHandle<Buffer>,
-    /// How many bytes from its start hold what earlier frames left; all beyond are zeros.
+    /// Number of bytes from its start that hold data of earlier frames; the rest is zero.
     pub valid_bytes: u64,
 }
 
-/// A layered image that keeps what it holds, for what is made once and looked at for many frames.
+/// A layered image that keeps its contents from frame to frame, such as a shadow map: each layer is redrawn only when its inputs change.
 #[derive(Debug)]
 pub struct KeptLayers {
-    /// The image.
+    /// The image, with one layer per key.
     pub image: WriteHandle<Image>,
-    /// The layers that do not hold what the frame wants, in ascending order: it writes all of them, if it reads any.
+    /// Indices of the layers whose contents are not those of their key, ascending. A frame that reads the image must write all of
+    /// them first.
     pub stale: Vec<u32>,
 }
 
-/// How something outlives a frame.
+/// How a resource outlives a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keeping {
-    /// Two halves in turn.
+    /// A history: two objects, swapped each frame.
     Pair,
-    /// One buffer.
+    /// A kept buffer.
     Single,
-    /// One image, which knows of each layer what it was made from.
+    /// A kept image, with a key per layer for what it was made from.
     Layers,
 }
 
-/// What is known of one history or kept buffer.
+/// The state of one history, kept buffer or kept image.
 #[derive(Clone, Debug)]
 pub(super) struct Entry {
-    /// Its number, by which the executor knows the objects behind it.
+    /// Number by which the executor finds the objects behind it. Numbers are reused.
     pub slot: u32,
-    /// Unlike that of any other: a slot is taken over when it is free, what lay behind it is not.
+    /// Unique, unlike `slot`: tells objects of a new entry from those of an old one with the same slot.
     pub birth: u64,
     pub keeping: Keeping,
-    /// As this frame wants it.
+    /// Shape in the current frame.
     pub shape: Shape,
-    /// As the newest frame that ran left it; none before there was one.
+    /// Shape in the last frame that ran and declared it; `None` before there was one.
     left: Option<Shape>,
-    /// That frame wrote it, and no cut came after.
+    /// Whether that frame wrote it, and no camera cut came after.
     fresh: bool,
-    /// Bytes of a kept buffer that hold something.
+    /// Size in bytes of the valid part of a kept buffer.
     pub valid_bytes: u64,
-    /// What each layer of a kept image was made from; none where it was not made.
+    /// Keys with which the layers of a kept image were last written; `None` for a layer without valid contents.
     held: Vec<Option<u64>>,
-    /// What this frame wants of each layer.
+    /// Keys of the layers that the current frame asks for.
     wanted: Vec<u64>,
-    /// This frame declared it.
+    /// Whether the current frame has declared it.
     pub declared: bool,
 }
 
 impl Entry {
-    /// Whether its contents are those of the frame before. Frames that were declared and never ran change nothing.
+    /// Whether it holds what the previous frame wrote. Frames that were declared but did not run do not count.
     pub fn is_valid(&self) -> bool {
         self.fresh && self.left == Some(self.shape)
     }
@@ -121,14 +123,14 @@ impl Entry {
 
 type Key = (u32, Cow<'static, str>);
 
-/// Every history and kept buffer of one executor.
+/// All histories, kept buffers and kept images of one executor.
 #[derive(Default)]
 pub(super) struct Book(Mutex<Pages>);
 
 #[derive(Default)]
 pub(super) struct Pages {
     entries: HashMap<Key, Entry>,
-    /// Slots that are free again, and the first never used: a frame like the last gets the same ones.
+    /// Slot numbers that are free, largest first, and the first that was never used: equal frames get equal numbers.
     free: Vec<u32>,
     next_slot: u32,
     births: u64,
@@ -136,35 +138,35 @@ pub(super) struct Pages {
 
 impl Book {
     pub fn open(&self) -> MutexGuard<'_, Pages> {
-        // A page is whole at every point where a holder of the lock could panic.
+        // No method leaves the pages in a broken state when it panics, so a poisoned lock is usable.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Pages {
-    /// A frame begins: nothing is declared.
+    /// Begins a frame, in which nothing is declared yet.
     pub fn begin(&mut self) {
         self.entries.values_mut().for_each(|entry| entry.declared = false);
     }
 
-    /// The camera jumped: nothing that was seen before is of use. What kept buffers hold is no picture, and stays.
+    /// Camera cut: invalidates the histories. Kept buffers and images do not depend on the view, and stay.
     pub fn cut(&mut self) {
         self.entries.values_mut().filter(|e| e.keeping == Keeping::Pair).for_each(|entry| entry.fresh = false);
     }
 
-    /// Forgets everything, kept buffers too.
+    /// Discards everything, kept buffers and images too.
     pub fn clear(&mut self) {
         *self = Self { births: self.births, ..Self::default() };
     }
 
-    /// Declares a pair for this frame; gives its slot and whether it is valid. `None` when this frame has declared it already.
+    /// Declares a history for this frame. Returns its slot and whether it is valid, or `None` if this frame has declared it already.
     pub fn declare_pair(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> Option<(u32, bool)> {
         let entry = self.declare(scope, name, Keeping::Pair, shape)?;
         entry.shape = shape;
         Some((entry.slot, entry.is_valid()))
     }
 
-    /// Declares a kept buffer of at least `bytes` bytes; gives its slot, its size and how much of it is valid.
+    /// Declares a kept buffer of at least `bytes` bytes. Returns its slot, its size and the size of the valid part, or `None` as above.
     pub fn declare_kept(
         &mut self,
         scope: &HistoryScope,
@@ -172,15 +174,15 @@ impl Pages {
         bytes: u64,
     ) -> Option<(u32, u64, u64)> {
         let entry = self.declare(scope, name, Keeping::Single, Shape::Buffer { bytes })?;
-        // By half at least, so that one that grows by a little each frame is copied few times. What a frame that did not run
-        // asked for does not count.
+        // Grows by at least half, so that a buffer that grows a little each frame is rarely copied. Requests of frames that did
+        // not run are ignored.
         let held = entry.left.map_or(0, Shape::bytes);
         let grown = if bytes > held { bytes.max(held + held / 2) } else { held };
         entry.shape = Shape::Buffer { bytes: grown };
         Some((entry.slot, grown, entry.valid_bytes))
     }
 
-    /// Declares a kept image, whose layers are to be made from what these keys stand for; gives its slot and the layers that are not.
+    /// Declares a kept image with one key per layer. Returns its slot and the stale layers, or `None` as above.
     pub fn declare_layers(
         &mut self,
         scope: &HistoryScope,
@@ -221,24 +223,24 @@ impl Pages {
             return None;
         }
         if entry.keeping != keeping {
-            *entry = new(entry.slot); // one name for two things, one after the other
+            *entry = new(entry.slot); // the name was used for another kind before
         }
         entry.declared = true;
         Some(entry)
     }
 
-    /// What the frame declared, by slot, in no particular order.
+    /// The entries that the current frame declared, in no particular order.
     pub fn declared(&self) -> impl Iterator<Item = &Entry> {
         self.entries.values().filter(|e| e.declared)
     }
 
-    /// Something that is not finite was met in a kept image: none of its layers holds what it should.
+    /// A non-finite value was read from a kept image: all its layers become stale.
     pub fn distrust(&mut self, slot: u32) {
         let layers = self.entries.values_mut().filter(|e| e.slot == slot && e.keeping == Keeping::Layers);
         layers.for_each(|entry| entry.held.fill(None));
     }
 
-    /// The frame ran: `written` says which slots it wrote. What it did not declare is forgotten.
+    /// Called after the frame has run. `written` tells which slots it wrote. Entries that it did not declare are removed.
     pub fn end(&mut self, written: impl Fn(u32) -> bool) {
         let free = &mut self.free;
         self.entries.retain(|_, entry| {
@@ -248,7 +250,7 @@ impl Pages {
             }
             let written = written(entry.slot);
             if entry.keeping == Keeping::Layers && (written || entry.left != Some(entry.shape)) {
-                // A frame that wrote any layer wrote all that were stale.
+                // A frame that writes any layer writes all stale ones.
                 entry.held = entry.wanted.iter().map(|key| written.then_some(*key)).collect();
             }
             (entry.left, entry.fresh) = (Some(entry.shape), written);
@@ -262,10 +264,10 @@ impl Pages {
 }
 
 impl FrameGraph {
-    /// A layered image that keeps what it holds from frame to frame, camera cuts or not. `keys`, one for each layer, stand for
-    /// everything that the layers are made from; a layer is stale where the newest frame that wrote the image had another key for
-    /// it, and in another size or format. A frame that reads the image writes every stale layer first, and where there is none it
-    /// needs no pass to do so. What was never written is zero. It lasts as long as each frame declares it.
+    /// Declares a layered image that keeps its contents from frame to frame, across camera cuts too. `keys`, one per layer,
+    /// identify everything that a layer is made from. A layer is stale if the last frame that wrote the image had another key for
+    /// it, or another size or format. A frame that reads the image must first write every stale layer; if there is none, it needs
+    /// no pass for that. Layers that were never written are zero. The image is freed after a frame that does not declare it.
     pub fn kept_layers(
         &mut self,
         scope: &HistoryScope,

@@ -1,10 +1,10 @@
-//! The frame graph: what the engine is built around.
+//! The frame graph, on which all rendering is built.
 //!
 //! # The idea
 //!
-//! A frame is declared anew every time, as a list of passes. Each pass says what it reads and writes and gives a closure that
-//! records its commands; outputs of one pass are ordinary Rust values that the next takes as inputs. From the declaration
-//! alone follow the passes that can be dropped, the memory, and every barrier and layout transition. No pass ever names one.
+//! Every frame is declared anew, as a list of passes. Each pass says what it reads and writes, and gives a closure that records
+//! its commands; outputs of one pass are ordinary Rust values that the next takes as inputs. The graph derives from the
+//! declaration which passes to cull, the memory, and every barrier and layout transition. Passes never issue barriers themselves.
 //!
 //! | step | in | out | where |
 //! |---|---|---|---|
@@ -13,7 +13,7 @@
 //! | dump | both | text, JSON, DOT, HTML | [`dump`] |
 //! | execute | both, and the closures | commands | `execute`, the only part that touches the device |
 //!
-//! # What the types keep
+//! # What the types ensure
 //!
 //! - A [`Handle`] names one version of a resource and can only be read. A [`WriteHandle`] is the one right to write the next
 //!   version; writing consumes it.

@@ -1,4 +1,4 @@
-//! Every mistake that a declaration can hold, and the names of stages and outputs.
+//! Every mistake that a declaration can have, and the names of stages and outputs.
 
 use std::{cell::RefCell, rc::Rc};
 
@@ -14,7 +14,7 @@ fn make(g: &mut FrameGraph, pass: &str) -> WriteHandle<Image> {
     g.pass(pass, Queue::Graphics, |p| (p.create("x", ImageDesc::full(COLOUR)).0, |_: &mut Record| {}))
 }
 
-/// Declares one pass for its uses alone.
+/// Declares one pass for its uses only; it records nothing.
 fn with<T>(g: &mut FrameGraph, pass: &str, declare: impl FnOnce(&mut PassBuilder<'_>) -> T) {
     let _ = g.pass(pass, Queue::Graphics, |p| (declare(p), |_: &mut Record| {}));
 }

@@ -1,4 +1,4 @@
-//! What a pass sees while it records: ids for its tokens, and the commands it may use.
+//! Recording a pass: ids and addresses for its tokens, and the commands that it may use.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::gpu::{
     RAY_PUSH_BYTES, RasterKernel, RayKernel,
 };
 
-/// The object behind a resource of the declaration.
+/// The device object behind a resource of the declaration.
 #[derive(Clone)]
 pub(super) enum Physical {
     /// No kept pass uses it.
@@ -30,16 +30,16 @@ pub(super) enum Physical {
     Accel(AccelObject),
 }
 
-/// An acceleration structure: the driver's, or plain memory that shaders write.
+/// An acceleration structure: one built by the driver, or plain memory that shaders write.
 #[derive(Clone)]
 pub(super) struct AccelObject {
     pub memory: BufferRange,
     pub driver: Option<Arc<gpu::Accel>>,
-    /// The scene's tables, which shaders know a top level by; of a bottom level none.
+    /// Address of the scene's tables, which shaders need beside a top level; null for a bottom level.
     pub root: Address,
 }
 
-/// Some bytes of a buffer.
+/// A range of a buffer.
 #[derive(Clone)]
 pub(super) struct BufferRange {
     pub buffer: Arc<gpu::Buffer>,
@@ -58,7 +58,7 @@ impl BufferRange {
     }
 }
 
-/// What a pass recorded, for the figures.
+/// Counts of what a pass recorded, for the statistics.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Recorded {
     pub draws: u32,
@@ -70,28 +70,28 @@ pub(super) struct Recorded {
 pub struct Draw {
     /// First index in the index buffer.
     pub first_index: u32,
-    /// How many indices.
+    /// Number of indices.
     pub index_count: u32,
     /// `gl_InstanceIndex` in the vertex shader.
     pub instance: u32,
-    /// Which faces are left out.
+    /// Which faces are culled.
     pub cull: Cull,
-    /// Its material is alpha-tested.
+    /// Whether its material is alpha-tested.
     pub alpha_test: bool,
-    /// It is spheres: eight corners of a box for each.
+    /// Whether it draws spheres, as boxes of eight corners each.
     pub spheres: bool,
 }
 
-/// One mip of an image in a buffer, rows without gaps.
+/// One mip of an image in a buffer, rows tightly packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MipCopy {
-    /// Where it begins in the buffer, bytes.
+    /// Offset in the buffer, bytes.
     pub offset: u64,
-    /// Which mip.
+    /// Mip level of the image.
     pub mip: u32,
 }
 
-/// Commands of one pass. Ids exist only for what the pass declared.
+/// Records the commands of one pass. Only resources that the pass declared have ids here.
 pub struct Record<'a> {
     pub(super) encoder: &'a mut CommandEncoder,
     pub(super) physical: &'a [Physical],
@@ -99,15 +99,15 @@ pub struct Record<'a> {
     pub(super) name: &'a str,
     pub(super) counters: Address,
     pub(super) recorded: Recorded,
-    /// The first mistake that the pass made while it recorded. What was wrong is not recorded, and the frame does not run.
+    /// The first error while recording. The command that caused it is not recorded, and the frame does not run.
     pub(super) fault: Option<GpuError>,
 }
 
-/// A token that stands for an id in shader parameters.
+/// A token that resolves to an id in shader parameters.
 pub trait Token: Copy {
-    /// The id.
+    /// Type of the id: an index into the bindless set, or an address.
     type Id;
-    /// Looks it up.
+    /// Looks the id up.
     #[doc(hidden)]
     fn resolve(self, record: &Record<'_>) -> Self::Id;
 }
@@ -128,7 +128,7 @@ impl Token for StorageToken {
     }
 }
 
-/// The root of the scene's tables.
+/// Resolves to the root address of the scene's tables.
 impl Token for TraceToken {
     type Id = Address;
     fn resolve(self, record: &Record<'_>) -> Address {
@@ -136,7 +136,7 @@ impl Token for TraceToken {
     }
 }
 
-/// The address that a build reads from: of a buffer, or of a bottom level as instances name it.
+/// Resolves to the address that a build reads: of a buffer, or of a bottom level as instances refer to it.
 impl Token for BuildInputToken {
     type Id = Address;
     fn resolve(self, record: &Record<'_>) -> Address {
@@ -156,36 +156,36 @@ impl Token for BufferToken {
 }
 
 impl Record<'_> {
-    /// The id of a token, as shader parameters hold it.
+    /// The id of a token, for use in shader parameters.
     ///
     /// # Panics
-    /// When the token belongs to another pass.
+    /// If the token belongs to another pass.
     pub fn id<T: Token>(&self, token: T) -> T::Id {
         token.resolve(self)
     }
 
-    /// Where shaders of this pass count the rays that they trace: closest-hit, then any-hit.
+    /// Address of the two counters in which shaders of this pass count their rays: closest-hit, then any-hit, one `uint` each.
     pub fn rays(&self) -> Address {
         self.counters
     }
 
-    /// Where shaders of this pass count the values that they left out because they are not finite, one `uint`: `is_taken` of
+    /// Address of the `uint` in which shaders of this pass count the non-finite values that they leave out; see `is_taken` in
     /// `lib/not_finite.glsl`.
     pub fn not_finite(&self) -> Address {
         self.counters.offset(8)
     }
 
-    /// One thread per pixel of `extent`, in the kernel's own workgroups.
+    /// Dispatches one thread per pixel of `extent`, in the workgroup size of the kernel.
     ///
-    /// `params` are its push constants. They must have the size of the block that the shader declares, which its SPIR-V says: for any
-    /// other, nothing is recorded and the frame ends with [`GpuError::PushConstants`], which names the pass, the kernel and both sizes.
-    /// A shader without such a block may be given anything of at most 128 bytes.
+    /// `params` are the push constants, and must have the size of the block in the shader, which its SPIR-V declares. Otherwise
+    /// nothing is recorded and the frame ends with [`GpuError::PushConstants`], which names the pass, the kernel and both sizes.
+    /// A shader without push constants accepts anything of at most 128 bytes.
     pub fn dispatch<P: Pod>(&mut self, kernel: Kernel, params: &P, extent: Extent) {
         let [x, y, z] = kernel.local_size;
         self.dispatch_groups(kernel, params, [extent.width.div_ceil(x), extent.height.div_ceil(y), 1_u32.div_ceil(z)]);
     }
 
-    /// So many workgroups. `params` are as with [`Record::dispatch`].
+    /// Dispatches `groups` workgroups in x, y and z. `params` as for [`Record::dispatch`].
     pub fn dispatch_groups<P: Pod>(&mut self, kernel: Kernel, params: &P, groups: [u32; 3]) {
         if self.fits::<P>(kernel.push(), PUSH_BYTES) {
             self.encoder.dispatch(kernel, bytemuck::bytes_of(params), groups);
@@ -193,11 +193,11 @@ impl Record<'_> {
         }
     }
 
-    /// One thread per pixel of `extent`, each free to trace rays through the acceleration structure of `tlas`. `params` are as with
-    /// [`Record::dispatch`], and at most 120 bytes.
+    /// Runs one thread per pixel of `extent`, each of which may trace rays through the acceleration structure of `tlas`. `params`
+    /// as for [`Record::dispatch`], but at most 120 bytes.
     ///
     /// # Panics
-    /// When the token belongs to another pass.
+    /// If the token belongs to another pass.
     pub fn trace<P: Pod>(&mut self, kernel: RayKernel, tlas: TraceToken, params: &P, extent: Extent) {
         self.own(tlas.pass);
         match kernel {
@@ -212,12 +212,11 @@ impl Record<'_> {
         }
     }
 
-    /// As [`Record::trace`], with the number of threads from six words of a buffer, from `offset` bytes on: the workgroups that
-    /// cover them, in the kernel's own size, then the threads themselves; x, y and z each. Write both: which of them is read depends
-    /// on how rays are traced.
+    /// As [`Record::trace`], with sizes read from six words of a buffer at byte `offset`: the number of workgroups in x, y and z,
+    /// then the number of threads in x, y and z. Write both, since the ray backend decides which of them is read.
     ///
     /// # Panics
-    /// As [`Record::trace`], and past the end of the buffer.
+    /// As [`Record::trace`], and if the words are past the end of the buffer.
     pub fn trace_indirect<P: Pod>(
         &mut self,
         kernel: RayKernel,
@@ -225,6 +224,7 @@ impl Record<'_> {
         params: &P,
         (threads, offset): (IndirectToken, u64),
     ) {
+        self.own(tlas.pass);
         match kernel {
             RayKernel::Compute(kernel) => self.dispatch_indirect(kernel, params, threads, offset),
             RayKernel::Pipeline(pipeline) if self.fits::<P>(pipeline.push(), RAY_PUSH_BYTES) => {
@@ -239,15 +239,15 @@ impl Record<'_> {
         }
     }
 
-    /// Builds an acceleration structure of the driver's. `scratch` has the room that [`gpu::Gpu::accel_sizes`] says.
+    /// Builds an acceleration structure by the driver. `scratch` must have the size that [`gpu::Gpu::accel_sizes`] returns.
     ///
     /// # Panics
-    /// When a token belongs to another pass, or the structure is plain memory.
+    /// If a token belongs to another pass, or if the structure is plain memory.
     pub fn build_accel(&mut self, target: BuildToken, scratch: ScratchToken, desc: &AccelDesc) {
         self.make_accel(target, scratch, desc, false);
     }
 
-    /// Refits one to what its geometry is now: its tree stays.
+    /// Refits an acceleration structure to its current geometry; its topology is kept.
     ///
     /// # Panics
     /// As [`Record::build_accel`].
@@ -262,10 +262,10 @@ impl Record<'_> {
         self.encoder.build_accel(desc, refit, target, scratch);
     }
 
-    /// Writes how small structures can become that were built to be compacted: eight bytes each.
+    /// Writes the compacted sizes of structures that were built for compaction, as one 64-bit word each.
     ///
     /// # Panics
-    /// As [`Record::build_accel`], and past the end of the buffer.
+    /// As [`Record::build_accel`], and if the words are past the end of the buffer.
     pub fn compacted_sizes(&mut self, sources: &[BuildInputToken], sizes: &CompactedSizes, to: CopyTarget) {
         let physical = self.physical;
         let accels: Vec<_> = sources.iter().map(|s| self.driver_in(physical, s.resource, s.pass)).collect();
@@ -274,7 +274,7 @@ impl Record<'_> {
         self.encoder.compacted_sizes(&accels, sizes, (&target.buffer, target.offset));
     }
 
-    /// Copies a structure into a smaller one.
+    /// Compacts a structure into one that has the compacted size.
     ///
     /// # Panics
     /// As [`Record::build_accel`].
@@ -285,11 +285,11 @@ impl Record<'_> {
         self.encoder.compact_accel(source, target);
     }
 
-    /// Draws into the attachments that the pass declared. `params` are as with [`Record::dispatch`]; where both shaders have a block, the
-    /// longer one counts.
+    /// Draws into the attachments that the pass declared. `params` as for [`Record::dispatch`]; if both shaders have push
+    /// constants, the larger block counts.
     ///
     /// # Panics
-    /// When the token belongs to another pass.
+    /// If the token belongs to another pass.
     pub fn draw<P: Pod>(&mut self, kernel: RasterKernel, params: &P, indices: IndexToken, draws: &[Draw]) {
         if draws.is_empty() || !self.fits::<P>(kernel.push(), PUSH_BYTES) {
             return;
@@ -309,11 +309,11 @@ impl Record<'_> {
         self.recorded.draws += ranges.len() as u32;
     }
 
-    /// As many workgroups as three words of a buffer say, from `offset` bytes on: x, y and z. Where one of them is zero, nothing
-    /// runs: a pass before it decides on the device whether and how much this one does. `params` are as with [`Record::dispatch`].
+    /// Dispatches the number of workgroups in x, y and z that three words of a buffer say, at byte `offset`. If one of them is zero,
+    /// nothing runs, so an earlier pass can decide on the device how much work this one does. `params` as for [`Record::dispatch`].
     ///
     /// # Panics
-    /// Past the end of the buffer, and when the token belongs to another pass.
+    /// If the words are past the end of the buffer, or if the token belongs to another pass.
     pub fn dispatch_indirect<P: Pod>(&mut self, kernel: Kernel, params: &P, groups: IndirectToken, offset: u64) {
         if !self.fits::<P>(kernel.push(), PUSH_BYTES) {
             return;
@@ -325,12 +325,12 @@ impl Record<'_> {
         self.recorded.dispatches += 1;
     }
 
-    /// Draws `count` times what a buffer says, from `offset` bytes on. Each draw is five words: how many indices, how many
-    /// instances, the first index, what is added to indices, the first instance. Where there are no instances, nothing is drawn.
-    /// `params` are as with [`Record::draw`].
+    /// Records `count` indirect draws, whose arguments are in a buffer from byte `offset` on. Each has five words: number of
+    /// indices, number of instances, first index, offset added to indices, first instance. A draw with no instances draws
+    /// nothing. `params` as for [`Record::draw`].
     ///
     /// # Panics
-    /// Past the end of the buffer, and when a token belongs to another pass.
+    /// If the words are past the end of the buffer, or if a token belongs to another pass.
     pub fn draw_indirect<P: Pod>(
         &mut self,
         kernel: RasterKernel,
@@ -356,10 +356,11 @@ impl Record<'_> {
         self.recorded.draws += count;
     }
 
-    /// Fills a buffer from `offset` bytes on with `contents`, which travel with the commands: for tables of at most 64 KiB.
+    /// Writes `contents` to a buffer from byte `offset` on. The data is part of the command buffer, so this suits tables of at
+    /// most 64 KiB.
     ///
     /// # Panics
-    /// Past the end of the buffer, with more than 65536 bytes or a count of bytes that is no multiple of four, or when the token
+    /// If it ends past the end of the buffer, if it is larger than 65536 bytes or not a multiple of four bytes, or if the token
     /// belongs to another pass.
     pub fn fill_buffer<T: Pod>(&mut self, to: CopyTarget, offset: u64, contents: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(contents);
@@ -371,10 +372,10 @@ impl Record<'_> {
         self.encoder.fill_buffer(&target.buffer, target.offset + offset, bytes);
     }
 
-    /// Copies `bytes` bytes from one buffer to another.
+    /// Copies a range of one buffer to another; offsets and size are in bytes.
     ///
     /// # Panics
-    /// Past the end of either, or when a token belongs to another pass.
+    /// If it ends past the end of either buffer, or if a token belongs to another pass.
     pub fn copy_buffer(&mut self, from: CopySource, from_offset: u64, to: CopyTarget, to_offset: u64, bytes: u64) {
         let physical = self.physical;
         let source = self.buffer_in(physical, from.resource, from.pass);
@@ -388,7 +389,7 @@ impl Record<'_> {
     /// Copies mips from a buffer to an image.
     ///
     /// # Panics
-    /// Past the end of the buffer, or when a token belongs to another pass.
+    /// If it ends past the end of the buffer, or if a token belongs to another pass.
     pub fn copy_to_image(&mut self, from: CopySource, to: CopyTarget, mips: &[MipCopy]) {
         let physical = self.physical;
         let source = self.buffer_in(physical, from.resource, from.pass);
@@ -409,10 +410,10 @@ impl Record<'_> {
         self.encoder.copy_image_to_buffer(source, &target.buffer, region);
     }
 
-    /// Copies a part of an image to a part of the same size of another.
+    /// Copies a mip of an image to a mip of the same size of another image.
     ///
     /// # Panics
-    /// When the mips differ in size or format, or a token belongs to another pass.
+    /// If the mips differ in size or format, or if a token belongs to another pass.
     pub fn copy_image(&mut self, from: CopySource, from_mip: u32, to: CopyTarget, to_mip: u32) {
         let physical = self.physical;
         let source = self.image_in(physical, from.resource, from.pass);
@@ -430,7 +431,7 @@ impl Record<'_> {
         ImageRegion { buffer_offset: range.offset + copy.offset, mip: copy.mip, extent }
     }
 
-    /// Whether push constants of this type are what a pipeline reads; the frame fails where they are not.
+    /// Whether push constants of this type have the size that a pipeline declares; if not, the frame fails.
     fn fits<P>(&mut self, (pipeline, block): (u32, Option<u32>), most: u32) -> bool {
         let given = size_of::<P>() as u32;
         let wanted = block.unwrap_or(given).min(most);
@@ -505,13 +506,13 @@ impl Record<'_> {
         }
     }
 
-    /// A programmer's mistake that no input can cause: it stops the program with the pass's name.
+    /// Panics with the name of the pass: a programming error that no input can cause.
     fn misuse<T>(&self, what: &str) -> T {
         unreachable!("{}: {what}", self.name)
     }
 }
 
-/// Attachments have no id: declaring them is all that a pass does with them.
+/// Attachments have no id, because a pass only declares them.
 impl ColorToken {
     /// Index of the resource.
     pub fn resource(self) -> u32 {

@@ -1,24 +1,24 @@
-//! What the graph can leave undone, so that what each step gives can be measured, and a fault be narrowed down.
+//! Steps of the graph that can be switched off, to measure what each one gains or to narrow down a fault.
 
 use super::access::Queue;
 
 /// Which steps of the plan are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Switches {
-    /// Each pass waits until everything before it is done, on one queue.
+    /// Run on one queue, and let each pass wait until everything before it is done.
     pub serial: bool,
-    /// Passes that nothing needs are left out.
+    /// Cull passes that nothing needs.
     pub cull: bool,
-    /// Transients share memory.
+    /// Let transients alias.
     pub alias: bool,
-    /// Passes run beside each other on the queues they wish for.
+    /// Run passes on the queues that they request.
     pub asynchronous: bool,
-    /// Passes run in an order of the plan's choice.
+    /// Let the plan reorder passes.
     pub reorder: bool,
-    /// A declaration equal to an earlier one takes its plan.
+    /// Reuse the plan of an earlier, equal declaration.
     pub cache: bool,
-    /// Plan for so many queues (1 to 3), whatever the device has: batches of queues that it lacks go to its graphics queue, in an
-    /// order that cannot deadlock. `None`: for those it has.
+    /// Plan for this number of queues (1 to 3), whatever the device has. Batches of missing queues are submitted to its graphics
+    /// queue, in an order that cannot deadlock. `None` plans for the device's queues.
     pub queues: Option<u8>,
 }
 
@@ -29,10 +29,10 @@ impl Default for Switches {
 }
 
 impl Switches {
-    /// The words of `--graph`.
+    /// The words that `--graph` takes.
     pub const WORDS: [&str; 6] = ["serial", "no-cull", "no-alias", "no-async", "no-reorder", "no-cache"];
 
-    /// Sets one of [`Switches::WORDS`], or `queues=N` with N from 1 to 3; false where the word is none of them.
+    /// Applies one of [`Switches::WORDS`], or `queues=N` with N from 1 to 3. Returns false for any other word.
     pub fn set(&mut self, word: &str) -> bool {
         match word {
             "serial" => self.serial = true,
@@ -49,7 +49,7 @@ impl Switches {
         true
     }
 
-    /// One of the 64 combinations of [`Switches::WORDS`], by its bits.
+    /// One of the 64 combinations of [`Switches::WORDS`]: bit i of `bits` applies word i.
     pub fn combination(bits: u8) -> Self {
         let mut switches = Self::default();
         for (_, word) in Self::WORDS.iter().enumerate().filter(|(i, _)| bits >> i & 1 == 1) {
@@ -58,7 +58,7 @@ impl Switches {
         switches
     }
 
-    /// The queues to plan for, on a device that has these.
+    /// The queues to plan for, given those of the device.
     pub(crate) fn queues(&self, device: Queues) -> Queues {
         let wanted = match self.queues {
             None => device,
@@ -68,22 +68,22 @@ impl Switches {
     }
 }
 
-/// Which queues there are beside the one for graphics.
+/// Which queues exist beside the graphics queue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Queues {
-    /// One for compute.
+    /// A separate queue for compute.
     pub async_compute: bool,
-    /// One for copies.
+    /// A separate queue for copies.
     pub transfer: bool,
 }
 
 impl Queues {
-    /// How many, with the one for graphics.
+    /// Number of queues, with the graphics queue.
     pub fn count(self) -> usize {
         1 + usize::from(self.async_compute) + usize::from(self.transfer)
     }
 
-    /// Whether there is such a queue.
+    /// Whether this queue exists; the graphics queue always does.
     pub fn has(self, queue: Queue) -> bool {
         match queue {
             Queue::Graphics => true,

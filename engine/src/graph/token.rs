@@ -1,4 +1,4 @@
-//! Proofs of declared use. Only a token yields a GPU id while recording, so what was not declared cannot be used.
+//! Tokens, which prove that a pass declared a use. Only a token yields an id while recording, so undeclared resources cannot be used.
 
 use super::desc::Part;
 
@@ -19,33 +19,33 @@ macro_rules! tokens {
 }
 
 tokens! {
-    /// An image, or a part of one, that this pass samples.
+    /// A sampled image of this pass, or a part of one.
     SampleToken {
-        /// How much of the image, counts resolved.
+        /// The part, counts resolved.
         part: Part
     }
-    /// A storage image, or a part of one, that this pass reads or writes, as it declared.
+    /// A storage image of this pass, or a part of one, read or written as declared.
     StorageToken {
-        /// How much of the image, counts resolved.
+        /// The part, counts resolved.
         part: Part
     }
     /// A colour attachment of this pass.
     ColorToken
     /// The depth attachment of this pass.
     DepthToken
-    /// A buffer that this pass reads or writes in a shader, as it declared.
+    /// A buffer that this pass reads or writes in a shader, as declared.
     BufferToken
-    /// Indices of this pass's draws.
+    /// The index buffer of this pass's draws.
     IndexToken
-    /// Arguments of this pass's indirect draws or dispatches.
+    /// Arguments of this pass's indirect draws, dispatches or traces.
     IndirectToken
     /// An acceleration structure that this pass traces.
     TraceToken
     /// An acceleration structure that this pass builds or refits.
     BuildToken
-    /// What a build of this pass is made from.
+    /// An input of a build in this pass.
     BuildInputToken
-    /// Working memory of a build of this pass.
+    /// Scratch memory of a build in this pass.
     ScratchToken
     /// An image or buffer that this pass copies from.
     CopySource

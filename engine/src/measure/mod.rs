@@ -1,6 +1,6 @@
-//! Measurements: what every frame and pass took, their statistics, and the files and tables that show them.
+//! Measurements: times and counts of every frame and pass, their statistics, and the files and tables that show them.
 //!
-//! Execution fills one [`FrameSample`] per frame; a [`Recorder`] keeps those after the warm-up and makes a [`Report`].
+//! The executor returns one [`FrameSample`] per frame. A [`Recorder`] keeps those after the warm-up and makes a [`Report`].
 
 mod overlap;
 mod recorder;
@@ -24,128 +24,129 @@ pub use trace::chrome_trace;
 pub struct PassTime {
     /// Full name, such as `shadows.trace`.
     pub name: String,
-    /// Slot that declared it, such as `shadows`.
+    /// First part of the name, up to the dot, such as `shadows`.
     pub stage: String,
     /// Queue on which it ran: `graphics`, `async compute` or `transfer`.
     pub queue: &'static str,
-    /// GPU time, nanoseconds; none where the queue has no timestamps.
+    /// GPU time, nanoseconds; `None` if the queue has no timestamps.
     pub gpu_ns: Option<u64>,
-    /// Begin on the GPU, nanoseconds since the frame's first timestamp.
+    /// Start on the GPU, nanoseconds since the frame's first timestamp.
     pub gpu_start_ns: Option<u64>,
     /// Time to record it on the CPU, nanoseconds.
     pub cpu_ns: u64,
-    /// Begin of recording, nanoseconds since the frame's [`start_ns`](FrameSample::start_ns).
+    /// Start of recording, nanoseconds since the frame's [`start_ns`](FrameSample::start_ns).
     pub cpu_start_ns: Option<u64>,
-    /// Draw calls.
+    /// Number of draw calls.
     pub draws: u32,
-    /// Dispatches and traces.
+    /// Number of dispatches and traces.
     pub dispatches: u32,
     /// Bytes that it reads and writes, as declared: [`Declaration::traffic`](crate::graph::Declaration::traffic).
     pub bytes: u64,
-    /// Rays that looked for the closest hit.
+    /// Number of closest-hit rays.
     pub rays_closest: u64,
-    /// Rays that looked for any hit.
+    /// Number of any-hit rays, such as shadow rays.
     pub rays_any: u64,
-    /// Values that were not finite, and that its shaders left out of what they keep or average.
+    /// Number of non-finite values that its shaders left out of what they keep or average.
     pub not_finite: u64,
-    /// Thread that recorded it: 0 is the one that ran the frame.
+    /// Thread that recorded it; 0 is the one that ran the frame.
     pub thread: u32,
-    /// What its shaders did; none where nobody asked, or it only copies.
+    /// Shader invocations; `None` if they were not counted, or if the pass only copies.
     pub statistics: Option<Statistics>,
 }
 
-/// What the shaders of a pass did, as the device counts it.
+/// Pipeline statistics of a pass, as the device counts them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Statistics {
-    /// Vertices that came in.
+    /// Vertices of its draws.
     pub input_vertices: u64,
-    /// Runs of vertex shaders; fewer than vertices where results are shared.
+    /// Vertex shader invocations; fewer than vertices if results are reused.
     pub vertex_invocations: u64,
-    /// Triangles that were left after clipping.
+    /// Triangles after clipping.
     pub clipping_primitives: u64,
-    /// Runs of fragment shaders; helpers may count.
+    /// Fragment shader invocations; helper invocations may count.
     pub fragment_invocations: u64,
-    /// Runs of compute shaders.
+    /// Compute shader invocations.
     pub compute_invocations: u64,
 }
 
-/// One frame.
+/// Times, counts and memory of one frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameSample {
-    /// Begin of planning on the CPU, nanoseconds since the run began.
+    /// Start of planning on the CPU, nanoseconds since the executor was made.
     pub start_ns: Option<u64>,
-    /// The GPU's first timestamp, nanoseconds since the run began; none where its clock cannot be compared with the CPU's.
+    /// First timestamp of the GPU, nanoseconds since the executor was made; `None` if its clock cannot be compared with the CPU's.
     pub gpu_begin_ns: Option<u64>,
-    /// From the first to the last timestamp, nanoseconds; none where the device has no timestamps.
+    /// From the first to the last timestamp, nanoseconds; `None` if the device has no timestamps.
     pub gpu_ns: Option<u64>,
-    /// Whole frame on the CPU, nanoseconds.
+    /// Time of the whole frame on the CPU, nanoseconds.
     pub cpu_ns: u64,
-    /// Declaring the graph, nanoseconds.
+    /// Time to declare the frame, nanoseconds.
     pub declare_ns: u64,
-    /// Planning it, nanoseconds; a cached plan takes next to nothing.
+    /// Time to plan it, nanoseconds; next to nothing for a cached plan.
     pub plan_ns: u64,
-    /// Finding or making the objects behind its resources, between planning and recording, nanoseconds.
+    /// Time to find or create the objects behind its resources, nanoseconds.
     pub bind_ns: u64,
-    /// Recording it, nanoseconds.
+    /// Time to record it, nanoseconds.
     pub record_ns: u64,
-    /// Handing it to the device, nanoseconds.
+    /// Time to submit it, nanoseconds.
     pub submit_ns: u64,
-    /// Waiting for the device after that, nanoseconds.
+    /// Time to wait for the device after submission, nanoseconds.
     pub wait_ns: u64,
-    /// Queues that it was planned for.
+    /// Number of queues that it was planned for.
     pub queues: u32,
-    /// What ran, in order of submission.
+    /// The passes that ran, in order of submission.
     pub passes: Vec<PassTime>,
-    /// Where a queue waited for another: the pass that had to end and the one that then could begin, by their index in `passes`.
+    /// Waits between queues, as indices in `passes`: the pass that had to end, and the pass that could then begin.
     pub waits: Vec<(u32, u32)>,
-    /// Passes that were declared and culled.
+    /// Number of passes that were culled.
     pub culled: u32,
-    /// Barriers, batched ones counted one by one.
+    /// Number of barriers, each of a batch counted by itself.
     pub barriers: u32,
     /// Memory in use.
     pub memory: Memory,
-    /// What rays see, and what that takes.
+    /// What is in the acceleration structures, and their cost.
     pub acceleration: Acceleration,
 }
 
 /// Memory in use, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Memory {
-    /// Heaps of the transients, as placed.
+    /// Heaps of the transients, as allocated.
     pub transient_bytes: u64,
-    /// What the transients alive at the same time need at least.
+    /// Largest sum of the transients alive at one time: no placement takes less.
     pub transient_lower_bound: u64,
-    /// What they would take without aliasing.
+    /// Sum of all transients: what they would take without aliasing.
     pub transient_unaliased: u64,
-    /// Kept from frame to frame.
+    /// Histories, kept buffers and kept images.
     pub history_bytes: u64,
-    /// Geometry, materials and textures.
+    /// Geometry, tables, materials and textures of the scene.
     pub scene_bytes: u64,
-    /// Acceleration structures.
+    /// Acceleration structures of both levels.
     pub acceleration_bytes: u64,
 }
 
-/// The acceleration structures of a scene, and how many of its instances are in them.
+/// The acceleration structures of a scene, and which of its instances are in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Acceleration {
-    /// Instances that rays see.
+    /// Instances in the top level.
     pub traced: u32,
-    /// Instances left out: too far away.
+    /// Instances culled because they are too far away.
     pub far: u32,
-    /// Instances left out: outside of the expanded frustum.
+    /// Instances culled because they are outside the enlarged frustum.
     pub outside: u32,
-    /// Instances left out: they look too small.
+    /// Instances culled because their solid angle is too small.
     pub small: u32,
-    /// Bytes of all bottom levels.
+    /// Size of all bottom levels, bytes.
     pub bottom_bytes: u64,
-    /// The same before compaction.
+    /// Size of all bottom levels before compaction, bytes.
     pub uncompacted_bytes: u64,
-    /// Bytes of the top level.
+    /// Size of the top level, bytes.
     pub top_bytes: u64,
-    /// Milliseconds to build all bottom levels when the scene was loaded: of the device where the driver builds, else of the host.
+    /// Time to build all bottom levels when the scene was loaded, milliseconds: device time if the driver builds them, otherwise
+    /// host time.
     pub bottom_ms: f64,
-    /// Milliseconds to build the newest top level: of the host where Magpie builds it; of the device, when the scene was loaded,
-    /// where the driver does.
+    /// Time to build the top level, milliseconds: host time of the newest build if Magpie builds it, or device time of the build
+    /// when the scene was loaded if the driver does.
     pub top_ms: f64,
 }
 

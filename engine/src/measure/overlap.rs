@@ -1,10 +1,10 @@
-//! How much of the device's work went on beside other work.
+//! How much GPU work of different queues overlapped.
 
 use super::{FrameSample, PassTime};
 
 impl FrameSample {
-    /// The time that queues saved by working at the same time, nanoseconds: the time that each was busy, added up, less the time in
-    /// which any was. None where no pass has a place in time.
+    /// Time that queues saved by overlapping, nanoseconds: the sum of the times in which each was busy, less the time in which
+    /// any was. `None` if no pass has timestamps.
     #[must_use]
     pub fn overlap_ns(&self) -> Option<u64> {
         let mut spans: Vec<(&str, [u64; 2])> = self.passes.iter().filter_map(|p| Some((p.queue, span(p)?))).collect();
@@ -19,13 +19,13 @@ impl FrameSample {
     }
 }
 
-/// From where to where a pass ran, nanoseconds since the frame's first timestamp.
+/// Start and end of a pass on the GPU, nanoseconds since the frame's first timestamp.
 fn span(pass: &PassTime) -> Option<[u64; 2]> {
     let start = pass.gpu_start_ns?;
     Some([start, start + pass.gpu_ns?])
 }
 
-/// Time that spans, by their begin, cover together.
+/// Length of the union of spans, which must be sorted by start.
 fn covered(spans: impl Iterator<Item = [u64; 2]>) -> u64 {
     let (mut sum, mut until) = (0, 0);
     for [start, end] in spans {
@@ -62,7 +62,7 @@ mod tests {
         let mut backwards = passes;
         backwards.reverse();
         assert_eq!(overlap(&backwards), Some(7), "the order of the list does not matter");
-        // Three at once for 4: two of them are saved.
+        // Three queues for a time of 4: twice 4 are saved.
         assert_eq!(overlap(&[("graphics", 0, 4), ("async compute", 0, 4), ("transfer", 0, 4)]), Some(8));
     }
 

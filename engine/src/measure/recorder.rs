@@ -14,14 +14,14 @@ pub enum MeasureError {
     /// Every frame belonged to the warm-up.
     #[error("no frame to report: {seen} came in, and the first {warmup} are the warm-up")]
     NoFrames {
-        /// Frames that came in.
+        /// Number of frames that were recorded.
         seen: usize,
-        /// Frames of the warm-up.
+        /// Number of warm-up frames.
         warmup: usize,
     },
 }
 
-/// Keeps the frames after the warm-up.
+/// Collects the frames after the warm-up.
 #[derive(Clone, Debug)]
 pub struct Recorder {
     warmup: usize,
@@ -30,16 +30,16 @@ pub struct Recorder {
     not_finite: Vec<NotFinite>,
 }
 
-/// Values that are not finite, and that a pass left out of what it keeps or averages; over all frames, the warm-up included.
+/// Non-finite values that a pass left out of what it keeps or averages, over all frames, the warm-up included.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NotFinite {
-    /// The pass that met them. They arose there or before.
+    /// Name of the pass that read them. They arose in this pass or in one before it.
     pub pass: String,
-    /// How many.
+    /// Number of values.
     pub values: u64,
-    /// The first frame with any, from 0.
+    /// The first frame with any, counted from 0.
     pub first_frame: usize,
-    /// In how many frames there were any.
+    /// Number of frames with any.
     pub frames: usize,
 }
 
@@ -57,13 +57,13 @@ impl std::fmt::Display for NotFinite {
 }
 
 impl Recorder {
-    /// Leaves out the first `warmup` frames.
+    /// A recorder that skips the first `warmup` frames.
     #[must_use]
     pub fn new(warmup: usize) -> Self {
         Self { warmup, seen: 0, frames: Vec::new(), not_finite: Vec::new() }
     }
 
-    /// Takes the next frame.
+    /// Adds the next frame.
     pub fn push(&mut self, frame: FrameSample) {
         self.count_not_finite(&frame);
         self.seen += 1;
@@ -88,7 +88,7 @@ impl Recorder {
         }
     }
 
-    /// What passes left out because it was not finite, in the order in which they first did. The frames of the warm-up count too.
+    /// Passes that left out non-finite values, in the order in which they first did. Warm-up frames count too.
     #[must_use]
     pub fn not_finite(&self) -> &[NotFinite] {
         &self.not_finite
@@ -100,11 +100,11 @@ impl Recorder {
         &self.frames
     }
 
-    /// Statistics over the frames. Figures of a pass are over the frames in which it ran; figures of the graph, and
-    /// counts, are medians, memory is that of the last frame.
+    /// Statistics over the frames. Those of a pass are over the frames in which it ran. Counts and times of the graph are
+    /// medians; memory is that of the last frame.
     ///
     /// # Errors
-    /// [`MeasureError::NoFrames`] when nothing came after the warm-up.
+    /// [`MeasureError::NoFrames`] if there are no frames after the warm-up.
     pub fn report(&self, run: Run) -> Result<Report, MeasureError> {
         let Some(last) = self.frames.last() else {
             return Err(MeasureError::NoFrames { seen: self.seen, warmup: self.warmup });
@@ -136,8 +136,8 @@ impl Recorder {
         })
     }
 
-    /// Gathers the samples of each pass. A pass that first runs in a later frame is placed behind the one that it follows
-    /// there; a name that stands several times in a frame is several passes.
+    /// Gathers the samples of each pass. A pass that first runs in a later frame is inserted after its predecessor in that frame.
+    /// If a name occurs several times in a frame, each occurrence is a pass of its own.
     fn columns(&self) -> Vec<Column<'_>> {
         let mut columns: Vec<Column<'_>> = Vec::new();
         for frame in &self.frames {
@@ -157,7 +157,7 @@ impl Recorder {
     }
 }
 
-/// All samples of one pass; there is at least one.
+/// All samples of one pass, at least one.
 struct Column<'a> {
     occurrence: usize,
     samples: Vec<&'a PassTime>,
@@ -188,14 +188,14 @@ impl Column<'_> {
     }
 }
 
-/// Different queues of a frame.
+/// Number of different queues on which the passes of a frame ran.
 fn queues(frame: &FrameSample) -> u64 {
     let passes = &frame.passes;
     let first = |at: usize| !passes[..at].iter().any(|p| p.queue == passes[at].queue);
     (0..passes.len()).filter(|&at| first(at)).count() as u64
 }
 
-/// Medians of what shaders did, over the frames that counted.
+/// Median invocation counts, over the frames that have any; `None` if none has.
 fn statistics(samples: &[&PassTime]) -> Option<Statistics> {
     let counted: Vec<Statistics> = samples.iter().filter_map(|p| p.statistics).collect();
     let of = |value: fn(&Statistics) -> u64| middle_of(counted.iter().map(value)).map(|n| n.round() as u64);
@@ -213,7 +213,7 @@ fn middle(values: Vec<u64>) -> f64 {
     middle_of(values.into_iter()).unwrap_or_default()
 }
 
-/// Median; none without values.
+/// Median; `None` without values.
 fn middle_of(values: impl Iterator<Item = u64>) -> Option<f64> {
     let mut values: Vec<u64> = values.collect();
     values.sort_unstable();

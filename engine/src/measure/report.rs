@@ -5,100 +5,100 @@ use serde::Serialize;
 use super::{Acceleration, Memory, SlotReport, Statistics, statistics::Spread};
 use crate::config::Config;
 
-/// The device of a run.
+/// The device that a run used.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Device {
-    /// As the driver names it.
+    /// Name, as the driver gives it.
     pub name: String,
     /// Driver and version.
     pub driver: String,
-    /// `cpu`, `integrated` or `discrete`.
+    /// `cpu`, `integrated`, `discrete`, `virtual` or `other`.
     pub kind: String,
 }
 
-/// What was run, on what.
+/// What was run, and on which device.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Run {
     /// Version of Magpie.
     pub magpie: String,
     /// Commit that it was built from.
     pub commit: String,
-    /// The device.
+    /// The device that was used.
     pub device: Device,
-    /// Ray backend.
+    /// How rays were traced: `software`, `query` or `pipeline`.
     pub rays: String,
     /// Scene, as named on the command line.
     pub scene: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// The whole configuration.
+    /// The complete configuration.
     pub config: Config,
 }
 
-/// A figure of which only the median is given.
+/// A figure that only has a median.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Median {
-    /// Middle value.
+    /// Median over the frames.
     pub median: f64,
 }
 
 /// Times of the whole frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrameReport {
-    /// From the first to the last timestamp, milliseconds.
+    /// From the first to the last timestamp, milliseconds; `None` if the device has no timestamps.
     pub gpu_ms: Option<Spread>,
-    /// Milliseconds.
+    /// From declaring to the end of the wait, milliseconds.
     pub cpu_ms: Median,
 }
 
-/// The graph's own work, medians over the frames.
+/// Work of the graph itself, as medians over the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GraphReport {
-    /// Declaring, microseconds.
+    /// Time to declare the frame, microseconds.
     pub declare_us: f64,
-    /// Planning, microseconds.
+    /// Time to plan it, microseconds.
     pub plan_us: f64,
-    /// Finding or making the objects behind the resources, microseconds.
+    /// Time to find or create the objects behind its resources, microseconds.
     pub bind_us: f64,
-    /// Recording, microseconds.
+    /// Time to record it, microseconds.
     pub record_us: f64,
-    /// Handing over, microseconds.
+    /// Time to submit it, microseconds.
     pub submit_us: f64,
-    /// Waiting for the device, microseconds.
+    /// Time to wait for the device, microseconds.
     pub wait_us: f64,
-    /// Passes that ran.
+    /// Number of passes that ran.
     pub passes: u64,
-    /// Passes that were culled.
+    /// Number of passes that were culled.
     pub culled: u64,
-    /// Barriers.
+    /// Number of barriers, each of a batch counted by itself.
     pub barriers: u64,
-    /// Queues in use.
+    /// Number of queues in use.
     pub queues: u64,
-    /// What these saved by working at the same time, milliseconds; none where passes have no times.
+    /// Time that queues saved by overlapping, milliseconds; `None` without timestamps.
     pub overlap_ms: Option<f64>,
 }
 
 /// Rays per frame, by kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Rays {
-    /// Looked for the closest hit.
+    /// Closest-hit rays.
     pub closest: u64,
-    /// Looked for any hit.
+    /// Any-hit rays, such as shadow rays.
     pub any: u64,
 }
 
-/// One pass over all frames in which it ran.
+/// One pass, over all frames in which it ran.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PassReport {
-    /// Full name; the second of that name in a frame has ` #2` behind it.
+    /// Full name; further passes of the same name in a frame get a suffix such as ` #2`.
     pub name: String,
-    /// Slot that declared it.
+    /// First part of the name, up to the dot.
     pub stage: String,
-    /// Queue on which it ran.
+    /// Queue on which it ran: `graphics`, `async compute` or `transfer`.
     pub queue: &'static str,
-    /// Frames in which it ran.
+    /// Number of frames in which it ran.
     pub frames: usize,
-    /// Milliseconds; none where the queue has no timestamps.
+    /// GPU time, milliseconds; `None` if the queue has no timestamps.
     pub gpu_ms: Option<Spread>,
     /// Median time to record it, microseconds.
     pub cpu_us: f64,
@@ -106,13 +106,13 @@ pub struct PassReport {
     pub rays: Rays,
     /// Bytes of images and of the frame's buffers that it reads and writes, as declared, per frame.
     pub bytes: u64,
-    /// Values that were not finite and that it left out, in all these frames together: one bad frame is not to be lost in a median.
+    /// Non-finite values that it left out, summed over all these frames, so that one bad frame is not lost in a median.
     pub not_finite: u64,
     /// Draw calls per frame.
     pub draws: u64,
     /// Dispatches per frame.
     pub dispatches: u64,
-    /// What its shaders did per frame, in a run that asked for it; none where it only copies.
+    /// Pipeline statistics per frame; `None` if they were not asked for, or if the pass only copies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics: Option<Statistics>,
 }
@@ -123,17 +123,17 @@ pub struct Report {
     /// What was run.
     #[serde(flatten)]
     pub run: Run,
-    /// Frames in the figures.
+    /// Number of frames in the statistics.
     pub frames: usize,
-    /// Frames before them.
+    /// Number of warm-up frames before them.
     pub warmup: usize,
-    /// Whole frame.
+    /// Times of the whole frame.
     pub frame: FrameReport,
-    /// The graph's own work.
+    /// Work of the graph itself.
     pub graph: GraphReport,
     /// Memory in use.
     pub memory: Memory,
-    /// What rays see, and what that takes.
+    /// What is in the acceleration structures, and their cost.
     pub acceleration: Acceleration,
     /// What runs in each slot in the last frame, and what is idle and why; empty where nobody said.
     pub slots: Vec<SlotReport>,
@@ -141,7 +141,7 @@ pub struct Report {
     pub passes: Vec<PassReport>,
 }
 
-/// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` are of the whole frame, the same in every row.
+/// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` describe the whole frame and are the same in every row.
 pub const CSV_COLUMNS: [&str; 27] = [
     "name",
     "stage",
@@ -176,13 +176,12 @@ impl Report {
     /// The JSON of `--timings`.
     ///
     /// # Errors
-    /// What the serialiser says.
+    /// An error of the serialiser.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// One row per pass under a row of names (RFC 4180 quoting, lines end in a plain line feed). What was not measured is
-    /// empty.
+    /// A header, then one row per pass (RFC 4180 quoting, lines end in a plain line feed). What was not measured is empty.
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = CSV_COLUMNS.join(",") + "\n";

@@ -2,21 +2,21 @@
 
 use serde::Serialize;
 
-/// Spread of a time over the frames, in the unit that its name says.
+/// Distribution of a time over the frames; the unit is that of the field that holds it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// Middle value; of an even number of frames, the mean of the two in the middle.
+    /// Median; for an even number of frames, the mean of the middle two.
     pub median: f64,
-    /// Least.
+    /// Minimum.
     pub min: f64,
     /// 99th percentile by nearest rank: the least value that at least 99 % of the frames do not exceed.
     pub p99: f64,
-    /// Greatest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl Spread {
-    /// Statistics of nanoseconds, divided by `unit` (1e6 gives milliseconds). None without samples.
+    /// Distribution of values in nanoseconds, divided by `unit` (1e6 gives milliseconds). `None` without samples.
     #[must_use]
     pub fn of(mut nanoseconds: Vec<u64>, unit: f64) -> Option<Self> {
         nanoseconds.sort_unstable();
@@ -29,7 +29,7 @@ impl Spread {
     }
 }
 
-/// Median of sorted values. None without values.
+/// Median of sorted values. `None` without values.
 #[must_use]
 pub fn median(sorted: &[u64]) -> Option<f64> {
     let middle = sorted.len() / 2;
@@ -41,8 +41,8 @@ pub fn median(sorted: &[u64]) -> Option<f64> {
     Some(lower + (upper - lower) / 2.0)
 }
 
-/// The `percent`-th percentile of sorted values: the value of rank `ceil(percent / 100 * n)`, counted from 1. None without
-/// values; `percent` above 100 counts as 100.
+/// The `percent`-th percentile of sorted values: the value of rank `ceil(percent / 100 * n)`, counted from 1. `percent` above 100
+/// counts as 100. `None` without values.
 #[must_use]
 pub fn nearest_rank(sorted: &[u64], percent: u32) -> Option<u64> {
     let rank = (sorted.len() * percent.min(100) as usize).div_ceil(100).max(1);

@@ -4,8 +4,8 @@ use super::Report;
 
 const RIGHT_FROM: usize = 2;
 
-/// One row per pass, then the total: GPU time, share of the frame, CPU time, bytes per pixel of the picture and per second as declared, rays,
-/// values that were not finite (of all frames together), draws and dispatches. Columns that are zero in every row are left out. Where several queues ran, a line says what they saved by working at the same time.
+/// One row per pass, then the total: GPU time, share of the frame, CPU time, bytes per pixel and per second as declared, rays, non-finite values (summed over all frames), draws and
+/// dispatches. Columns that are zero in every row are left out. With several queues, a line says how much time their overlap saved.
 #[must_use]
 pub fn pass_table(report: &Report) -> String {
     let frame_ms = report.frame.gpu_ms.map(|s| s.median);
@@ -119,7 +119,7 @@ fn count(n: u64) -> String {
     }
 }
 
-/// Aligns the columns; a rule stands before the rows of these indices.
+/// Aligns the columns. A rule precedes the rows with these indices.
 fn lay_out(rows: &[Vec<String>], ruled: &[usize]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let cell = |row: &[String], column: usize| row.get(column).cloned().unwrap_or_default();

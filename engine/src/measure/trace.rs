@@ -6,24 +6,24 @@ use super::{FrameSample, PassTime};
 
 const CPU: u32 = 1;
 const GPU: u32 = 2;
-/// Lane of whole frames in both processes; on the GPU the lanes of queues follow.
+/// Lane of whole frames, in both processes.
 const FRAMES: usize = 0;
-/// Lane of what a frame takes on the CPU, one phase after another; the lanes of threads that record follow.
+/// Lane of a frame's phases on the CPU; the lanes of recording threads follow.
 const PHASES: usize = 1;
 const THREADS: usize = 2;
-/// Lane of the first queue.
+/// Lane of the first queue on the GPU.
 const QUEUES: usize = 1;
 
-/// Trace events of the frames as JSON. A process for the CPU has lanes for frames, for their phases, and for each thread that
-/// records passes; a process for the GPU has lanes for frames and for each queue, with arrows from pass to pass where a queue waits
-/// for another. Times are microseconds; events are in the order of time. Where the clocks cannot be compared, the GPU's first
-/// timestamp is laid at the end of recording, when the frame is submitted; passes without a begin of their own follow each other.
+/// Trace events of the frames, as JSON. The CPU process has lanes for frames, for their phases, and for each thread that records
+/// passes. The GPU process has lanes for frames and for each queue, with arrows where a queue waits for another. Times are in
+/// microseconds, and events are sorted by time. If the clocks cannot be compared, the GPU's first timestamp is placed at the end
+/// of recording, when the frame is submitted; passes without a start time follow each other.
 #[must_use]
 pub fn chrome_trace(frames: &[FrameSample]) -> Value {
     let queues = distinct(frames, |p| p.queue);
     let threads = distinct(frames, |p| p.thread);
     let mut trace = Trace { queues: &queues, threads: &threads, spans: Vec::new(), arrows: 0 };
-    let (mut cpu_free, mut gpu_free) = (0, 0); // where the frame before ends on either clock
+    let (mut cpu_free, mut gpu_free) = (0, 0); // end of the previous frame on either clock
     for (number, frame) in frames.iter().enumerate() {
         let start = frame.start_ns.unwrap_or(cpu_free.max(gpu_free) + frame.declare_ns);
         let recorded = start + frame.plan_ns + frame.bind_ns + frame.record_ns;
@@ -34,7 +34,7 @@ pub fn chrome_trace(frames: &[FrameSample]) -> Value {
         gpu_free = submitted + frame.gpu_ns.unwrap_or(0);
     }
     let Trace { mut spans, .. } = trace;
-    // Longer first, so that a span comes before what lies in it; arrows after the spans that they begin and end at.
+    // Longer spans first, so that a span precedes those inside it. Arrows come after the spans that they connect.
     spans.sort_by_key(|e| (e.at_ns, std::cmp::Reverse(e.ns)));
 
     let mut events = Vec::new();
@@ -54,7 +54,7 @@ pub fn chrome_trace(frames: &[FrameSample]) -> Value {
     json!({ "displayTimeUnit": "ms", "traceEvents": events })
 }
 
-/// What passes have, each once, in the order in which it comes up.
+/// The distinct values of a property of passes, in the order in which they occur.
 fn distinct<T: PartialEq>(frames: &[FrameSample], of: impl Fn(&PassTime) -> T) -> Vec<T> {
     let mut found = Vec::new();
     for value in frames.iter().flat_map(|f| &f.passes).map(of) {
@@ -65,7 +65,7 @@ fn distinct<T: PartialEq>(frames: &[FrameSample], of: impl Fn(&PassTime) -> T) -
     found
 }
 
-/// Events so far.
+/// The events so far.
 struct Trace<'a> {
     queues: &'a [&'static str],
     threads: &'a [u32],
@@ -75,7 +75,7 @@ struct Trace<'a> {
 
 struct Event {
     at_ns: u64,
-    /// None for an arrow.
+    /// Duration; `None` for an arrow.
     ns: Option<u64>,
     json: Value,
 }
@@ -112,7 +112,7 @@ impl Trace<'_> {
             self.span(&format!("frame {number}"), (GPU, FRAMES), submitted, gpu_ns, json!({}));
         }
         let mut next = vec![submitted; self.queues.len()];
-        // Lane and begin of passes that took any time.
+        // Lane and start of passes that took any time.
         let mut placed = vec![None; frame.passes.len()];
         for (index, pass) in frame.passes.iter().enumerate() {
             let lane = self.queues.iter().position(|q| *q == pass.queue);
@@ -138,8 +138,8 @@ impl Trace<'_> {
         self.spans.push(Event { at_ns, ns: Some(ns), json });
     }
 
-    /// An arrow between two spans of the GPU, each a lane and a begin. It is bound to the spans that are open at its ends; viewers
-    /// draw it from the end of the first. The format knows no arrow back in time.
+    /// An arrow between two spans of the GPU, each given by its lane and start. It binds to the spans that are open at its ends;
+    /// viewers draw it from the end of the first. The format does not allow arrows back in time.
     fn arrow(&mut self, from: (usize, u64), to: (usize, u64)) {
         if from.1 > to.1 {
             return;

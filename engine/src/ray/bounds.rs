@@ -1,7 +1,7 @@
-//! Axis-aligned boxes.
+//! Axis-aligned bounding boxes.
 use glam::{Affine3A, Vec3};
 
-/// An axis-aligned box. Where `min > max` it is empty.
+/// An axis-aligned bounding box. It is empty if `min > max` on any axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Lower corner.
@@ -17,20 +17,20 @@ impl Default for Bounds {
 }
 
 impl Bounds {
-    /// The box that holds nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The least box around some points.
+    /// The smallest box around some points; empty for none.
     pub fn of_points(points: &[Vec3]) -> Self {
         points.iter().fold(Self::EMPTY, |b, &p| b.union(Self { min: p, max: p }))
     }
 
-    /// The least box around two boxes.
+    /// The smallest box around two boxes.
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// It holds no point.
+    /// Whether it contains no point.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
@@ -40,22 +40,21 @@ impl Bounds {
         0.5 * self.min + 0.5 * self.max
     }
 
-    /// Half the surface of a box that is not empty.
+    /// Half the surface area of a box that is not empty.
     pub fn half_area(&self) -> f32 {
         let d = self.max - self.min;
         d.x * d.y + d.y * d.z + d.z * d.x
     }
 
-    /// A box in the world around the image of this one.
+    /// A world-space box around this one after a transform.
     ///
-    /// Each axis is the sum of the least and greatest products (Arvo 1990, "Transforming axis-aligned bounding boxes"), in `f64`.
-    /// It is then widened by the error that a shader makes when it moves a point with `f32` arithmetic, so that a point on the
-    /// surface of the mesh never falls outside for rounding alone.
+    /// Each axis is the sum of the smallest and largest products (Arvo 1990, "Transforming axis-aligned bounding boxes"), in `f64`. The
+    /// result is widened by the rounding error of a shader that transforms points in `f32`, so that a point on the mesh is never outside.
     pub fn transformed(&self, world_from_object: &Affine3A) -> Self {
         if self.is_empty() {
             return Self::EMPTY;
         }
-        /// Eight unit roundoffs of `f32`: one per product and sum of a row, both ways, with some to spare.
+        /// Eight unit roundoffs of `f32`: one per product and sum of a row, in both directions, with a margin.
         const ROUNDING: f64 = 8.0 / (1_u64 << 24) as f64;
         let (lower, upper) = (self.min.as_dvec3(), self.max.as_dvec3());
         let offset = world_from_object.translation.as_dvec3();

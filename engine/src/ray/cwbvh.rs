@@ -9,11 +9,11 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 use std::mem::offset_of;
 
-/// Most primitives in one leaf, which could count three. With two, rays test fewer triangles and visit as many nodes: a few per
-/// cent faster, for a tenth more nodes.
+/// Largest number of primitives in a leaf; the format allows three. With two, rays test fewer triangles and visit as many nodes,
+/// which is a few per cent faster for a tenth more nodes.
 const PRIMITIVES_PER_LEAF: u32 = 2;
 
-// A node is taken over from `obvhs` byte by byte.
+// Nodes are copied from `obvhs` byte by byte, so the layouts must be equal.
 const _: () = {
     assert!(size_of::<BvhNode>() == 80 && size_of::<CwBvhNode>() == 80);
     assert!(offset_of!(BvhNode, origin) == offset_of!(CwBvhNode, p));
@@ -30,25 +30,25 @@ const _: () = {
     assert!(offset_of!(BvhNode, max_z) == offset_of!(CwBvhNode, child_max_z));
 };
 
-/// Bottom level: the triangles or spheres of one mesh, in object space.
+/// Bottom-level BVH over the triangles or spheres of one mesh, in object space.
 #[derive(Clone, Debug)]
 pub struct MeshBvh {
-    /// Root first, every node before its children; never empty: a mesh without primitives has one node without children.
+    /// The root first, and every node before its children. Never empty: a mesh without primitives has one node without children.
     pub nodes: Vec<BvhNode>,
-    /// In the order of the tree. Triangles without area and spheres without radius are left out: no ray hits them.
+    /// In the order of the leaves. Triangles without area and spheres without radius are left out, since no ray hits them.
     pub primitives: Vec<BvhPrimitive>,
-    /// Box around `primitives`, object space.
+    /// Bounding box of `primitives`, object space.
     pub bounds: Bounds,
-    /// Stack entries that a walk needs at most.
+    /// Largest number of stack entries that a traversal needs.
     pub stack: u32,
 }
 
 impl MeshBvh {
-    /// Builds the tree of an indexed triangle list. `positions`: object space. Deterministic; time is `n log n`.
+    /// Builds the BVH of an indexed triangle list in object space. Deterministic, in O(n log n).
     ///
     /// # Errors
-    /// A table that is out of shape or range, a position that is not finite or beyond [`COORDINATE_LIMIT`], or more triangles
-    /// than [`PRIMITIVE_LIMIT`]. Add the name of the mesh with [`RayError::in_mesh`].
+    /// An index table that is incomplete or out of range, a position that is not finite or beyond [`COORDINATE_LIMIT`], more than
+    /// [`PRIMITIVE_LIMIT`] triangles, or a BVH too deep for the shader's stack. Add the name of the mesh with [`RayError::in_mesh`].
     pub fn build(positions: &[Vec3], indices: &[u32]) -> Result<Self, RayError> {
         if !indices.len().is_multiple_of(3) {
             return Err(RayError::PartialTriangle { count: indices.len() });
@@ -73,11 +73,11 @@ impl MeshBvh {
         Self::over(&kept, &boxes)
     }
 
-    /// Builds the tree of spheres: centre and radius, object space.
+    /// Builds the BVH of spheres, given by centre and radius in object space.
     ///
     /// # Errors
-    /// A sphere whose numbers are not finite, whose radius is negative, or that reaches beyond [`COORDINATE_LIMIT`]; or more than
-    /// [`PRIMITIVE_LIMIT`].
+    /// A sphere that is not finite, has a negative radius, or reaches beyond [`COORDINATE_LIMIT`]; more than [`PRIMITIVE_LIMIT`]
+    /// spheres; or a BVH too deep for the shader's stack.
     pub fn build_spheres(spheres: &[(Vec3, f32)]) -> Result<Self, RayError> {
         if spheres.len() > PRIMITIVE_LIMIT {
             return Err(RayError::TooMany { count: spheres.len() });
@@ -109,7 +109,7 @@ impl MeshBvh {
         Ok(Self { nodes: tree.nodes, primitives, bounds: tree.bounds, stack })
     }
 
-    /// The nodes by depth, for whoever fits them anew from the leaves up.
+    /// The nodes by depth, for refits from the leaves up.
     pub fn levels(&self) -> Levels {
         levels(&self.nodes)
     }
@@ -119,16 +119,16 @@ pub(super) fn in_range(p: Vec3) -> bool {
     p.abs().cmple(Vec3::splat(COORDINATE_LIMIT)).all()
 }
 
-/// Whether a triangle has area: products of `f32` are exact in `f64`, so that three corners in a line give zero.
+/// Whether a triangle has area. Products of `f32` are exact in `f64`, so that collinear corners give exactly zero.
 fn has_area(corners: &[Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|c| c.as_dvec3());
     (b - a).cross(c - a) != DVec3::ZERO
 }
 
-/// A compressed wide tree over boxes.
+/// A compressed wide BVH over boxes.
 pub(super) struct Tree {
     pub nodes: Vec<BvhNode>,
-    /// Index of the box of each primitive, in the order of the tree.
+    /// Index of the box behind each primitive, in the order of the leaves.
     pub order: Vec<u32>,
     pub bounds: Bounds,
 }
@@ -138,8 +138,8 @@ impl Tree {
         if boxes.is_empty() {
             return Self { nodes: vec![BvhNode::default()], order: Vec::new(), bounds: Bounds::EMPTY };
         }
-        // The shape of the tree does not depend on scale. At unit size no surface area overflows or fades to zero, which
-        // would leave the heuristic without a guide.
+        // The topology does not depend on scale. At unit size no surface area overflows or underflows, which would make the
+        // heuristic meaningless.
         let all = boxes.iter().fold(Bounds::EMPTY, |b, &c| b.union(c));
         let scale = 1.0 / (all.max - all.min).max_element().max(f32::MIN_POSITIVE);
         let unit = |p: Vec3| (p - all.min) * scale;

@@ -1,21 +1,21 @@
-//! The eight children of a compressed node: reading them, fitting their boxes, and how much stack a walk needs.
+//! The eight children of a compressed node: decoding them, fitting their boxes, and the stack that a traversal needs.
 use super::Bounds;
 use glam::Vec3;
 use magpie_shaders::scene::BvhNode;
 use std::ops::Range;
 
-/// What one of the eight slots of a node holds.
+/// The content of one of the eight child slots of a node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Child {
-    /// Nothing.
+    /// An empty slot.
     None,
-    /// The node of this index.
+    /// An inner child, as the index of its node.
     Node(usize),
-    /// These primitives, in the order of the tree.
+    /// A leaf, as a range of primitives in the order of the leaves.
     Primitives(Range<usize>),
 }
 
-/// Reads the slots of a node (Ylitie et al. 2017, section 3.2).
+/// Decodes the child slots of a node (Ylitie et al. 2017, section 3.2).
 pub fn children(node: &BvhNode) -> [Child; 8] {
     let inner = node.exponents_and_mask >> 24;
     std::array::from_fn(|slot| {
@@ -23,10 +23,10 @@ pub fn children(node: &BvhNode) -> [Child; 8] {
         if meta == 0 {
             Child::None
         } else if inner & (1 << slot) != 0 {
-            // Inner children lie one after the other, in the order of their slots.
+            // Inner children are contiguous, in the order of their slots.
             Child::Node((node.child_base + (inner & ((1 << slot) - 1)).count_ones()) as usize)
         } else {
-            // The upper three bits count in unary; the lower five say where the first lies.
+            // The upper three bits are a unary count; the lower five are the offset of the first primitive.
             let first = (node.primitive_base + (meta & 31)) as usize;
             Child::Primitives(first..first + (meta >> 5).count_ones() as usize)
         }
@@ -37,11 +37,11 @@ fn byte(words: &[u32; 2], slot: usize) -> u32 {
     (words[slot / 4] >> (8 * (slot % 4))) & 255
 }
 
-/// Writes the grids and quantised boxes of every node anew around the primitives, and gives the box of the root.
+/// Recomputes the grids and quantised boxes of every node from the primitives, and returns the box of the root.
 ///
-/// `obvhs` computes them in `f32`, where a box can come out a rounding error too small. Here they are computed in `f64` and
-/// rounded outwards, so each decoded box holds what is below it. Nodes come before their children, as `obvhs` writes them.
-/// `primitives`: boxes in the order of the tree.
+/// `obvhs` computes them in `f32`, where a rounding error can make a box too small. Here they are computed in `f64` and rounded
+/// outwards, so that each decoded box contains everything below it. Nodes must precede their children, as `obvhs` writes them.
+/// `primitives` are boxes in the order of the leaves.
 pub(super) fn fit(nodes: &mut [BvhNode], primitives: &[Bounds]) -> Bounds {
     let mut bounds = vec![Bounds::EMPTY; nodes.len()];
     for index in (0..nodes.len()).rev() {
@@ -58,25 +58,27 @@ pub(super) fn fit(nodes: &mut [BvhNode], primitives: &[Bounds]) -> Bounds {
     bounds.first().copied().unwrap_or_default()
 }
 
-/// The nodes of a tree by depth.
+/// The nodes of a BVH by depth.
 ///
-/// One workgroup can fit a tree anew level by level, with a barrier between: all children of a level's nodes are done by then. A
-/// node's box is the union of its leaves' boxes, read from the positions, and of its inner children's boxes, which must be kept
-/// exactly (six `f32` per node) until the level above has read them: boxes decoded from a child's grid hold it as well, but grow at every level.
+/// One workgroup can refit a BVH level by level, with a barrier in between, so that the children of a level are finished before
+/// it. The box of a node is the union of its leaves' boxes, computed from the positions, and of its inner children's boxes. The
+/// latter must be kept exactly (six `f32` per node) until the level above has read them: a box decoded from a child's grid is
+/// also valid, but would grow with every level.
 ///
-/// In `f32` a box is quantised outwards like this, per axis, with `size = max - min` of the node: the cell is the least power of two,
-/// from 2^-60 on, with `size * (1 + 2^-20) <= 255 * cell`; a child's planes are `floor((child.min - min) / cell * (1 - 2^-21))` and
-/// `ceil((child.max - min) / cell * (1 + 2^-21))`, the latter at least 1 where `child.max > min`. The division is exact but for
-/// underflow; difference and product are off by 2^-24 each, which the factor outweighs; and the first rule keeps the planes under 256.
+/// In `f32`, a box is quantised outwards per axis as follows, with `size = max - min` of the node. The cell is the smallest power
+/// of two, at least 2^-60, with `size * (1 + 2^-20) <= 255 * cell`. The planes of a child are `floor((child.min - min) / cell *
+/// (1 - 2^-21))` and `ceil((child.max - min) / cell * (1 + 2^-21))`, the latter at least 1 if `child.max > min`. The division is
+/// exact except for underflow; the difference and the product have errors of 2^-24 each, which the factor covers; and the
+/// condition on the cell keeps planes below 256.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Levels {
-    /// Indices of all nodes, the deepest level first, the root last; ascending within a level.
+    /// Indices of all nodes: the deepest level first and the root last, ascending within a level.
     pub nodes: Vec<u32>,
-    /// Where each level begins in `nodes`, and where the last one ends: one more than there are levels.
+    /// Start of each level in `nodes`, and the end of the last one.
     pub offsets: Vec<u32>,
 }
 
-/// Sorts nodes, each of which comes before its children, by depth.
+/// Sorts nodes by depth. Each must precede its children.
 pub(super) fn levels(nodes: &[BvhNode]) -> Levels {
     let mut depths = vec![0_usize; nodes.len()];
     let mut counts = Vec::new();
@@ -104,7 +106,7 @@ pub(super) fn levels(nodes: &[BvhNode]) -> Levels {
     Levels { nodes: order, offsets }
 }
 
-/// Finest grid: cells of 2^-60. Below that, a cell times the inverse of a small direction would fade to nothing.
+/// Exponent of the smallest grid cell, 2^-60. With smaller cells, the product with the inverse of a direction would underflow.
 const FINEST: i32 = -60;
 
 fn quantise(node: &mut BvhNode, bounds: Bounds, children: &[Bounds; 8]) {
@@ -112,7 +114,7 @@ fn quantise(node: &mut BvhNode, bounds: Bounds, children: &[Bounds; 8]) {
     let mut exponents = 0;
     let cells = [0, 1, 2].map(|axis| {
         let extent = f64::from(bounds.max[axis]) - f64::from(bounds.min[axis]);
-        // The least power of two of which 255 reach across; the loop mends a logarithm that was rounded down.
+        // The smallest power of two of which 255 cover the extent; the loop corrects a logarithm that was rounded down.
         let mut exponent = ((extent / 255.0).log2().ceil() as i32).max(FINEST);
         while 255.0 * f64::from(exponent).exp2() < extent {
             exponent += 1;
@@ -135,10 +137,10 @@ fn quantise(node: &mut BvhNode, bounds: Bounds, children: &[Bounds; 8]) {
     (node.min_z, node.max_z) = (planes(2, |b| b.min, f64::floor), planes(2, |b| b.max, f64::ceil));
 }
 
-/// Stack entries that a walk of this tree needs at most.
+/// Largest number of stack entries that a traversal of this BVH needs.
 ///
-/// On the way to an inner child, its siblings wait as one entry. `below` gives, for a primitive, what a walk of the tree behind it
-/// needs, or `None` where there is none (a triangle); on the way into it, the inner children of the node wait as one entry.
+/// While the traversal visits an inner child, that child's siblings wait in one entry. `below` returns the entries that a
+/// primitive's own BVH needs, or `None` for a triangle; while it is traversed, the inner children of the node wait in one entry.
 pub(super) fn stack_need(nodes: &[BvhNode], below: impl Fn(usize) -> Option<u32>) -> u32 {
     let mut needs = vec![0; nodes.len()];
     for index in (0..nodes.len()).rev() {

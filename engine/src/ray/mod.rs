@@ -1,7 +1,7 @@
-//! Rays: the acceleration structures that the software backend walks on any device.
+//! Ray tracing in software: BVHs that compute shaders traverse on any device.
 //!
-//! Two levels of compressed wide BVHs: one [`MeshBvh`] per mesh in object space, and one [`SceneBvh`] over the placed meshes.
-//! `shaders/lib/ray.glsl` walks them.
+//! There are two levels of compressed wide BVHs: one [`MeshBvh`] per mesh in object space, and one [`SceneBvh`] over the
+//! instances in world space. `shaders/lib/ray_software.glsl` traverses them.
 
 mod bounds;
 mod cwbvh;
@@ -18,32 +18,32 @@ pub(crate) use occluders::{Occluder, Occluders};
 pub use sort::RaySort;
 pub use top::{Placement, SceneBvh, object_from_world, placements};
 
-/// Largest coordinate that a tree takes, in either level: products of three of them still fit `f32` in the triangle test.
+/// Largest coordinate in a BVH of either level. Products of three such numbers still fit into `f32`, as the triangle test needs.
 pub const COORDINATE_LIMIT: f32 = 1e12;
 
-/// Largest number of primitives in one tree: `obvhs` numbers seven entries per binary node with 32 bits.
+/// Largest number of primitives in one BVH: `obvhs` counts seven entries per binary node in 32 bits.
 pub const PRIMITIVE_LIMIT: usize = 1 << 27;
 
-/// Why a tree could not be built.
+/// Why a BVH could not be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RayError {
-    /// The index table does not hold whole triangles.
+    /// The length of the index table is not a multiple of three.
     #[error("{count} indices are not a multiple of 3")]
     PartialTriangle {
         /// Length of the index table.
         count: usize,
     },
-    /// A triangle names a vertex that is not there.
+    /// An index refers to a vertex that does not exist.
     #[error("index {at} names vertex {vertex}, but there are {vertices} vertices")]
     Index {
-        /// Place in the index table.
+        /// Position in the index table.
         at: usize,
-        /// The vertex it names.
+        /// The vertex that it refers to.
         vertex: u32,
         /// Length of the vertex table.
         vertices: usize,
     },
-    /// A position that is not finite, or too large.
+    /// A position is not finite, or beyond [`COORDINATE_LIMIT`].
     #[error(
         "vertex {vertex} lies at {position:?}; coordinates must be finite and at most {COORDINATE_LIMIT:e} in size"
     )]
@@ -53,7 +53,7 @@ pub enum RayError {
         /// Its position, object space.
         position: [f32; 3],
     },
-    /// A sphere that is not finite, has a negative radius, or reaches too far out.
+    /// A sphere is not finite, has a negative radius, or reaches beyond [`COORDINATE_LIMIT`].
     #[error(
         "sphere {sphere} has its centre at {centre:?} and radius {radius}; the radius must not be negative, and no coordinate of the sphere over {COORDINATE_LIMIT:e}"
     )]
@@ -62,26 +62,26 @@ pub enum RayError {
         sphere: usize,
         /// Its centre, object space.
         centre: [f32; 3],
-        /// Its radius.
+        /// Its radius, object space.
         radius: f32,
     },
-    /// More primitives than a tree can number.
+    /// There are more than [`PRIMITIVE_LIMIT`] primitives.
     #[error("{count} primitives; a tree takes at most {PRIMITIVE_LIMIT}")]
     TooMany {
-        /// How many there are.
+        /// Number of primitives.
         count: usize,
     },
-    /// An instance of a mesh that is not there.
+    /// An instance refers to a mesh that does not exist.
     #[error("instance {instance} shows mesh {mesh}, but there are {meshes} meshes")]
     Mesh {
         /// Index of the instance.
         instance: usize,
-        /// The mesh it names.
+        /// The mesh that it refers to.
         mesh: u32,
         /// Length of the mesh table.
         meshes: usize,
     },
-    /// An instance whose transform is not finite, or that lies too far out.
+    /// The transform of an instance is not finite, or the instance reaches beyond [`COORDINATE_LIMIT`].
     #[error(
         "instance {instance} spans {min:?} to {max:?} in the world; coordinates must be finite and at most {COORDINATE_LIMIT:e} in size"
     )]
@@ -90,29 +90,29 @@ pub enum RayError {
         instance: usize,
         /// Lower corner of its bounds, world space, metres.
         min: [f32; 3],
-        /// Upper corner.
+        /// Upper corner of its bounds, world space, metres.
         max: [f32; 3],
     },
-    /// The tree is deeper than the traversal's stack.
+    /// The BVH is too deep for the traversal stack of the shader.
     #[error("the tree needs {needed} stack entries; traversal has {limit}")]
     Stack {
-        /// Entries that the deepest path needs.
+        /// Stack entries that a traversal needs.
         needed: u32,
-        /// Entries there are.
+        /// Stack entries that the shader has.
         limit: u32,
     },
-    /// A fault of one mesh, with the mesh's name.
+    /// An error in one mesh, with its name.
     #[error("mesh `{mesh}`: {fault}")]
     InMesh {
         /// Name of the mesh.
         mesh: String,
-        /// What is wrong with it.
+        /// The error.
         fault: Box<RayError>,
     },
 }
 
 impl RayError {
-    /// The same fault, with the name of the mesh that has it.
+    /// The same error, with the name of the mesh.
     pub fn in_mesh(self, mesh: impl Into<String>) -> Self {
         Self::InMesh { mesh: mesh.into(), fault: Box::new(self) }
     }

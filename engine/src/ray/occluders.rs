@@ -1,19 +1,19 @@
-//! Whether anything lies between two points, asked on the host: for decisions about a scene, not for pictures.
+//! Visibility between two points, computed on the host: for decisions about a scene, not for rendering.
 use super::Bounds;
 use super::split::binary_tree;
 use glam::{DMat3, DVec3, Vec3};
 use obvhs::bvh2::Bvh2;
 use obvhs::ray::Ray;
 
-/// How near to either end of a segment nothing counts, as a share of its length: the ends lie on surfaces.
+/// Fraction of a segment at either end in which hits are ignored, because the ends are on surfaces.
 const ENDS: f64 = 1e-3;
 
-/// Something opaque, seen from both sides.
+/// Opaque geometry that blocks light from both sides.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Occluder {
-    /// Corners, metres.
+    /// Three corners, metres.
     Triangle([DVec3; 3]),
-    /// Centre, and world from unit sphere; not singular.
+    /// An ellipsoid: its centre, and the transform of the unit sphere to world space, which must be invertible.
     Ball(DVec3, DMat3),
 }
 
@@ -29,7 +29,7 @@ impl Occluder {
         }
     }
 
-    /// Whether the segment from `from` along `d` meets it away from its ends.
+    /// Whether the segment from `from` to `from + d` hits it, apart from the ends.
     fn meets(&self, from: DVec3, d: DVec3) -> bool {
         let inner = |t: f64| t > ENDS && t < 1.0 - ENDS;
         match self {
@@ -52,7 +52,7 @@ impl Occluder {
     }
 }
 
-/// A tree over occluders.
+/// A BVH over occluders.
 pub(crate) struct Occluders {
     all: Vec<Occluder>,
     tree: Bvh2,
@@ -61,12 +61,12 @@ pub(crate) struct Occluders {
 }
 
 impl Occluders {
-    /// Over these. Those that are not finite are left out.
+    /// Builds the BVH. Occluders that are not finite are left out.
     pub fn new(all: impl Iterator<Item = Occluder>) -> Self {
         let mut all: Vec<Occluder> = all.filter(|o| o.bounds().iter().all(|p| p.is_finite())).collect();
         let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = all.iter().map(Occluder::bounds).fold(none, |[l, h], [a, b]| [l.min(a), h.max(b)]);
-        // At unit size single precision will do for boxes, each a little too large.
+        // At unit size, boxes in single precision suffice, if they are slightly enlarged.
         let scale = 1.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
         let boxed = |o: &Occluder| {
             let [min, max] = o.bounds().map(|p| ((p - low) * scale).as_vec3());
@@ -78,7 +78,7 @@ impl Occluders {
         Self { all, tree, low, scale }
     }
 
-    /// Whether any lies between two points.
+    /// Whether any occluder lies between two points.
     pub fn between(&self, from: DVec3, to: DVec3) -> bool {
         if self.all.is_empty() {
             return false;

@@ -1,14 +1,14 @@
-//! Rays in an order that suits the walk: those with one key go the same way from about the same place, and visit the same nodes.
+//! Sorts rays so that rays with similar origin and direction are traced together and visit the same nodes.
 //!
-//! A counting sort over [`SORT_KEYS`] keys. It costs four small passes, each with a time of its own in the table; what it gains is in
-//! the time of the pass that traces. `magpie bench rays` sets the one against the other.
+//! A counting sort over [`SORT_KEYS`] keys, in four small passes that are timed separately. The gain is in the time of the pass
+//! that traces; `magpie bench rays` compares the two.
 use super::Bounds;
 use crate::gpu::{Gpu, GpuError, Kernel};
 use crate::graph::{Buffer, BufferDesc, FrameGraph, Handle, Queue, Record};
 use magpie_shaders::rays::{SORT_GROUP, SORT_KEYS, SortParams};
 use magpie_shaders::{RAYS_SORT_CLEAR_COMP, RAYS_SORT_COUNT_COMP, RAYS_SORT_PLACE_COMP, RAYS_SORT_SCAN_COMP};
 
-/// Sorts rays by direction and origin.
+/// Sorts rays by direction and origin. Holds the compute pipelines.
 #[derive(Clone, Copy, Debug)]
 pub struct RaySort {
     clear: Kernel,
@@ -18,10 +18,10 @@ pub struct RaySort {
 }
 
 impl RaySort {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// Failing calls.
+    /// Pipeline creation failed.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             clear: gpu.kernel(&RAYS_SORT_CLEAR_COMP)?,
@@ -31,11 +31,11 @@ impl RaySort {
         })
     }
 
-    /// Adds the passes `rays.sort_clear`, `.sort_count`, `.sort_scan` and `.sort_place`. Gives the order: one `u32` per ray, the index of
-    /// the ray to be traced there.
+    /// Adds the passes `rays.sort_clear`, `.sort_count`, `.sort_scan` and `.sort_place`. Returns the order: one `u32` per ray,
+    /// the index of the ray to trace at that position.
     ///
-    /// `rays`: a [`magpie_shaders::rays::RayTask`] table of at least `count` entries. `bounds`: around their origins; rays from outside
-    /// of it go with the nearest cell.
+    /// `rays` is a table of at least `count` [`magpie_shaders::rays::RayTask`]s. `bounds` should contain their origins; origins
+    /// outside count as the nearest cell.
     pub fn add(self, g: &mut FrameGraph, rays: Handle<Buffer>, count: u32, bounds: &Bounds) -> Handle<Buffer> {
         let words = |n: u32| BufferDesc::new(4 * u64::from(n.max(1)));
         let extent = (bounds.max - bounds.min).max(glam::Vec3::splat(f32::MIN_POSITIVE));

@@ -1,25 +1,25 @@
-//! A binary tree by the surface-area heuristic, ready for `obvhs` to widen and compress.
+//! Builds a binary BVH by the surface-area heuristic, for `obvhs` to widen and compress.
 //!
-//! The bottom-up builder of `obvhs` makes a chain as deep as there are primitives, in quadratic time, from boxes that coincide or nest, and
-//! takes quadratic time for a row of equal boxes. Fences, cables and stacked copies do occur, and a file may come from anyone,
-//! so the tree is made top-down: binned splits (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies"), and
-//! splits in equal halves below a certain depth, which bounds depth and time whatever the input.
+//! The bottom-up builder of `obvhs` makes a chain as deep as the number of primitives, in quadratic time, from boxes that
+//! coincide or nest, and takes quadratic time for a row of equal boxes. Fences, cables and stacked copies look like that, and
+//! scene files are untrusted. So this builder works top-down, with binned splits (Wald 2007, "On fast Construction of SAH-based
+//! Bounding Volume Hierarchies") and, from a certain depth on, median splits, which bounds depth and time for any input.
 use super::Bounds;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// Bins per axis.
+/// Largest number of bins per axis.
 const BINS: usize = 16;
 
-/// From this depth on, nodes are split in equal halves.
+/// From this depth on, nodes are split at the median.
 const BALANCED_FROM: u32 = 40;
 
-/// Subtrees of more primitives than this are built side by side.
+/// Subtrees with more primitives than this are built in parallel.
 const PARALLEL_FROM: usize = 2048;
 
-/// Binary tree over these boxes, one primitive per leaf, children after their parent. Deterministic, on however many cores.
+/// Binary BVH over these boxes, with one primitive per leaf and children after their parent. Deterministic for any number of threads.
 pub(super) fn binary_tree(boxes: &[Bounds]) -> Bvh2 {
     let mut tree = Bvh2::default();
     if boxes.is_empty() {
@@ -34,7 +34,7 @@ pub(super) fn binary_tree(boxes: &[Bounds]) -> Bvh2 {
     tree
 }
 
-/// A primitive on its way to a leaf.
+/// A primitive that has not reached its leaf yet.
 #[derive(Clone, Copy)]
 struct Item {
     bounds: Aabb,
@@ -47,17 +47,17 @@ impl Item {
     }
 }
 
-/// A subtree to be made. As it has one pair of nodes fewer than primitives, its place among the pairs is known beforehand.
+/// A subtree to be built. It has one pair of siblings fewer than primitives, so its place among all pairs is known in advance.
 struct Part {
-    /// Its first primitive in the order.
+    /// Index of its first primitive.
     first: usize,
-    /// Its first pair of siblings.
+    /// Index of its first pair of siblings.
     first_pair: usize,
     depth: u32,
 }
 
 impl Part {
-    /// Orders the part's primitives, fills its pairs, and gives its root.
+    /// Sorts the primitives of the subtree, fills its pairs, and returns its root.
     fn build(self, items: &mut [Item], pairs: &mut [[Bvh2Node; 2]]) -> Bvh2Node {
         let bounds = items.iter().fold(Aabb::empty(), |b, item| b.union(&item.bounds));
         let Some((pair, pairs)) = pairs.split_first_mut() else {
@@ -79,7 +79,7 @@ impl Part {
     }
 }
 
-/// Orders `items` so that the first `n` go to the left; gives `n`, at least 1 and less than their number.
+/// Sorts `items` so that the first `n` belong to the left child. Returns `n`, at least 1 and less than the number of items.
 fn split(items: &mut [Item], depth: u32) -> usize {
     if items.len() == 2 {
         return 1;
@@ -95,7 +95,7 @@ fn split(items: &mut [Item], depth: u32) -> usize {
         let bins = Bins { lower, scale: count as f32 / extent, count };
         if let Some((axis, last_left)) = bins.cheapest(items, extent) {
             let left = partition(items, |item| bins.of(item.centre())[axis] <= last_left);
-            // The least centre is in the first bin and the greatest in the last, so neither side is empty.
+            // The smallest centre is in the first bin and the largest in the last, so neither side is empty.
             debug_assert!(left > 0 && left < items.len(), "{left} of {}", items.len());
             return left;
         }
@@ -106,7 +106,7 @@ fn split(items: &mut [Item], depth: u32) -> usize {
     half
 }
 
-/// Equal slices of the box around all centres.
+/// Equal slices of the bounding box of all centres.
 struct Bins {
     lower: Vec3A,
     scale: Vec3A,
@@ -114,13 +114,13 @@ struct Bins {
 }
 
 impl Bins {
-    /// Per axis.
+    /// Bin of a centre on each axis.
     fn of(&self, centre: Vec3A) -> [usize; 3] {
-        // A spread so small that its scale is infinite gives 0 * infinity = NaN for the lower end, which converts to bin 0.
+        // If the extent is so small that the scale is infinite, the lower end gives 0 * infinity = NaN, which converts to bin 0.
         ((centre - self.lower) * self.scale).to_array().map(|at| (at as usize).min(self.count - 1))
     }
 
-    /// Axis and last bin of the left side of the cheapest split.
+    /// Axis and last bin of the left side of the cheapest split; `None` if no axis has an extent.
     fn cheapest(&self, items: &[Item], extent: Vec3A) -> Option<(usize, usize)> {
         let mut bins = [[(Aabb::empty(), 0_u32); BINS]; 3];
         for item in items {
@@ -132,7 +132,7 @@ impl Bins {
         let mut best_cost = f32::INFINITY;
         for axis in (0..3).filter(|&a| extent[a] > 0.0) {
             let bins = &bins[axis][..self.count];
-            // Cost of everything to the right of each bin, then a sweep from the left.
+            // First the cost of everything to the right of each bin, then a sweep from the left.
             let mut right_costs = [0.0; BINS];
             let mut right = (Aabb::empty(), 0);
             for at in (1..self.count).rev() {
@@ -153,12 +153,12 @@ impl Bins {
     }
 }
 
-/// Expected work for one side of a split, up to a factor: half its surface times its primitives.
+/// Expected cost of one side of a split, up to a factor: half its surface area times its number of primitives.
 fn cost((bounds, count): (Aabb, u32)) -> f32 {
     if count == 0 { 0.0 } else { bounds.half_area() * count as f32 }
 }
 
-/// Moves what belongs to the left to the front; gives how many.
+/// Moves the items of the left side to the front and returns their number.
 fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
     let mut left = 0;
     for at in 0..items.len() {

@@ -1,4 +1,4 @@
-//! The top level: placed meshes, in world space. Scenes that move build or refit it every frame.
+//! Top-level BVH over the instances, in world space. Scenes with moving instances build or refit it every frame.
 use super::cwbvh::{Tree, in_range};
 use super::fit::{fit, stack_need};
 use super::{Bounds, MeshBvh, PRIMITIVE_LIMIT, RayError};
@@ -6,24 +6,24 @@ use glam::{Affine3A, DAffine3, DMat3, Mat3};
 use magpie_shaders::scene::{BvhInstance, BvhNode, TRAVERSAL_STACK};
 use rayon::prelude::*;
 
-/// Instances that one task moves into the world at least.
+/// Least number of instances per parallel task.
 const GRAIN: usize = 1024;
 
-/// What the top level needs to know of an instance.
+/// What the top level needs to know about an instance.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// World from object.
+    /// Transform from object to world space.
     pub world_from_object: Affine3A,
-    /// Box around its mesh, object space; empty where no ray hits the mesh.
+    /// Bounding box of its mesh, object space; empty if no ray can hit the mesh.
     pub bounds: Bounds,
-    /// Stack entries that a walk of its mesh needs at most: [`MeshBvh::stack`].
+    /// Stack entries that a traversal of its mesh needs: [`MeshBvh::stack`].
     pub stack: u32,
 }
 
-/// Instances (world from object, index into `meshes`) as the top level wants them.
+/// Placements of instances, each given by its world-from-object transform and the index of its mesh in `meshes`.
 ///
 /// # Errors
-/// An instance of a mesh that is not there.
+/// An instance of a mesh that does not exist.
 pub fn placements(instances: &[(Affine3A, u32)], meshes: &[MeshBvh]) -> Result<Vec<Placement>, RayError> {
     let place = |(instance, &(world_from_object, mesh)): (usize, &(Affine3A, u32))| {
         let bvh = meshes.get(mesh as usize).ok_or(RayError::Mesh { instance, mesh, meshes: meshes.len() })?;
@@ -32,29 +32,29 @@ pub fn placements(instances: &[(Affine3A, u32)], meshes: &[MeshBvh]) -> Result<V
     instances.iter().enumerate().map(place).collect()
 }
 
-/// Top level: the placed meshes, in world space.
+/// Top-level BVH over the instances, in world space.
 #[derive(Clone, Debug)]
 pub struct SceneBvh {
-    /// Root first, every node before its children; never empty: a scene that no ray can hit has one node without children.
+    /// The root first, and every node before its children. Never empty: a scene that no ray can hit has one node without children.
     pub nodes: Vec<BvhNode>,
-    /// In the order of the tree.
+    /// In the order of the leaves.
     pub instances: Vec<BvhInstance>,
-    /// Instances that are not in the tree because their transform has no inverse (a scale of zero).
+    /// Indices of the instances that are left out because their transform has no inverse, such as a scale of zero.
     pub flat: Vec<u32>,
-    /// Box around all of it, world space, metres.
+    /// Bounding box of all instances, world space, metres.
     pub bounds: Bounds,
-    /// Stack entries that a walk through both levels needs at most.
+    /// Largest number of stack entries that a traversal of both levels needs.
     pub stack: u32,
-    /// How many placements it was made from.
+    /// Number of placements that it was built from.
     placed: usize,
 }
 
 impl SceneBvh {
-    /// Builds the tree over all instances, on every core.
+    /// Builds the BVH over all instances, on all cores.
     ///
     /// # Errors
-    /// An instance with a transform that is not finite, or beyond [`super::COORDINATE_LIMIT`]; more than [`PRIMITIVE_LIMIT`] instances; or
-    /// two levels so deep together that the stack of the shader would not hold a walk.
+    /// An instance whose transform is not finite or that reaches beyond [`super::COORDINATE_LIMIT`], more than
+    /// [`PRIMITIVE_LIMIT`] instances, or two levels too deep for the shader's stack.
     pub fn build(placements: &[Placement]) -> Result<Self, RayError> {
         if placements.len() > PRIMITIVE_LIMIT {
             return Err(RayError::TooMany { count: placements.len() });
@@ -62,11 +62,12 @@ impl SceneBvh {
         Self::over(placements, &in_the_world(placements)?)
     }
 
-    /// Moves the boxes after the instances; the shape of the tree stays. Far cheaper than [`Self::build`], but rays slow down the
-    /// further instances have moved apart. Where an instance is new, gone, or got or lost its inverse, this builds.
+    /// Refits the boxes to moved instances and keeps the topology. This is far cheaper than [`Self::build`], but rays get slower
+    /// the further instances have moved apart. Rebuilds if an instance was added or removed, or if its transform became or
+    /// stopped being invertible.
     ///
     /// # Errors
-    /// As [`Self::build`]. The tree is then as before.
+    /// As [`Self::build`]. The BVH is then unchanged.
     pub fn refit(&mut self, placements: &[Placement]) -> Result<(), RayError> {
         let found = in_the_world(placements)?;
         let reached = found.iter().filter(|w| matches!(w, World::Box(_))).count();
@@ -120,11 +121,11 @@ impl SceneBvh {
     }
 }
 
-/// Where an instance lies.
+/// Where an instance is in the world.
 enum World {
-    /// In this box.
+    /// It has this bounding box.
     Box(Bounds),
-    /// Nowhere: its mesh is empty.
+    /// Its mesh is empty.
     Empty,
     /// Its transform has no inverse.
     Flat,
@@ -144,7 +145,7 @@ fn in_the_world(placements: &[Placement]) -> Result<Vec<World>, RayError> {
         })
     };
     let all: Vec<_> = placements.par_iter().enumerate().with_min_len(GRAIN).map(one).collect();
-    // In order, so that the first fault is the one that is reported.
+    // In order, so that the first error is the one reported.
     all.into_iter().collect()
 }
 
@@ -165,9 +166,9 @@ fn stack(nodes: &[BvhNode], order: &[u32], placements: &[Placement]) -> Result<u
     if needed > TRAVERSAL_STACK { Err(RayError::Stack { needed, limit: TRAVERSAL_STACK }) } else { Ok(needed) }
 }
 
-/// The inverse of an instance's transform, computed in `f64` and rounded once; `None` where there is none in `f32`.
+/// The inverse of an instance's transform, computed in `f64` and rounded once; `None` if it has none in `f32`.
 ///
-/// The shader's table and the tree must agree on which instances have one: take it from here.
+/// The instance table of the shaders and the BVH must agree on which instances have an inverse, so both use this function.
 pub fn object_from_world(world_from_object: &Affine3A) -> Option<Affine3A> {
     let m = world_from_object.matrix3;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.as_dvec3());

@@ -1,25 +1,25 @@
-//! What moves: nodes, skins and animations, and how an animation is sampled (glTF 2.0, Appendix C).
+//! Nodes, skins and animations, and how animations are sampled (glTF 2.0, Appendix C).
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 
-/// A place in the hierarchy of a scene.
+/// A node of the scene's hierarchy.
 #[derive(Clone, Debug, Default)]
 pub struct Node {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
-    /// Index into [`Scene::nodes`](super::Scene::nodes), less than the node's own; `None` is the world.
+    /// Index into [`Scene::nodes`](super::Scene::nodes) of the parent, less than the node's own; `None` for a root node.
     pub parent: Option<u32>,
-    /// Parent from node, in the rest pose.
+    /// Transform from node to parent space, in the rest pose.
     pub local: Local,
-    /// Morph weights for the meshes that the node shows; empty where the mesh's own count.
+    /// Morph weights for the meshes that the node shows; empty to use the weights of the mesh.
     pub weights: Vec<f32>,
 }
 
-/// Parent from node.
+/// Transform of a node, from node to parent space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Local {
-    /// Any affine transform. Channels do not move it.
+    /// Any affine transform. Animation channels do not change it.
     Matrix(DAffine3),
-    /// Scaled first, then rotated, then moved.
+    /// Scale, then rotation, then translation.
     Trs {
         /// Metres.
         translation: DVec3,
@@ -31,7 +31,7 @@ pub enum Local {
 }
 
 impl Local {
-    /// Does nothing.
+    /// The identity transform.
     pub const IDENTITY: Self = Self::Trs { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE };
 
     /// The transform as a matrix.
@@ -51,7 +51,7 @@ impl Default for Local {
     }
 }
 
-/// World from node in the rest pose, for every node.
+/// World-from-node transform of every node in the rest pose.
 pub(super) fn rest_worlds(nodes: &[Node]) -> Vec<DAffine3> {
     let mut worlds: Vec<DAffine3> = Vec::with_capacity(nodes.len());
     for node in nodes {
@@ -61,10 +61,10 @@ pub(super) fn rest_worlds(nodes: &[Node]) -> Vec<DAffine3> {
     worlds
 }
 
-/// The joints that a mesh bends with.
+/// The joints that deform a mesh.
 #[derive(Clone, Debug, Default)]
 pub struct Skin {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
     /// Indices into [`Scene::nodes`](super::Scene::nodes).
     pub joints: Vec<u32>,
@@ -72,14 +72,14 @@ pub struct Skin {
     pub inverse_bind: Vec<DAffine3>,
 }
 
-/// A movement of nodes and morph weights. It loops.
+/// An animation of nodes and morph weights. It loops.
 #[derive(Clone, Debug, Default)]
 pub struct Animation {
-    /// Name for `Animator::with_animation` and messages.
+    /// Name, for `Animator::with_animation` and messages.
     pub name: String,
-    /// Time of the last key of all channels, seconds, at least 0.
+    /// Time of the last key of all channels, seconds, at least 0; the loop has this length.
     pub duration: f64,
-    /// At most one for each node and property.
+    /// At most one channel for each node and property.
     pub channels: Vec<Channel>,
 }
 
@@ -88,44 +88,43 @@ pub struct Animation {
 pub struct Channel {
     /// Index into [`Scene::nodes`](super::Scene::nodes).
     pub node: u32,
-    /// What changes.
+    /// The property that it animates.
     pub property: Property,
-    /// What lies between two keys.
+    /// Interpolation between keys.
     pub interpolation: Interpolation,
-    /// Seconds from the start, at least one, none smaller than the one before.
+    /// Times of the keys, seconds from the start: at least one, non-decreasing.
     pub times: Vec<f32>,
-    /// The values of one key after another: 3 numbers for a translation (metres) or a scale, 4 for a rotation (x, y, z, w),
-    /// one per morph target for weights. With [`Interpolation::CubicSpline`] three times as many: arriving tangents (per
-    /// second), values, leaving tangents.
+    /// Values of the keys, one key after another: 3 numbers for a translation (metres) or a scale, 4 for a rotation (x, y, z, w), one per
+    /// morph target for weights. With [`Interpolation::CubicSpline`] each key has three sets: in-tangent (per second), value, out-tangent.
     pub values: Vec<f32>,
 }
 
-/// A property that changes.
+/// The property that a channel animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Property {
-    /// Of [`Local::Trs`].
+    /// Translation of [`Local::Trs`].
     Translation,
-    /// Of [`Local::Trs`].
+    /// Rotation of [`Local::Trs`].
     Rotation,
-    /// Of [`Local::Trs`].
+    /// Scale of [`Local::Trs`].
     Scale,
-    /// Weights of the morph targets of what the node shows.
+    /// Morph weights of the meshes that the node shows.
     Weights,
 }
 
-/// What lies between two keys.
+/// Interpolation between two keys.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// The value of the key before.
+    /// The value of the previous key.
     Step,
-    /// A line; for rotations the shorter arc at an even speed.
+    /// Linear; spherical linear (slerp) for rotations, along the shorter arc.
     #[default]
     Linear,
     /// A cubic Hermite spline.
     CubicSpline,
 }
 
-/// The keys around a time. `along` is 0 where there is nothing to interpolate with.
+/// The two keys around a time. `along` is the fraction between them, 0 if there is nothing to interpolate.
 struct Segment {
     key: usize,
     along: f64,
@@ -133,19 +132,19 @@ struct Segment {
 }
 
 impl Channel {
-    /// Numbers per key, tangents not counted.
+    /// Numbers per key, without tangents.
     pub fn width(&self) -> usize {
         let parts = if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         self.values.len() / (self.times.len() * parts).max(1)
     }
 
-    /// A translation or scale at a time in seconds; before the first and after the last key it stands still.
+    /// Translation or scale at a time in seconds; constant before the first and after the last key.
     pub fn vector(&self, time: f64) -> DVec3 {
         let s = self.segment(time);
         DVec3::from_array([0, 1, 2].map(|c| self.component(&s, c)))
     }
 
-    /// A rotation at a time in seconds: a unit quaternion.
+    /// Rotation at a time in seconds, as a unit quaternion.
     pub fn rotation(&self, time: f64) -> DQuat {
         let s = self.segment(time);
         if self.interpolation == Interpolation::Linear && s.along > 0.0 {
@@ -158,7 +157,7 @@ impl Channel {
         unit(DVec4::from_array([0, 1, 2, 3].map(|c| self.component(&s, c))))
     }
 
-    /// Writes the morph weights at a time in seconds.
+    /// Writes the morph weights at a time in seconds to `out`.
     pub fn weights(&self, time: f64, out: &mut [f32]) {
         let s = self.segment(time);
         for (c, out) in out.iter_mut().enumerate().take(self.width()) {
@@ -175,11 +174,11 @@ impl Channel {
         Segment { key: after - 1, along: (time - a) / (b - a), seconds: b - a }
     }
 
-    /// One number, interpolated by itself.
+    /// One component at a segment, interpolated on its own.
     fn component(&self, s: &Segment, c: usize) -> f64 {
         let width = self.width();
         let cubic = self.interpolation == Interpolation::CubicSpline;
-        // The parts of a key of a spline: 0 arriving tangent, 1 value, 2 leaving tangent.
+        // Sets of numbers in a key of a spline: 0 in-tangent, 1 value, 2 out-tangent.
         let at = |key: usize, part: usize| {
             let row = if cubic { 3 * key + part } else { key };
             f64::from(self.values[row * width + c])
@@ -202,15 +201,15 @@ impl Channel {
     }
 }
 
-/// The unit quaternion in a direction; no rotation where there is none (a spline may pass through zero).
+/// The normalised quaternion; the identity if it is zero, as a spline may be.
 fn unit(q: DVec4) -> DQuat {
     q.try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4)
 }
 
-/// Along the shorter of the two arcs between unit quaternions, at an even speed (Shoemake 1985).
+/// Spherical linear interpolation of unit quaternions along the shorter arc (Shoemake 1985).
 fn slerp(a: DQuat, b: DQuat, t: f64) -> DQuat {
     let b = if a.dot(b) < 0.0 { -b } else { b };
-    // Half the angle from both chords: exact where the arc cosine is not.
+    // Half the angle from the lengths of sum and difference, which is accurate where the arc cosine is not.
     let angle = 2.0 * (b - a).length().atan2((b + a).length());
     let (wa, wb) = if angle < 1e-9 {
         (1.0 - t, t)
@@ -252,7 +251,7 @@ mod tests {
 
     #[test]
     fn rotations_take_the_short_way_at_an_even_speed() {
-        // From none to 90 degrees about y, given as the quaternion of the long way round.
+        // From the identity to 90 degrees about y, given as the quaternion of the longer arc.
         let s = FRAC_1_SQRT_2 as f32;
         let turn =
             channel(Interpolation::Linear, Property::Rotation, &[0.0, 3.0], &[0.0, 0.0, 0.0, 1.0, 0.0, -s, 0.0, -s]);
@@ -262,7 +261,7 @@ mod tests {
             assert!(got.dot(wanted).abs() > 1.0 - 1e-12, "{degrees}: {got}");
             assert!((got.length() - 1.0).abs() < 1e-14);
         }
-        // Keys that all but agree.
+        // Two keys that are almost equal.
         let still = channel(Interpolation::Linear, Property::Rotation, &[0.0, 1.0], &[0.0, s, 0.0, s, 0.0, s, 0.0, s]);
         assert!(still.rotation(0.4).abs_diff_eq(DQuat::from_rotation_y(90_f64.to_radians()), 1e-7));
         let step = Channel { interpolation: Interpolation::Step, ..turn };
@@ -271,7 +270,7 @@ mod tests {
 
     #[test]
     fn splines_by_hand() {
-        // One number between 0 and 1 over two seconds, leaving at 3 per second and arriving at -1 per second.
+        // One number from 0 to 1 over two seconds, with out-tangent 3 and in-tangent -1 per second.
         // At half way: 0.5 * 0 + 2 * 0.125 * 3 + 0.5 * 1 + 2 * -0.125 * -1 = 1.5; at a quarter: 0.28125 * 3 + 0.15625 + 0.09375.
         let spline =
             channel(Interpolation::CubicSpline, Property::Weights, &[1.0, 3.0], &[9.0, 0.0, 3.0, -1.0, 1.0, 7.0]);
@@ -282,7 +281,7 @@ mod tests {
             out[0]
         };
         assert_eq!([at(0.0), at(1.0), at(1.5), at(2.0), at(3.0), at(4.0)], [0.0, 0.0, 1.09375, 1.5, 1.0, 1.0]);
-        // Two targets: tangents, values and tangents of both lie together.
+        // Two targets: their tangents and values are interleaved per key.
         let two = channel(
             Interpolation::CubicSpline,
             Property::Weights,
@@ -292,7 +291,7 @@ mod tests {
         let mut out = [0.0; 2];
         two.weights(0.5, &mut out);
         assert_eq!(out, [2.0, 4.0]);
-        // A rotation is a unit quaternion even where the numbers are not.
+        // The result is a unit quaternion even if the keys are not.
         let turn = channel(
             Interpolation::CubicSpline,
             Property::Rotation,

@@ -6,29 +6,29 @@ use std::io::Read;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// A camera file is a few lines; anything longer is another file.
+/// Limit on the size of a camera file; a longer file is something else.
 const MAX_FILE_BYTES: u64 = 64 * 1024;
-/// Near plane of a camera file that names none, metres.
+/// Default distance of the near plane in a camera file, metres.
 const DEFAULT_NEAR: f32 = 0.01;
 
-/// Least angle of view, radians, a fifth of an arc second. Narrower ones square to more than `f32` holds.
+/// Smallest angle of view, radians. For smaller ones, projections overflow `f32` when squared.
 pub(super) const MIN_FOV: f32 = 1e-6;
-/// Near planes that can be asked for, metres. With any angle of view and aspect, projection and inverse stay within `f32`, and
-/// so does the depth of everything a scene can hold.
+/// Allowed distances of the near plane, metres. With any angle of view and aspect ratio, the projection and its inverse stay
+/// within `f32`, and so does the depth of everything in a scene.
 pub(super) const NEAR_RANGE: RangeInclusive<f32> = 1e-18..=1e18;
 
-/// A rotation as good as shaders will have it, so that host and device speak of the same.
+/// A rotation rounded to `f32`, as shaders have it, so that host and device agree.
 fn as_on_the_device(rotation: &DMat3) -> DMat3 {
     rotation.as_mat3().as_dmat3()
 }
 
-/// A pinhole camera that looks along its -z with y up.
+/// A pinhole camera, which looks along its -z with y up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Name for `--camera` and messages.
+    /// Name, for `--camera` and messages.
     pub name: String,
-    /// World from camera: a rotation and a translation, metres. In `f64`, so that a camera far from the world's origin sees near
-    /// things as well as one close to it.
+    /// World-from-camera transform: a rotation and a translation in metres. In `f64`, so that near objects keep their precision
+    /// far from the world's origin.
     pub world_from_camera: DAffine3,
     /// Full vertical angle of view, radians, above 0 and below pi.
     pub vertical_fov: f32,
@@ -41,8 +41,8 @@ impl Camera {
     /// at a thousandth of the distance to the target.
     ///
     /// # Errors
-    /// [`SceneError::Camera`] when a number is not finite, `eye` is `target`, `up` has no length or lies along the
-    /// line of sight, or the angle is below a millionth of a radian or not below pi.
+    /// [`SceneError::Camera`] if a number is not finite, `eye` equals `target`, `up` is zero or parallel to the line of sight, or
+    /// the angle is below a millionth of a radian or not below pi.
     pub fn look_at(
         name: impl Into<String>,
         eye: impl Into<DVec3>,
@@ -81,7 +81,7 @@ impl Camera {
         })
     }
 
-    /// A camera from a node's transform, whose scale is dropped: only the directions of its y and z axes count.
+    /// The rotation of a camera on a node with this matrix. Only the directions of the y and z axes count; scale is dropped.
     pub(super) fn rigid(matrix: DMat3) -> Option<DMat3> {
         let z = matrix.z_axis.try_normalize()?;
         let y = (matrix.y_axis - z * matrix.y_axis.dot(z)).try_normalize()?;
@@ -89,22 +89,22 @@ impl Camera {
         rotation.is_finite().then(|| as_on_the_device(&rotation))
     }
 
-    /// World from camera on the device, where the world is counted from `origin`, metres.
+    /// World-from-camera transform on the device, with the world relative to `origin`, metres.
     pub fn placed(&self, origin: DVec3) -> Affine3A {
         single(&DAffine3 { translation: self.eye() - origin, ..self.world_from_camera })
     }
 
-    /// Camera from world, the world counted from `origin`, metres.
+    /// Camera-from-world transform, with the world relative to `origin`, metres.
     pub fn view_from_world(&self, origin: DVec3) -> Mat4 {
         let placed = self.placed(origin);
-        // The inverse of a rotation is its transpose: exact, where a general inverse is not.
+        // The inverse of a rotation is its transpose, which has no rounding errors.
         let rotation = placed.matrix3.transpose();
         let translation = -(rotation * placed.translation);
         Mat4::from(Affine3A { matrix3: rotation, translation })
     }
 
-    /// Clip from camera for an aspect ratio (width over height): Vulkan's y down, depth 1 at the near plane and 0 at
-    /// infinity.
+    /// Clip-from-camera transform for an aspect ratio (width over height). Vulkan's y down, with reversed infinite depth: 1 at
+    /// the near plane and 0 at infinity.
     pub fn clip_from_view(&self, aspect: f32) -> Mat4 {
         let f = 1.0 / (0.5 * self.vertical_fov).tan();
         Mat4::from_cols_array_2d(&[
@@ -115,29 +115,29 @@ impl Camera {
         ])
     }
 
-    /// Where the camera is, metres.
+    /// Position of the camera in the world, metres.
     pub fn eye(&self) -> DVec3 {
         self.world_from_camera.translation
     }
 
-    /// Unit direction of the line of sight.
+    /// Unit direction in which the camera looks.
     pub fn forward(&self) -> Vec3 {
         -self.world_from_camera.matrix3.z_axis.as_vec3()
     }
 }
 
-/// A camera as a TOML file describes it; unknown keys are errors.
+/// The content of a camera file in TOML; unknown keys are errors.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 pub struct CameraFile {
-    /// Where the camera is, metres.
+    /// Position of the camera, metres.
     pub position: [f64; 3],
-    /// What it looks at, metres.
+    /// Point that it looks at, metres.
     pub target: [f64; 3],
-    /// Which way is up; y by default.
+    /// Up direction; y by default.
     #[serde(default = "default_up")]
     pub up: [f32; 3],
-    /// Full vertical angle of view, degrees, from 0.00006 and below 180; 40 by default.
+    /// Full vertical angle of view, degrees, at least 0.00006 and below 180; 40 by default.
     #[serde(default = "default_fov")]
     pub vertical_fov_degrees: f32,
     /// Distance of the near plane, metres, 1e-18 to 1e18; 0.01 by default.
@@ -156,8 +156,8 @@ impl CameraFile {
     /// Reads and checks a camera file.
     ///
     /// # Errors
-    /// [`SceneError::Read`] when the file cannot be read, [`SceneError::CameraFile`] when it is no TOML, has an unknown
-    /// key or lacks one, or describes no camera.
+    /// [`SceneError::Read`] if the file cannot be read, [`SceneError::CameraFile`] if it is not valid TOML, has an unknown key,
+    /// lacks one, or does not describe a camera.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
         let failed = |source| SceneError::Read { path: path.to_owned(), source };
         let refuse = |reason: String| SceneError::CameraFile { path: path.to_owned(), reason };
@@ -178,7 +178,7 @@ impl CameraFile {
     /// The camera that the file describes.
     ///
     /// # Errors
-    /// [`SceneError::Camera`], as [`Camera::look_at`] does, and when `near` is not between 1e-18 and 1e18 metres.
+    /// [`SceneError::Camera`], as [`Camera::look_at`] does, and if `near` is not between 1e-18 and 1e18 metres.
     pub fn camera(&self, name: &str) -> Result<Camera, SceneError> {
         let near = self.near.unwrap_or(DEFAULT_NEAR);
         if !NEAR_RANGE.contains(&near) {

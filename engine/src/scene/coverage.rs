@@ -1,12 +1,12 @@
-//! Mips of alpha-tested textures that let through as much as the image itself (Castaño 2010, "Computing Alpha Mipmaps").
+//! Mips of alpha-tested textures that keep the coverage of the full image (Castaño 2010, "Computing Alpha Mipmaps").
 use super::{AlphaMode, Scene, Texture};
 use rayon::prelude::*;
 
-/// Steps of alpha that are told apart: four to each code of 8 bits.
+/// Number of alpha steps in the histogram: four for each 8-bit code.
 const STEPS: usize = 1021;
 
-/// Scales alpha in the mips of every texture that is alpha-tested, so that far foliage keeps its density: filtering alone leaves
-/// thin things nowhere above the cut-off. A texture that several materials test gets what the first of them needs.
+/// Scales alpha in the mips of every alpha-tested texture, so that distant foliage keeps its density. Filtering alone would leave
+/// thin features below the cut-off everywhere. If several materials test a texture, the first one decides.
 pub(super) fn preserve_coverage(scene: &mut Scene) {
     let mut cutoffs: Vec<Option<f32>> = vec![None; scene.textures.len()];
     for material in &scene.materials {
@@ -24,7 +24,7 @@ pub(super) fn preserve_coverage(scene: &mut Scene) {
     tested.filter_map(|(t, c)| Some((t, c?))).filter(|(_, c)| *c > 0.0 && *c <= 1.0).for_each(|(t, c)| keep(t, c));
 }
 
-/// Keeps the share of a texture that reaches a cut-off, 0 to 1, in all of its mips.
+/// Scales all mips so that the fraction of texels above a cut-off (0 to 1) is that of the full image.
 fn keep(texture: &mut Texture, cutoff: f32) {
     let wanted = Histogram::new(&texture.mips[0], texture.mip_size(0)).share(step(cutoff));
     if wanted == 0.0 || wanted == 1.0 {
@@ -32,7 +32,7 @@ fn keep(texture: &mut Texture, cutoff: f32) {
     }
     for mip in 1..texture.mips.len() {
         let here = Histogram::new(&texture.mips[mip], texture.mip_size(mip));
-        // The threshold that as much of this mip reaches; where several are as good, the one nearest to the cut-off.
+        // The threshold that the same fraction of this mip exceeds; among equally good ones, the nearest to the cut-off.
         let off = |t: usize| ((here.share(t) - wanted).abs(), t.abs_diff(step(cutoff)));
         let Some(threshold) =
             (1..STEPS).min_by(|a, b| off(*a).partial_cmp(&off(*b)).unwrap_or(std::cmp::Ordering::Equal))
@@ -46,20 +46,20 @@ fn keep(texture: &mut Texture, cutoff: f32) {
     }
 }
 
-/// The least step at or above an alpha.
+/// The first step at or above an alpha.
 fn step(alpha: f32) -> usize {
     (alpha * (STEPS - 1) as f32).ceil() as usize
 }
 
-/// How much of a mip has at least some alpha: `above[i]` counts what reaches step `i`.
+/// Cumulative histogram of alpha in a mip: `above[i]` is the number of samples at or above step `i`.
 struct Histogram {
     above: Vec<u64>,
 }
 
 impl Histogram {
-    /// Of the filtered image, which is what is tested, at four times four points of each texel.
+    /// Samples the bilinearly filtered image, as the alpha test sees it, at 4 x 4 points per texel.
     fn new(rgba: &[u8], [width, height]: [u32; 2]) -> Self {
-        // The points lie an eighth and three eighths of a texel from its middle: the neighbour on that side, and its part.
+        // The points are 1/8 and 3/8 of a texel from its centre: direction of the neighbouring texel, and its weight in eighths.
         const POINTS: [(isize, usize); 4] = [(-1, 3), (-1, 1), (1, 1), (1, 3)];
         let (width, height) = (width as usize, height as usize);
         let beside = |at: usize, by: isize, size: usize| at.saturating_add_signed(by).min(size - 1);
@@ -90,7 +90,7 @@ impl Histogram {
         Self { above }
     }
 
-    /// Share that reaches a step, 0 to 1.
+    /// Fraction of samples at or above a step, 0 to 1.
     fn share(&self, step: usize) -> f64 {
         self.above.get(step).map_or(0.0, |n| *n as f64 / self.above[0] as f64)
     }
@@ -102,7 +102,7 @@ mod tests {
     use crate::scene::{ColourSpace, Material, TextureUse};
     use glam::{Vec3, Vec4};
 
-    /// Blades of grass: three texels wide of sixteen.
+    /// Blades of grass, three of every sixteen texels wide.
     fn grass() -> Texture {
         let alpha = |i: usize| if i % 16 < 3 { 255 } else { 0 };
         let rgba = (0..128 * 128).flat_map(|i| [10, 20, 30, alpha(i % 128)]).collect();
@@ -137,8 +137,8 @@ mod tests {
         let (before, after, _) = tested(AlphaMode::Mask(0.4), 0.5);
         println!("before {before:.3?}\nafter {after:.3?}");
         assert_eq!(before[3], 0.0, "a mip with a texel for eight has lost every blade");
-        // Down to the mip that still has a texel to a blade and one to its gap. There, four of eight points across both see more than
-        // half of the blade, two of them most of it: shares go by quarters, and the nearest is at most an eighth off.
+        // Down to the mip with one texel per blade and one per gap. There, four of the eight sample points across both see more than half
+        // of the blade and two see most of it; fractions are multiples of a quarter, so the nearest is at most an eighth off.
         for (mip, off) in [(1, 0.07), (2, 0.07), (3, 0.125)] {
             assert!((after[mip] - after[0]).abs() < off, "mip {mip}");
         }

@@ -1,33 +1,33 @@
 //! Analytic daylight: A. J. Preetham, P. Shirley, B. Smits, "A Practical Analytic Model for Daylight", SIGGRAPH 1999.
 //!
-//! The luminance and chromaticity of the sky are `zenith * F(theta, gamma) / F(0, theta_sun)` with the function of Perez,
-//! `F(theta, gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos^2 gamma)`. Only the shape of the luminance is
-//! the paper's: it is scaled to [`Daylight::irradiance`].
+//! Luminance and chromaticity of the sky are `zenith * F(theta, gamma) / F(0, theta_sun)` with the function of Perez, `F(theta,
+//! gamma) = (1 + A exp(B / cos theta)) (1 + C exp(D gamma) + E cos^2 gamma)`. Only the relative luminance is the paper's; it is
+//! scaled so that the horizontal irradiance is [`Daylight::irradiance`].
 use super::Light;
 use glam::{DMat3, DVec3, Vec3};
 use magpie_shaders::view::Sky;
 use magpie_shaders::{SampledImage, SamplerId};
 use std::f64::consts::PI;
 
-/// `cos theta` in the function of Perez is at least this: the exponent stays finite at the horizon. The GLSL twin
-/// (`shaders/lib/sky.glsl`) has the same bound.
+/// Lower bound of `cos theta` in the function of Perez, so that the exponent stays finite at the horizon. The same bound is in
+/// `shaders/lib/sky.glsl`.
 const MIN_COS_THETA: f64 = 0.01;
-/// Directions of the fixed quadrature: rings of constant height, and steps around each.
+/// Directions of the quadrature: rings of constant height, and steps around each.
 const RINGS: usize = 64;
 const STEPS: usize = 128;
 
 /// A clear sky with a sun over a Lambertian ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Daylight {
-    /// Unit direction towards the sun. A sun below the horizon lights the sky as one on the horizon and has no disc.
+    /// Unit direction towards the sun. A sun below the horizon gives the sky of one on the horizon, and has no disc.
     pub to_sun: Vec3,
-    /// Haze: 2 is very clear, 10 hazy; values outside 1.9 to 10, the model's range, are moved into it.
+    /// Haze: 2 is very clear, 10 hazy. Clamped to the range of the model, 1.9 to 10.
     pub turbidity: f32,
-    /// Illuminance of the horizontal plane by the sky alone, in the unit of the scene's radiance times steradian.
+    /// Irradiance of the horizontal plane from the sky alone, without the sun, in units of the scene's radiance times steradian.
     pub irradiance: f32,
     /// Diffuse reflectance of the ground, linear, 0 to 1.
     pub ground_albedo: Vec3,
-    /// Illuminance by the sun at normal incidence, linear.
+    /// Illuminance from the sun at normal incidence, linear Rec.709.
     pub sun_illuminance: Vec3,
     /// Angular diameter of the sun's disc, radians.
     pub sun_angular_diameter: f32,
@@ -46,35 +46,35 @@ impl Default for Daylight {
     }
 }
 
-/// A [`Daylight`] with its coefficients worked out, for many directions.
+/// A [`Daylight`] with its coefficients precomputed, to evaluate many directions.
 #[derive(Clone, Debug)]
 pub struct SkyModel {
     to_sun: DVec3,
-    /// A to E of Y, x and y.
+    /// Coefficients A to E of the function of Perez, for Y, x and y.
     perez: [[f64; 5]; 3],
-    /// Zenith (Y, x, y) over F at the zenith; Y scaled.
+    /// Zenith values of Y (scaled), x and y, divided by F at the zenith.
     zenith: DVec3,
     ground: DVec3,
 }
 
 impl Daylight {
-    /// The sun as a light of the scene, with its angular size.
+    /// The sun as a directional light, with its angular size.
     pub fn sun(&self) -> Light {
         let angular_radius = 0.5 * self.sun_angular_diameter;
         Light::Directional { direction: -self.to_sun, illuminance: self.sun_illuminance, angular_radius }
     }
 
-    /// The model's coefficients, scale and ground.
+    /// Precomputes the coefficients, scale and ground.
     pub fn model(&self) -> SkyModel {
         let t = self.turbidity.clamp(1.9, 10.0) as f64;
         let sun = self.to_sun.as_dvec3();
         let height = sun.y.max(0.0);
-        // Seen from straight below, a sun under the horizon has no azimuth: any will do.
+        // A sun straight below has no azimuth, so any will do.
         let around = DVec3::new(sun.x, 0.0, sun.z).try_normalize().unwrap_or(DVec3::X);
         let to_sun = around * (1.0 - height * height).max(0.0).sqrt() + DVec3::Y * height;
         let theta = height.min(1.0).acos();
 
-        // Tables of appendix A.2; each row is slope and offset over turbidity.
+        // The tables of appendix A.2; each row is slope and offset over turbidity.
         let linear = |rows: [[f64; 2]; 5]| rows.map(|[slope, offset]| slope * t + offset);
         let perez = [
             linear([[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]]),
@@ -113,13 +113,13 @@ impl Daylight {
         model
     }
 
-    /// Radiance from a direction (need not be unit), linear Rec.709, at least 0, without the sun's disc. Below the horizon it
-    /// is the ground's. For many directions take [`Daylight::model`] once.
+    /// Radiance from a direction (which need not be unit length), linear Rec.709, at least 0, without the sun's disc. Below the
+    /// horizon it is that of the ground. For many directions, evaluate [`Daylight::model`] instead.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         self.model().radiance(direction)
     }
 
-    /// The struct that shaders read, with the irradiance of sky and ground (sun's disc left out) in spherical harmonics.
+    /// The struct that shaders read, with the irradiance of sky and ground (without the sun's disc) in spherical harmonics.
     pub fn to_gpu(&self) -> Sky {
         let model = self.model();
         let radius = 0.5 * self.sun_angular_diameter as f64;
@@ -146,7 +146,7 @@ impl Daylight {
 }
 
 impl SkyModel {
-    /// Radiance from a direction (need not be unit), linear Rec.709, at least 0.
+    /// Radiance from a direction (which need not be unit length), linear Rec.709, at least 0.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let direction = direction.as_dvec3().normalize_or(DVec3::Y);
         (if direction.y < 0.0 { self.ground } else { self.sky(direction) }).as_vec3()
@@ -161,7 +161,7 @@ impl SkyModel {
         let v = self.xyy(direction);
         let xyz = DVec3::new(v.y, v.z, 1.0 - v.y - v.z) * (v.x / v.z);
         let xyz = DVec3::new(xyz.x, v.x, xyz.z);
-        // XYZ to linear Rec.709, white point D65 (IEC 61966-2-1). Colours outside the gamut lose what is below zero.
+        // XYZ to linear Rec.709 with white point D65 (IEC 61966-2-1). Negative components of colours outside the gamut are clipped.
         let rec709_from_xyz = DMat3::from_cols(
             DVec3::new(3.2404542, -0.9692660, 0.0556434),
             DVec3::new(-1.5371385, 1.8760108, -0.2040259),
@@ -185,7 +185,7 @@ impl SkyModel {
     }
 }
 
-/// Irradiance from radiance, both as coefficients in the order of [`sh_basis`]: each times that of the clamped cosine, A_l of
+/// Irradiance from radiance, both in coefficients in the order of [`sh_basis`]: multiplies each with A_l of the clamped cosine,
 /// equation 8 of the paper: pi, 2 pi / 3, pi / 4.
 pub(super) fn cosine_lobe(mut c: [DVec3; 9]) -> [DVec3; 9] {
     for (i, c) in c.iter_mut().enumerate() {
@@ -194,7 +194,7 @@ pub(super) fn cosine_lobe(mut c: [DVec3; 9]) -> [DVec3; 9] {
     c
 }
 
-/// Perez's F of the cosines of the angles to the zenith and to the sun.
+/// F of Perez, for the cosines of the angles to the zenith and to the sun.
 fn perez_function(&[a, b, c, d, e]: &[f64; 5], cos_theta: f64, cos_gamma: f64) -> f64 {
     let cos_gamma = cos_gamma.clamp(-1.0, 1.0);
     (1.0 + a * (b / cos_theta.max(MIN_COS_THETA)).exp())
@@ -217,7 +217,7 @@ pub(super) fn sh_basis(d: DVec3) -> [f64; 9] {
     ]
 }
 
-/// Directions of the upper hemisphere with their solid angles: equal steps of the angle to the zenith, each weighed exactly.
+/// Directions over the upper hemisphere with their solid angles: equal steps in the angle to the zenith, with exact weights.
 fn hemisphere() -> impl Iterator<Item = (DVec3, f64)> {
     (0..RINGS).flat_map(|ring| {
         let edge = |i: usize| (i as f64 / RINGS as f64 * 0.5 * PI).cos();
@@ -240,7 +240,7 @@ mod tests {
         Daylight { to_sun: Vec3::new(c * ca, s, c * sa), turbidity, ..Daylight::default() }
     }
 
-    /// Uniform directions over the sphere by a Fibonacci lattice: another quadrature than the code's own.
+    /// Uniform directions over the sphere from a Fibonacci lattice, as a quadrature independent of the one under test.
     fn sphere(n: usize) -> impl Iterator<Item = Vec3> {
         (0..n).map(move |i| {
             let y = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
@@ -293,7 +293,7 @@ mod tests {
                 let basis = sh_basis(normal.as_dvec3());
                 let ours: Vec3 = sky.irradiance_sh.iter().zip(basis).map(|(c, y)| Vec3::from(*c) * y as f32).sum();
                 let error = ((ours - brute) / brute).abs().max_element();
-                // The paper's bounds: 9 % at worst, 3 % on average.
+                // Error bounds of the paper: 9 % at most, 3 % on average.
                 assert!(error < 0.09, "{elevation} degrees, normal {normal}: {ours} against {brute}");
                 sum += error;
             }
@@ -305,7 +305,7 @@ mod tests {
     fn the_disc_carries_the_suns_illuminance() {
         let daylight = at(40.0, 2.5);
         let sky = daylight.to_gpu();
-        // A cap of angular radius r has the solid angle 4 pi sin^2(r / 2).
+        // The solid angle of a cap with angular radius r is 4 pi sin^2(r / 2).
         let solid_angle = 4.0 * PI * (0.25 * daylight.sun_angular_diameter as f64).sin().powi(2);
         let got = Vec3::from(sky.sun_radiance) * solid_angle as f32;
         assert!(got.abs_diff_eq(daylight.sun_illuminance, 1e-3), "{got}");

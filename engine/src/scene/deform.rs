@@ -1,9 +1,9 @@
-//! Morph targets and skins on the CPU: what acceleration structures are rebuilt from, and what the GPU is held against.
+//! Morph targets and skins on the CPU, for rebuilding acceleration structures and as a reference for the GPU.
 use super::Mesh;
 use glam::{DAffine3, DMat3, DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-/// The vertices of a mesh in a pose, object space. The tables have the length of the mesh's.
+/// The vertices of a mesh in a pose, object space. The tables are as long as those of the mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Deformed {
     /// Positions, metres.
@@ -14,20 +14,20 @@ pub struct Deformed {
     pub tangents: Vec<Vec4>,
 }
 
-/// Deforms a mesh: first its morph targets, then its skin, as glTF 2.0 orders them. Computed in `f64` and rounded once.
+/// Deforms a mesh by its morph targets and then its skin, in the order of glTF 2.0. Computed in `f64` and rounded once.
 ///
-/// - Morph: `p + sum(weight * delta)`, and the same for normals and tangents. Targets without a weight count for nothing.
+/// - Morph: `p + sum(weight * delta)`, and the same for normals and tangents. Targets beyond `weights` have weight 0.
 /// - Skin: with `M = sum(weight * joint)` over the influences of the vertex, the position is `M p`, the normal `cof(M) n` and the
-///   tangent `M t`. `joints` are object-from-bind matrices ([`Pose::joints`](super::Pose::joints)); without any, or for a mesh
-///   without influences, nothing is skinned.
-/// - Normals become unit vectors; one that vanishes keeps its direction in the mesh. The part of a tangent along the normal is
-///   taken away; `w` stays.
+///   tangent `M t`. `joints` are object-from-bind matrices ([`Pose::joints`](super::Pose::joints)). Without joints or influences,
+///   nothing is skinned.
+/// - Normals are normalised; one that vanishes keeps its direction in the mesh. Tangents are made orthogonal to the normal; their
+///   `w` does not change.
 ///
-/// The cofactor matrix is the inverse transpose times the determinant: it needs no inverse, and where `M` mirrors, it turns the
-/// normal with the winding, so that normal, tangent and `w` still make the right bitangent.
+/// The cofactor matrix is the inverse transpose times the determinant. It needs no inverse, and if `M` mirrors it flips the
+/// normal along with the winding, so that normal, tangent and `w` still give the correct bitangent.
 ///
 /// # Panics
-/// When an influence names a joint beyond `joints`.
+/// If an influence refers to a joint beyond `joints`.
 pub fn deform(mesh: &Mesh, joints: &[DAffine3], weights: &[f32]) -> Deformed {
     let per_vertex = if joints.is_empty() { 0 } else { mesh.influences_per_vertex() };
     let vertices: Vec<(Vec3, Vec3, Vec4)> = (0..mesh.positions.len())
@@ -49,7 +49,7 @@ pub fn deform(mesh: &Mesh, joints: &[DAffine3], weights: &[f32]) -> Deformed {
             if per_vertex > 0 {
                 let mut blend = DAffine3::ZERO;
                 for influence in &mesh.influences[i * per_vertex..(i + 1) * per_vertex] {
-                    // Parts without weight may be padding.
+                    // Influences without weight may be padding with any joint.
                     if influence.weight != 0.0 {
                         let (joint, weight) = (&joints[influence.joint as usize], f64::from(influence.weight));
                         blend.matrix3 += joint.matrix3 * weight;
@@ -78,15 +78,15 @@ pub fn deform(mesh: &Mesh, joints: &[DAffine3], weights: &[f32]) -> Deformed {
     out
 }
 
-/// The cofactor matrix: its product with a normal is the cross product of what the matrix makes of two edges.
+/// The cofactor matrix, which transforms normals as the cross product of two transformed edges.
 fn cofactor(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
-/// The unit vector nearest to `tangent` that is orthogonal to a unit normal; any where the two are parallel.
+/// The unit vector nearest to `tangent` that is orthogonal to a unit normal; an arbitrary one if the two are parallel.
 fn across(tangent: DVec3, normal: DVec3) -> DVec3 {
     let flat = tangent - normal * normal.dot(tangent);
-    // Below this share only rounding is left of the direction.
+    // Below this fraction, the direction is dominated by rounding errors.
     let flat = if flat.length() > 1e-6 * tangent.length() { flat.try_normalize() } else { None };
     flat.unwrap_or_else(|| normal.any_orthonormal_vector())
 }

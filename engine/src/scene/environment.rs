@@ -1,4 +1,4 @@
-//! Light from all around, from an image.
+//! Environment maps: radiance from all directions, from an image.
 use super::daylight::{cosine_lobe, sh_basis};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use magpie_shaders::view::Sky;
@@ -11,92 +11,92 @@ mod file;
 #[cfg(test)]
 mod tests;
 
-/// Greatest radiance of a texel, scale included: its square is still a 32-bit number.
+/// Largest radiance of a texel, scale included, so that its square still fits into an `f32`.
 const MAX_RADIANCE: f32 = 1e18;
-/// Columns and rows at least that the irradiance is integrated with: finer than the texels where those are few, because the light
-/// between two of them is blended.
+/// Least number of columns and rows for integrating the irradiance. They are finer than the texels of small images, because
+/// radiance is interpolated between texels.
 const QUADRATURE: [u32; 2] = [256, 128];
 
-/// An environment map: radiance in every direction, latitude over longitude.
+/// An environment map: radiance in every direction, in an equirectangular (latitude-longitude) image.
 ///
-/// The direction of texture coordinates (u, v), before `turn`, is `(sin p sin t, cos t, -cos p sin t)` with `p = 2 pi (u - 1/2)` and
-/// `t = pi v`: the middle of the image is -z, where a camera without rotation looks, and its top edge is +y. Between the centres of
-/// texels radiance is bilinear in (u, v), around the seam, and constant beyond the centres of the first and the last row.
+/// The direction of texture coordinates (u, v), before `turn`, is `(sin p sin t, cos t, -cos p sin t)` with `p = 2 pi (u - 1/2)`
+/// and `t = pi v`: the middle of the image is -z, where a camera without rotation looks, and its top edge is +y. Radiance is
+/// bilinear in (u, v) between the centres of texels, wraps around in u, and is constant beyond the first and last row of centres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
-    /// Texels from left to right, at least 1.
+    /// Number of columns, at least 1.
     pub width: u32,
-    /// Texels from top to bottom, at least 1.
+    /// Number of rows, at least 1.
     pub height: u32,
-    /// Radiance of each texel, linear Rec.709, finite and at least 0; rows from the top.
+    /// Radiance of each texel, linear Rec.709, finite and at least 0; rows from top to bottom.
     pub radiance: Arc<[Vec3]>,
-    /// What the radiance is multiplied with, at least 0.
+    /// Factor on the radiance, at least 0.
     pub scale: f32,
-    /// Angle about +y by which the image is turned counter-clockwise as seen from above, radians.
+    /// Rotation about +y, counter-clockwise as seen from above, radians.
     pub turn: f32,
 }
 
-/// What is wrong with an environment map.
+/// An invalid environment map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EnvironmentError {
-    /// The file is of another kind.
+    /// The file is neither Radiance HDR nor OpenEXR.
     #[error("neither Radiance HDR nor OpenEXR")]
     Kind,
     /// The file cannot be decoded.
     #[error("cannot be decoded: {0}")]
     Image(String),
-    /// More than Magpie takes.
+    /// A size is above a limit.
     #[error("{got} {what}, the limit is {limit}")]
     Limit {
-        /// What is counted.
+        /// What exceeds the limit, such as `texels`.
         what: &'static str,
         /// The number found.
         got: u64,
-        /// The largest number that is taken.
+        /// The limit.
         limit: u64,
     },
-    /// Width and height do not go with the table of texels.
+    /// The number of texels is not width times height.
     #[error("an environment map of {width}x{height} texels holds {got}")]
     Texels {
-        /// Texels from left to right.
+        /// Number of columns.
         width: u32,
-        /// Texels from top to bottom.
+        /// Number of rows.
         height: u32,
-        /// Length of the table.
+        /// Number of texels that there are.
         got: usize,
     },
-    /// The radiance of a texel is no such thing, or too much.
+    /// The radiance of a texel is negative, not finite, or too large.
     #[error("pixel ({x}, {y}) has the radiance {got}, wanted numbers from 0 to {limit:e}")]
     Pixel {
-        /// Texels from the left.
+        /// Column, from the left.
         x: u32,
-        /// Texels from the top.
+        /// Row, from the top.
         y: u32,
-        /// What it holds.
+        /// Its radiance.
         got: Vec3,
-        /// The greatest number that is taken.
+        /// The largest radiance that is allowed.
         limit: f32,
     },
-    /// Scale or turn cannot be used.
+    /// The scale or the turn is invalid.
     #[error("{what} is {got}, wanted {wanted}")]
     Number {
-        /// The property.
+        /// `scale` or `turn`.
         what: &'static str,
         /// The value found.
         got: f32,
-        /// What is allowed.
+        /// The values that are allowed, in words.
         wanted: &'static str,
     },
 }
 
 impl Environment {
-    /// Checks everything that is said of the fields.
+    /// Checks all conditions on the fields.
     ///
     /// # Errors
-    /// [`EnvironmentError`], naming the first pixel or number that is at fault.
+    /// [`EnvironmentError`], for the first texel or number that is invalid.
     pub fn validate(&self) -> Result<(), EnvironmentError> {
         let (width, height, got) = (self.width, self.height, self.radiance.len());
         if width == 0 || height == 0 || got as u64 != u64::from(width) * u64::from(height) {
@@ -110,11 +110,11 @@ impl Environment {
             let wanted = "a finite angle in radians";
             return Err(EnvironmentError::Number { what: "turn", got: self.turn, wanted });
         }
-        // A scale below 1 does not make room for more: texels go to the device without it.
+        // A scale below 1 does not allow larger texels, because they are uploaded without the scale.
         self.limit_to(MAX_RADIANCE / self.scale.max(1.0))
     }
 
-    /// Every number of every texel lies in 0 to this.
+    /// Checks that all components of all texels are between 0 and `limit`.
     fn limit_to(&self, limit: f32) -> Result<(), EnvironmentError> {
         // A NaN is in no range.
         let fine = |texel: &Vec3| texel.to_array().iter().all(|c| (0.0..=limit).contains(c));
@@ -127,14 +127,14 @@ impl Environment {
         }
     }
 
-    /// Unit direction in the world of texture coordinates, both 0 to 1 from the image's top left corner.
+    /// Unit direction in the world, for texture coordinates from 0 to 1 with the origin at the top left of the image.
     pub fn direction(&self, uv: Vec2) -> Vec3 {
         let (p, t) = (TAU * (f64::from(uv.x) - 0.5), PI * f64::from(uv.y));
         self.world_from_image(DVec3::new(p.sin() * t.sin(), t.cos(), -p.cos() * t.sin())).as_vec3()
     }
 
-    /// Texture coordinates of a direction in the world, of any length but 0: the inverse of [`Environment::direction`]. At the poles
-    /// u is one half.
+    /// Texture coordinates of a direction in the world, of any length above 0: the inverse of [`Environment::direction`]. At the
+    /// poles u is one half.
     pub fn uv(&self, direction: Vec3) -> Vec2 {
         self.place(direction).as_vec2()
     }
@@ -144,7 +144,7 @@ impl Environment {
         self.scale == 0.0 || self.radiance.iter().all(|texel| texel.max_element() <= 0.0)
     }
 
-    /// Radiance from a direction in the world, of any length but 0, scale included.
+    /// Radiance from a direction in the world, of any length above 0, scale included.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         (self.texels_at(self.place(direction)) * f64::from(self.scale)).as_vec3()
     }
@@ -162,7 +162,7 @@ impl Environment {
         DVec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
     }
 
-    /// The blend of the four texels around texture coordinates.
+    /// Bilinear interpolation of the texels around texture coordinates.
     fn texels_at(&self, uv: DVec2) -> DVec3 {
         let at = uv * DVec2::new(self.width.into(), self.height.into()) - 0.5;
         let (corner, part) = (at.floor(), at - at.floor());
@@ -175,7 +175,7 @@ impl Environment {
         row(0).lerp(row(1), part.y)
     }
 
-    /// Irradiance as order-2 spherical harmonics, in the order and with the cosine lobe of [`Sky::irradiance_sh`].
+    /// Irradiance in order-2 spherical harmonics, with the order and the cosine lobe of [`Sky::irradiance_sh`].
     pub fn irradiance_sh(&self) -> [Vec3; 9] {
         let fine = |texels: u32, least: u32| texels as usize * least.div_ceil(texels) as usize;
         let (columns, rows) = (fine(self.width, QUADRATURE[0]), fine(self.height, QUADRATURE[1]));
@@ -196,7 +196,7 @@ impl Environment {
             let solid_angle = TAU * (edge(row) - edge(row + 1)) / columns as f64;
             sum.map(|c| c * solid_angle)
         };
-        // Rows are summed in their own order, so that the same image always gives the same numbers.
+        // The rows are summed in order, so that the result is deterministic.
         let all: Vec<[DVec3; 9]> = (0..rows).into_par_iter().map(row).collect();
         let mut sum = [DVec3::ZERO; 9];
         for row in all {
@@ -207,12 +207,12 @@ impl Environment {
         cosine_lobe(sum).map(|c| (c * f64::from(self.scale)).as_vec3())
     }
 
-    /// The struct that shaders read. There is no disc, ground or analytic sky beside the image.
+    /// The struct that shaders read. There is no disc, ground or analytic sky besides the image.
     pub(super) fn to_gpu(&self, environment: SampledImage, environment_sampler: SamplerId) -> Sky {
         let (sin, cos) = f64::from(self.turn).sin_cos();
         Sky {
             to_sun: Vec3::Y.to_array(),
-            // The cosine of no angle.
+            // A cosine that no direction reaches, so that there is no disc.
             sun_cos_radius: 2.0,
             environment,
             environment_sampler,

@@ -1,103 +1,103 @@
-//! What can be wrong with a scene or camera file: every message names the file and the element.
+//! Errors in scene and camera files; every message names the file and the element.
 use super::EnvironmentError;
 use std::path::PathBuf;
 
-/// Why a scene or a camera could not be had.
+/// Why a scene or a camera could not be loaded or made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
     /// The file could not be opened or read.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The system's reason.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// The file is no glTF 2.0 text or container.
+    /// The file is neither glTF 2.0 text nor a .glb container.
     #[error("{}: not a glTF 2.0 scene: {reason}", path.display())]
     NotGltf {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
     },
-    /// The file ends too early.
+    /// The file is too short.
     #[error("{}: truncated: {what} needs {wanted} bytes, got {got}", path.display())]
     Truncated {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The part that is cut.
+        /// The part that is truncated.
         what: &'static str,
-        /// Bytes that it should have.
+        /// Its size in bytes, as declared.
         wanted: u64,
-        /// Bytes that are there.
+        /// Bytes that are left for it.
         got: u64,
     },
-    /// The file is larger than Magpie reads.
+    /// The file is larger than the limit.
     #[error("{}: {got} bytes, the limit is {limit}", path.display())]
     TooLarge {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// Its size in bytes.
         got: u64,
-        /// The largest size that is read.
+        /// The limit in bytes.
         limit: u64,
     },
-    /// The scene requires extensions that Magpie does not have.
+    /// The scene requires extensions that are not supported.
     #[error("{}: requires {names}, which Magpie does not support", path.display())]
     Extensions {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The extensions, separated by commas.
+        /// Names of the extensions, separated by commas.
         names: String,
     },
-    /// One element of the scene is faulty.
+    /// An element of the scene is invalid.
     #[error("{}: {element}: {fault}", path.display())]
     Element {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// The element, such as `mesh 3 primitive 1 POSITION`.
         element: String,
         /// What is wrong with it.
         fault: Fault,
     },
-    /// Nothing in the scene can be drawn.
+    /// The scene contains nothing that can be drawn.
     #[error("{}: the scene has no geometry", path.display())]
     NoGeometry {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// An environment map is faulty.
+    /// An environment map is invalid.
     #[error("{}: {fault}", path.display())]
     Environment {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// What is wrong with it.
         fault: EnvironmentError,
     },
-    /// A camera file is faulty.
+    /// A camera file is invalid.
     #[error("{}: {reason}", path.display())]
     CameraFile {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The key and what is wrong with it.
+        /// What is wrong with it, with the key.
         reason: String,
     },
-    /// The scene has no such animation.
+    /// The scene has no animation of that name or index.
     #[error("no animation {name:?}; {}", list(known))]
     Animation {
         /// The name or index that was asked for.
         name: String,
-        /// The names that there are, in order.
+        /// Names of the animations of the scene, in order.
         known: Vec<String>,
     },
-    /// A camera cannot be made from these numbers.
+    /// These numbers do not make a camera.
     #[error("camera {name:?}: {reason}")]
     Camera {
-        /// The camera.
+        /// Name of the camera.
         name: String,
-        /// What is wrong with it.
+        /// What is wrong with the numbers.
         reason: String,
     },
 }
@@ -110,153 +110,153 @@ fn list(names: &[String]) -> String {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Fault {
-    /// A part that glTF demands is absent.
+    /// A required part is missing.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// A reference leads nowhere.
+    /// A reference to an element that does not exist.
     #[error("refers to {what} {index} of {count}")]
     Reference {
         /// The kind of element that is referred to.
         what: &'static str,
-        /// The index found.
+        /// The index of the reference.
         index: usize,
-        /// How many there are.
+        /// Number of such elements.
         count: usize,
     },
-    /// An accessor leaves its buffer view.
+    /// An accessor extends beyond its buffer view.
     #[error("accessor {accessor} reads bytes {start}..{end} of a {length} byte buffer view")]
     AccessorRange {
-        /// The accessor.
+        /// Index of the accessor.
         accessor: usize,
-        /// First byte, relative to the view.
+        /// Its first byte, relative to the view.
         start: u64,
-        /// One past the last byte; the largest number where it overflows.
+        /// One past its last byte; `u64::MAX` on overflow.
         end: u64,
         /// Length of the view in bytes.
         length: u64,
     },
-    /// A buffer view leaves its buffer.
+    /// A buffer view extends beyond its buffer.
     #[error("buffer view {view} covers bytes {start}..{end} of the {length} bytes of buffer {buffer}")]
     ViewRange {
-        /// The buffer view.
+        /// Index of the buffer view.
         view: usize,
-        /// First byte.
+        /// Its first byte.
         start: u64,
-        /// One past the last byte; the largest number where it overflows.
+        /// One past its last byte; `u64::MAX` on overflow.
         end: u64,
-        /// The buffer.
+        /// Index of the buffer.
         buffer: usize,
         /// Length of the buffer in bytes.
         length: u64,
     },
-    /// Elements overlap or lie too far apart.
+    /// The stride is smaller than an element, or too large.
     #[error("accessor {accessor} has elements of {size} bytes in a buffer view with a stride of {stride}")]
     Stride {
-        /// The accessor.
+        /// Index of the accessor.
         accessor: usize,
         /// Size of an element in bytes.
         size: usize,
         /// Stride of the view in bytes.
         stride: usize,
     },
-    /// An accessor holds the wrong kind of numbers.
+    /// An accessor has the wrong type.
     #[error("accessor {accessor} holds {got}, wanted {wanted}")]
     Type {
-        /// The accessor.
+        /// Index of the accessor.
         accessor: usize,
-        /// Shape and component type found.
+        /// Its shape and component type.
         got: String,
-        /// What the attribute allows.
+        /// The types that are allowed.
         wanted: &'static str,
     },
-    /// Two tables that belong together differ in length.
+    /// Two tables that must be equally long are not.
     #[error("accessor {accessor} has {got} elements, wanted {wanted}")]
     Count {
-        /// The accessor.
+        /// Index of the accessor.
         accessor: usize,
-        /// Elements found.
+        /// Its number of elements.
         got: u64,
-        /// Elements wanted.
+        /// The number that is needed.
         wanted: u64,
     },
-    /// More than Magpie takes.
+    /// A number is above a limit.
     #[error("{got} {what}, the limit is {limit}")]
     Limit {
-        /// What is counted.
+        /// What exceeds the limit, such as `vertices`.
         what: &'static str,
         /// The number found.
         got: u64,
-        /// The largest number that is taken.
+        /// The limit.
         limit: u64,
     },
-    /// An index points past the vertices.
+    /// A vertex index is out of range.
     #[error("index {at} is {value}, there are {count} vertices")]
     IndexValue {
-        /// Place in the index table.
+        /// Position in the index table.
         at: usize,
-        /// The index found.
+        /// The index.
         value: u32,
-        /// How many vertices there are.
+        /// Number of vertices.
         count: usize,
     },
-    /// A NaN or an infinity.
+    /// A number is NaN or infinite.
     #[error("element {at} is not finite")]
     NotFinite {
-        /// Place in the table.
+        /// Position of the element in its table.
         at: usize,
     },
     /// A node is its own ancestor.
     #[error("the node is its own ancestor")]
     Cycle,
-    /// A node is reached twice.
+    /// A node has two parents.
     #[error("child of both {first} and {second}")]
     TwoParents {
-        /// One parent.
+        /// Name of one parent.
         first: String,
-        /// Another parent.
+        /// Name of the other parent.
         second: String,
     },
     /// Nodes are nested too deeply.
     #[error("nested more than {limit} levels deep")]
     Depth {
-        /// The deepest level that is taken.
+        /// The largest depth that is allowed.
         limit: usize,
     },
-    /// A URI that is refused.
+    /// A URI that is not allowed, such as one that leaves the scene's folder.
     #[error("URI {uri:?} is refused: {reason}")]
     Uri {
-        /// The URI, shortened.
+        /// The URI, possibly shortened.
         uri: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// A file of the scene cannot be read.
+    /// A file that the scene refers to cannot be read.
     #[error("{uri:?} cannot be read: {reason}")]
     File {
-        /// The URI.
+        /// Its URI.
         uri: String,
-        /// The system's reason.
+        /// Error of the operating system.
         reason: String,
     },
-    /// A buffer is shorter than it says.
+    /// A buffer is shorter than declared.
     #[error("truncated: {wanted} bytes declared, got {got}")]
     Truncated {
-        /// Bytes declared.
+        /// Declared size, bytes.
         wanted: u64,
-        /// Bytes that are there.
+        /// Actual size, bytes.
         got: u64,
     },
     /// An image cannot be decoded.
     #[error("image cannot be decoded: {0}")]
     Image(String),
-    /// A value outside its range.
+    /// A value is out of range.
     #[error("{what} is {got}, wanted {wanted}")]
     Value {
-        /// The property.
+        /// Name of the property.
         what: &'static str,
         /// The value found.
         got: String,
-        /// What is allowed.
+        /// The values that are allowed, in words.
         wanted: &'static str,
     },
 }

@@ -1,4 +1,4 @@
-//! Whether what emits lights a scene: whether enough of its surfaces would be seen by that light alone.
+//! Decides whether emissive surfaces light a scene well enough that no sun needs to be supplied.
 use super::odds::{emits, mean_emission};
 use super::supply::{Thing, things};
 use super::{AlphaMode, Instance, Scene};
@@ -7,44 +7,44 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Irradiance from which on a surface counts as lit: a hundredth of what the supplied sun and sky give one that faces the sun. A white one
-/// then has a radiance of 0.01, which a display shows as a tenth of its range.
+/// Irradiance above which a surface counts as lit: a hundredth of what the supplied sun and sky give a surface facing the sun. A
+/// white surface then has a radiance of 0.01, which is displayed at a tenth of the display's range.
 pub(super) const LIT: f64 = 0.01 * PI;
-/// Share of all surfaces, by area, that must be lit.
+/// Fraction of the surfaces, by area, that must be lit.
 pub(super) const ENOUGH: f64 = 0.25;
-/// Points of what emits, and points that may be lit.
+/// Number of sample points on emissive surfaces, and on surfaces that may be lit.
 const FROM: usize = 256;
 const AT: usize = 1024;
-/// Of more triangles and spheres than these, none hides anything: a tree over them takes seconds.
+/// With more triangles and spheres than this, occlusion is ignored, because building a BVH over them would take seconds.
 const MOST_OCCLUDERS: usize = 1 << 22;
 
-/// A piece of surface.
+/// A triangle or a sphere of the scene.
 struct Piece {
     shape: Occluder,
-    /// Square metres.
+    /// Area, square metres.
     area: f64,
-    /// Radiance, luminance of it.
+    /// Luminance of the emitted radiance.
     emission: f64,
     double_sided: bool,
-    /// Hides what is behind it.
+    /// Whether it blocks light.
     opaque: bool,
 }
 
-/// A point of a surface.
+/// A point on a surface.
 struct Point {
     place: DVec3,
-    /// Unit.
+    /// Unit normal.
     normal: DVec3,
     double_sided: bool,
 }
 
 impl Piece {
-    /// What it gives off, both sides together.
+    /// Emitted flux of both sides.
     fn flux(&self) -> f64 {
         PI * self.area * self.emission * if self.double_sided { 2.0 } else { 1.0 }
     }
 
-    /// The point at two numbers of 0 to 1, evenly spread over the area of a triangle or of a round sphere.
+    /// Maps two numbers from 0 to 1 to a point, uniformly over the area of a triangle or of an unscaled sphere.
     fn point(&self, [x, y]: [f64; 2]) -> Point {
         let double_sided = self.double_sided;
         match self.shape {
@@ -64,15 +64,16 @@ impl Piece {
     }
 }
 
-/// How much of a scene's surfaces is lit by what emits alone, 0 to 1, by area: irradiance of at least [`LIT`], straight from emissive
-/// triangles and spheres (factor times texture). It is an estimate, the same at every call; below [`ENOUGH`] one from above.
+/// Fraction of a scene's surfaces, by area, that are lit by emission alone, 0 to 1: with an irradiance of at least [`LIT`]
+/// directly from emissive triangles and spheres (factor times texture). A deterministic estimate; below [`ENOUGH`] it is an upper
+/// bound, since it ignores occlusion.
 pub(super) fn share_lit(scene: &Scene) -> f64 {
     if !scene.instances.iter().any(|i| emits(&scene.materials[i.material as usize])) {
         return 0.0;
     }
     let things = things(scene);
     let all = || things.iter().zip(&scene.instances).flat_map(|(thing, instance)| pieces(scene, thing, instance));
-    // Scenes are too large to keep all of it: sums first, points after that.
+    // Scenes can be too large to store all pieces, so sums are computed first and points in a second pass.
     let [area, flux] = all().fold([0.0; 2], |[area, flux], p| [area + p.area, flux + p.flux()]);
     let (mut at, mut from) = (Spread::new(area, AT), Spread::new(flux, FROM));
     for piece in all() {
@@ -83,7 +84,7 @@ pub(super) fn share_lit(scene: &Scene) -> f64 {
     let share = |hidden: &(dyn Fn(DVec3, DVec3) -> bool + Sync)| {
         at.points.par_iter().filter(|p| is_lit(p, &from.points, each, hidden)).count() as f64 / AT as f64
     };
-    // As though nothing was in the way. Where that is too little, the rest need not be known.
+    // Without occlusion first. If that is not enough, occlusion need not be computed.
     let most = share(&|_, _| false);
     let opaque = || all().filter(|p| p.opaque).map(|p| p.shape);
     if most < ENOUGH || opaque().count() > MOST_OCCLUDERS {
@@ -93,7 +94,7 @@ pub(super) fn share_lit(scene: &Scene) -> f64 {
     share(&|a, b| occluders.between(a, b))
 }
 
-/// Whether points that each give off the same light a point.
+/// Whether a point is lit by sample points that emit `flux` each.
 fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -> bool) -> bool {
     let one = |lamp: &Point| {
         let towards = lamp.place - at.place;
@@ -102,7 +103,7 @@ fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -
         let cosines =
             sided(at.normal.dot(towards), at.double_sided) * sided(-lamp.normal.dot(towards), lamp.double_sided);
         let sides = if lamp.double_sided { 2.0 } else { 1.0 };
-        // Lambert's emitter of flux P has the intensity P cos / pi. Cosines are times the distance.
+        // A Lambertian emitter of flux P has the intensity P cos / pi. The cosines are multiplied by the distance.
         if square > 0.0 { flux / (PI * sides) * cosines / (square * square) } else { 0.0 }
     };
     let mut sum = 0.0;
@@ -115,7 +116,7 @@ fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -
     })
 }
 
-/// So many points, spread by the weight of the pieces that they lie on.
+/// Chooses `count` points, distributed over pieces in proportion to their weights.
 struct Spread {
     points: Vec<Point>,
     before: f64,
@@ -124,7 +125,7 @@ struct Spread {
 }
 
 impl Spread {
-    /// `whole`: the sum of all weights. Where it is nothing, there are no points.
+    /// `whole` is the sum of all weights. If it is zero, no points are chosen.
     fn new(whole: f64, count: usize) -> Self {
         Self { points: Vec::new(), before: 0.0, step: whole / count as f64, count }
     }
@@ -132,7 +133,7 @@ impl Spread {
     fn add(&mut self, piece: &Piece, weight: f64) {
         self.before += weight;
         while self.points.len() < self.count && (self.points.len() as f64 + 0.5) * self.step < self.before {
-            // Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences".
+            // The R2 sequence (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
             let i = self.points.len() as f64 + 1.0;
             let u = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (i * step).fract());
             self.points.push(piece.point(u));
@@ -140,7 +141,7 @@ impl Spread {
     }
 }
 
-/// The triangles and spheres of an instance that have an area.
+/// The triangles and spheres of an instance whose area is above zero.
 fn pieces<'a>(scene: &'a Scene, thing: &'a Thing<'a>, instance: &Instance) -> impl Iterator<Item = Piece> + 'a {
     let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
     let (shines, double_sided) = (emits(material), material.double_sided);
@@ -166,7 +167,7 @@ mod tests {
     use crate::scene::{Material, Mesh, Sphere, Supply, builtin, supply};
     use glam::{Affine3A, Vec3};
 
-    /// The Cornell box whose lamp emits itself, so and so bright.
+    /// The Cornell box, with a lamp that itself emits this radiance.
     fn room(radiance: f32) -> Scene {
         let mut scene = builtin("cornell").unwrap();
         scene.lights.clear();
@@ -183,7 +184,7 @@ mod tests {
         scene.instances.push(Instance::fixed("ball", mesh, made, Affine3A::IDENTITY));
     }
 
-    /// A ball with a few bright spots on it, which shine past it.
+    /// A ball with a few bright spots, whose light mostly misses it.
     fn helmet() -> Scene {
         let mut scene = Scene::default();
         ball(&mut scene, Vec3::ZERO, 1.0, Material::default());
@@ -204,15 +205,15 @@ mod tests {
         let bright = room(10.0);
         assert!(share_lit(&bright) > 0.5, "{}", share_lit(&bright));
         assert!(!is_given_a_sun(bright));
-        // A panel that only just glows.
+        // A panel that emits very little.
         assert!(share_lit(&room(0.02)) < 0.05 && is_given_a_sun(room(0.02)));
-        // What only shows a light is no light.
+        // A surface that only shows a light does not count as emissive.
         let mut shown = room(10.0);
         shown.materials.iter_mut().for_each(|m| m.shows_light = true);
         assert!(share_lit(&shown) == 0.0 && is_given_a_sun(shown));
     }
 
-    /// A lamp in a closed box lights nothing outside of it, whichever way the faces of what is around look.
+    /// A lamp in a closed box lights nothing outside it, whichever way the surrounding faces are oriented.
     #[test]
     fn light_that_is_shut_in_does_not_count() {
         let mut scene = Scene::default();
@@ -222,7 +223,7 @@ mod tests {
         let open = share_lit(&scene);
         ball(&mut scene, Vec3::ZERO, 1.0, both_sides());
         let shut = share_lit(&scene);
-        // Through a glass shade it shines all the same.
+        // Through a glass shade its light does get out.
         scene.materials[2].transmission = 1.0;
         let shaded = share_lit(&scene);
         assert!(open > 0.9 && shut < 0.1 && shaded > 0.9, "{open} {shut} {shaded}");
@@ -234,7 +235,7 @@ mod tests {
         assert!(is_given_a_sun(helmet()));
     }
 
-    /// A small sphere in the middle of a large one has one irradiance everywhere: radiance times the square of the ratio of radii.
+    /// A small sphere at the centre of a large one gives uniform irradiance: radiance times pi times the squared ratio of the radii.
     #[test]
     fn irradiance_in_a_ball_has_a_closed_form() {
         let lit = |radiance: f64| {

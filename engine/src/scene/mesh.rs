@@ -1,21 +1,21 @@
-//! What a mesh lacks is made here: normals, tangents; and its bounds.
+//! Completes meshes: missing normals and tangents, and bounds.
 use super::Mesh;
 use glam::{Vec2, Vec3, Vec4};
 
 impl Mesh {
-    /// Least and greatest corner of positions and spheres, object space, not deformed; `None` without either.
+    /// Minimum and maximum corner of positions and spheres, object space, before deformation; `None` if there are neither.
     pub fn bounds(&self) -> Option<[Vec3; 2]> {
         let points = self.positions.iter().map(|p| [*p; 2]);
         let spheres = self.spheres.iter().map(|s| [s.centre - s.radius, s.centre + s.radius]);
         points.chain(spheres).reduce(|[lo, hi], [a, b]| [lo.min(a), hi.max(b)])
     }
 
-    /// How many influences each vertex has; 0 without a skin.
+    /// Number of influences of each vertex; 0 without a skin.
     pub fn influences_per_vertex(&self) -> usize {
         self.influences.len().checked_div(self.positions.len()).unwrap_or(0)
     }
 
-    /// The mesh without shared vertices: three of its own for every triangle.
+    /// Gives every triangle three vertices of its own.
     pub(super) fn unweld(&mut self) {
         fn spread<T: Copy>(table: &mut Vec<T>, indices: &[u32]) {
             *table = indices.iter().map(|i| table[*i as usize]).collect();
@@ -43,7 +43,7 @@ impl Mesh {
         self.indices = (0..self.indices.len() as u32).collect();
     }
 
-    /// Flat normals, as glTF wants them where a file has none. Tangents are dropped.
+    /// Replaces the normals by flat ones, as glTF requires where a file has none. Tangents are dropped.
     pub(super) fn flat_normals(&mut self) {
         self.tangents.clear();
         self.normals.clear();
@@ -54,12 +54,11 @@ impl Mesh {
         }
     }
 
-    /// Makes every normal a unit vector; one without a direction becomes the mean of the faces around it, weighed by area.
-    /// Returns how many were repaired.
+    /// Normalises every normal. One that is zero becomes the area-weighted mean of the adjacent faces. Returns the number of those.
     pub(super) fn repair_normals(&mut self) -> usize {
         let mut lost = Vec::new();
         for (i, n) in self.normals.iter_mut().enumerate() {
-            // In double precision, where the squares of small or large numbers neither vanish nor overflow.
+            // In double precision, since squares of small or large numbers would underflow or overflow.
             match n.as_dvec3().try_normalize() {
                 Some(unit) => *n = unit.as_vec3(),
                 None => lost.push(i),
@@ -82,15 +81,15 @@ impl Mesh {
         lost.len()
     }
 
-    /// Makes tangents for one set of texture coordinates, in the convention of glTF: texture v runs down, so the bitangent
-    /// `cross(normal, tangent) * w` points to smaller v.
+    /// Makes tangents for one set of texture coordinates, in the convention of glTF: v points down, so the bitangent
+    /// `cross(normal, tangent) * w` points towards smaller v.
     ///
-    /// The tangent of a vertex is the sum of `dP/du` over its triangles, weighed by area, made orthogonal to the normal.
-    /// A vertex that mirrored and unmirrored triangles share is doubled. Where the coordinates have no area, any unit vector
-    /// orthogonal to the normal is taken.
+    /// The tangent of a vertex is the area-weighted sum of `dP/du` over its triangles, orthogonalised to the normal. A vertex
+    /// that mirrored and unmirrored triangles share is duplicated. If the texture coordinates have no area, an arbitrary unit
+    /// vector orthogonal to the normal is used.
     pub(super) fn make_tangents(&mut self, second_uv: bool) {
         let vertices = self.positions.len();
-        // Two sums per vertex: unmirrored, mirrored.
+        // Two sums per vertex, for unmirrored and mirrored triangles.
         let mut sums = vec![[Vec3::ZERO; 2]; vertices];
         let mut used = vec![[false; 2]; vertices];
         let uv = if second_uv { &self.uv1 } else { &self.uv0 };
@@ -108,7 +107,7 @@ impl Mesh {
             })
             .collect();
 
-        // The double of a vertex that needs one, 0 where none is.
+        // Index of the duplicate of a vertex; 0 if it has none.
         let per_vertex = self.influences_per_vertex();
         let mut double = vec![0_u32; vertices];
         for i in 0..vertices {
@@ -145,7 +144,7 @@ impl Mesh {
         }
     }
 
-    /// Makes the tangents of a file unit vectors orthogonal to the normals, with `w` 1 or -1.
+    /// Normalises the tangents of a file and makes them orthogonal to the normals, with `w` 1 or -1.
     pub(super) fn repair_tangents(&mut self) {
         for (t, n) in self.tangents.iter_mut().zip(&self.normals) {
             *t = orthogonal(*n, t.truncate(), t.w < 0.0);
@@ -153,8 +152,7 @@ impl Mesh {
     }
 }
 
-/// Twice the area times the normal of a triangle that is counter-clockwise from the front. Scaled down first where products
-/// would overflow.
+/// Twice the area times the normal of a triangle with counter-clockwise front. Scaled down first if products would overflow.
 fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     let (u, v) = (b.as_dvec3() - a.as_dvec3(), c.as_dvec3() - a.as_dvec3());
     let normal = u.cross(v);
@@ -162,7 +160,7 @@ fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     if size > 1e30 { (normal / size * 1e30).as_vec3() } else { normal.as_vec3() }
 }
 
-/// Direction of growing u times the area, and whether the coordinates are mirrored; `None` where they have no area.
+/// Direction of increasing u, weighted by area, and whether the coordinates are mirrored; `None` if they have no area.
 fn uv_direction(p: [Vec3; 3], uv: [Vec2; 3]) -> Option<(Vec3, bool)> {
     let (e1, e2) = (p[1].as_dvec3() - p[0].as_dvec3(), p[2].as_dvec3() - p[0].as_dvec3());
     let (d1, d2) = (uv[1].as_dvec2() - uv[0].as_dvec2(), uv[2].as_dvec2() - uv[0].as_dvec2());
@@ -170,7 +168,7 @@ fn uv_direction(p: [Vec3; 3], uv: [Vec2; 3]) -> Option<(Vec3, bool)> {
     if area == 0.0 || !area.is_finite() {
         return None;
     }
-    // v runs down: coordinates that go round clockwise are the unmirrored ones.
+    // v points down, so unmirrored coordinates are clockwise.
     let direction = ((e1 * d2.y - e2 * d1.y) * area.signum()).try_normalize()?;
     let weight = e1.cross(e2).length().min(1e30);
     Some(((direction * weight).as_vec3(), area > 0.0))
@@ -181,7 +179,7 @@ fn orthogonal(normal: Vec3, direction: Vec3, mirrored: bool) -> Vec4 {
     let (n, d) = (normal.as_dvec3(), direction.as_dvec3());
     let size = d.length();
     let flat = d - n * n.dot(d);
-    // Below this share of its length only rounding is left of the direction.
+    // Below this fraction of its length, the direction is dominated by rounding errors.
     let tangent = if size > 0.0 && flat.length() > 1e-6 * size {
         (flat / flat.length()).as_vec3()
     } else {
@@ -230,7 +228,7 @@ mod tests {
         assert!(mesh.tangents[4].w == -1.0 && mesh.tangents[0].w == 1.0);
     }
 
-    /// A square whose vertex `i` follows joint `i` and is moved by `i` in its only target, which keeps the normals.
+    /// A square whose vertex `i` follows joint `i` and moves by `i` in its only target, which has no normals.
     fn bending(uv: [Vec2; 4]) -> Mesh {
         let mut mesh = square(uv);
         let influence = |joint, weight| Influence { joint, weight };
@@ -245,7 +243,7 @@ mod tests {
         mesh
     }
 
-    /// The vertex of the square that each vertex was made from, by every table.
+    /// Asserts, for every table, that each vertex is a copy of the given vertex of the square.
     fn assert_origins(mesh: &Mesh, origins: &[u32]) {
         assert_eq!((mesh.positions.len(), mesh.influences_per_vertex()), (origins.len(), 4));
         let corners = square([Vec2::ZERO; 4]).positions;

@@ -1,4 +1,4 @@
-//! Scenes: what glTF import and the built-in scenes produce, and what the GPU tables are made from.
+//! Scenes: the result of glTF import and of the built-in scenes, and the source of the tables on the GPU.
 //!
 //! Conventions: metres, y up, right-handed, linear Rec.709; a camera looks along its -z.
 
@@ -42,98 +42,98 @@ pub use resident::{
 pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};
 
-/// Everything that is drawn, in plain memory.
+/// A scene in host memory.
 ///
-/// After [`load`] and [`supply`], or from [`builtin`], a scene holds at least one instance, camera and material; every index is
+/// After [`load`] and [`supply`], or from [`builtin`], a scene has at least one instance, camera and material, and every index is
 /// in range and every number finite.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Name for messages: the file's stem or the built-in name.
+    /// Name, for messages: the stem of the file name, or the built-in name.
     pub name: String,
-    /// Geometry; one entry per glTF primitive, shared by all nodes that show it.
+    /// One mesh per glTF primitive, shared by all instances of it.
     pub meshes: Vec<Mesh>,
-    /// Materials.
+    /// Materials, referred to by instances.
     pub materials: Vec<Material>,
     /// Textures with all their mips.
     pub textures: Vec<Texture>,
-    /// Samplers.
+    /// Samplers, referred to by [`TextureUse`].
     pub samplers: Vec<Sampler>,
-    /// What instances, lights and cameras hang on; parents before children.
+    /// The hierarchy that instances, lights and cameras are attached to; parents before children.
     pub nodes: Vec<Node>,
-    /// Joints of skinned instances.
+    /// Skins of skinned instances.
     pub skins: Vec<Skin>,
-    /// Movements; [`Animator`] plays one.
+    /// Animations; an [`Animator`] plays one of them.
     pub animations: Vec<Animation>,
-    /// Placed meshes, in the rest pose.
+    /// Instances, in the rest pose.
     pub instances: Vec<Instance>,
-    /// Lights, in the rest pose.
+    /// Lights, in the rest pose. Their order is the index that shaders and settings use.
     pub lights: Vec<Light>,
-    /// The node of each light; those beyond the table, or with `None`, stay where they are.
+    /// The node of each light. Lights with `None`, or beyond the end of this table, do not move.
     pub light_nodes: Vec<Option<u32>>,
     /// Analytic daylight, if the scene has any.
     pub daylight: Option<Daylight>,
-    /// Light from all around, from an image; it takes the place of the sky of `daylight`.
+    /// An environment map; it replaces the sky of `daylight`.
     pub environment: Option<Environment>,
     /// Cameras, the default first, in the rest pose.
     pub cameras: Vec<Camera>,
-    /// The node of each camera; those beyond the table, or with `None`, stay where they are.
+    /// The node of each camera. Cameras with `None`, or beyond the end of this table, do not move.
     pub camera_nodes: Vec<Option<u32>>,
-    /// What was ignored or repaired, one sentence each, for the log.
+    /// What was ignored or repaired while loading, one sentence each.
     pub warnings: Vec<String>,
-    /// What it lacked and was given, one sentence each, for the log.
+    /// What was supplied because it was missing, one sentence each.
     pub supplied: Vec<String>,
 }
 
-/// Triangles of one material, or spheres of one. All vertex tables have the same length.
+/// Triangles or spheres with one material. All vertex tables have the same length.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
     /// Positions, object space.
     pub positions: Vec<Vec3>,
-    /// Unit normals.
+    /// Unit normals, object space.
     pub normals: Vec<Vec3>,
-    /// Unit tangents; `w` is the sign of the bitangent.
+    /// Unit tangents, object space; `w` is the sign of the bitangent.
     pub tangents: Vec<Vec4>,
-    /// First texture coordinates.
+    /// First set of texture coordinates.
     pub uv0: Vec<Vec2>,
-    /// Second texture coordinates.
+    /// Second set of texture coordinates.
     pub uv1: Vec<Vec2>,
-    /// Linear colours and alpha; white where the file has none.
+    /// Linear vertex colours and alpha; white if the file has none.
     pub colours: Vec<Vec4>,
-    /// Three per triangle, counter-clockwise from the front.
+    /// Three indices per triangle, counter-clockwise from the front.
     pub indices: Vec<u32>,
-    /// What the vertices of a skinned mesh follow: four or eight for each, one vertex after another; empty without a skin.
+    /// Joint influences of a skinned mesh: four or eight per vertex, vertex by vertex; empty without a skin.
     pub influences: Vec<Influence>,
-    /// Morph targets.
+    /// Morph targets, in the order of the weights.
     pub targets: Vec<MorphTarget>,
-    /// Weight of each target where nothing else is said; 0 for those beyond the table.
+    /// Default weights of the targets; 0 for targets beyond the end of this table.
     pub weights: Vec<f32>,
-    /// Spheres. A mesh that has any has no vertices and no triangles, and does not deform.
+    /// Procedural spheres. A mesh with spheres has no vertices and no triangles, and does not deform.
     pub spheres: Vec<Sphere>,
 }
 
-/// The part that a joint has in a vertex.
+/// Influence of a joint on a vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Influence {
     /// Index into [`Skin::joints`].
     pub joint: u32,
-    /// At least 0; those of a vertex sum to 1.
+    /// Weight, at least 0; the weights of a vertex sum to 1.
     pub weight: f32,
 }
 
-/// What a weight of 1 adds to the vertices. A table is empty where the target does not change the attribute.
+/// What a morph target with weight 1 adds to the vertices. A table is empty if the target does not change that attribute.
 #[derive(Clone, Debug, Default)]
 pub struct MorphTarget {
-    /// Added to positions, object space.
+    /// Deltas of positions, object space.
     pub positions: Vec<Vec3>,
-    /// Added to normals.
+    /// Deltas of normals.
     pub normals: Vec<Vec3>,
-    /// Added to the directions of tangents.
+    /// Deltas of the directions of tangents.
     pub tangents: Vec<Vec3>,
 }
 
-/// A procedural sphere.
+/// A procedural sphere, which shaders intersect analytically.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Centre, object space.
@@ -142,32 +142,32 @@ pub struct Sphere {
     pub radius: f32,
 }
 
-/// A mesh placed in the world.
+/// An instance of a mesh.
 #[derive(Clone, Debug)]
 pub struct Instance {
-    /// The node's name.
+    /// Name of its node.
     pub name: String,
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// World from object in the rest pose; that of the node, where there is one.
+    /// World-from-object transform in the rest pose; that of the node, if it has one.
     pub world_from_object: DAffine3,
-    /// Index into [`Scene::nodes`]; `None` never moves.
+    /// Index into [`Scene::nodes`]; an instance with `None` never moves.
     pub node: Option<u32>,
-    /// Index into [`Scene::skins`].
+    /// Index into [`Scene::skins`]; `None` if it is not skinned.
     pub skin: Option<u32>,
 }
 
 impl Instance {
-    /// A mesh that stays where it is put.
+    /// An instance that never moves.
     pub fn fixed(name: impl Into<String>, mesh: u32, material: u32, world_from_object: Affine3A) -> Self {
         let world_from_object = double(&world_from_object);
         Self { name: name.into(), mesh, material, world_from_object, node: None, skin: None }
     }
 }
 
-/// A transform rounded to `f32`.
+/// The transform, rounded to `f32`.
 pub fn single(m: &DAffine3) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(m.matrix3.as_mat3()), translation: m.translation.as_vec3().into() }
 }
@@ -178,63 +178,63 @@ pub fn double(m: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: glam::DMat3::from_cols(x, y, z), translation: m.translation.as_dvec3() }
 }
 
-/// How alpha is read.
+/// How the alpha of a material is used.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
-    /// Ignored.
+    /// Alpha is ignored.
     #[default]
     Opaque,
-    /// Discarded below this value.
+    /// Alpha-tested: not there where alpha is below this cut-off.
     Mask(f32),
-    /// Blended.
+    /// Blended: covers by the fraction alpha.
     Blend,
 }
 
-/// Metallic-roughness material of glTF 2.0.
+/// A metallic-roughness material of glTF 2.0, with extensions.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
-    /// Linear base colour and alpha factor.
+    /// Base colour and alpha factor, linear.
     pub base_colour: Vec4,
     /// Metalness factor, 0 to 1.
     pub metalness: f32,
     /// Perceptual roughness factor, 0 to 1.
     pub roughness: f32,
-    /// Emitted radiance factor, strength included.
+    /// Factor of the emitted radiance, strength included.
     pub emission: Vec3,
     /// Scale of the normal map's x and y.
     pub normal_scale: f32,
     /// Strength of the occlusion map, 0 to 1.
     pub occlusion_strength: f32,
-    /// How alpha is read.
+    /// How alpha is used.
     pub alpha: AlphaMode,
-    /// Back faces are drawn.
+    /// Whether it is visible from behind.
     pub double_sided: bool,
-    /// The base colour is shown as it is.
+    /// Whether it shows its base colour without lighting (KHR_materials_unlit).
     pub unlit: bool,
-    /// Its emission is the look of a light of the scene: seen by the camera, but what it shines on is lit by that light alone.
+    /// Whether its emission only shows a light of the scene to the camera; the light itself illuminates the scene, not this surface.
     pub shows_light: bool,
-    /// Share of the light that enters a dielectric and goes through instead of being scattered, 0 to 1
-    /// (KHR_materials_transmission).
+    /// Fraction of the light entering a dielectric that is transmitted instead of being scattered, 0 to 1 (KHR_materials_transmission).
     pub transmission: f32,
     /// Index of refraction, at least 1 (KHR_materials_ior).
     pub ior: f32,
-    /// Strength of the reflection of a dielectric, 0 to 1: at normal and at grazing incidence (KHR_materials_specular). At 0 it is Lambert's.
+    /// Strength of the specular reflection of a dielectric, 0 to 1, at normal and grazing incidence (KHR_materials_specular). At
+    /// 0 the surface is Lambertian.
     pub specular: f32,
-    /// What its reflectance at normal incidence is multiplied with, linear, at least 0.
+    /// Factor on the reflectance at normal incidence, linear, at least 0.
     pub specular_colour: Vec3,
-    /// Above 0 where the surface is the border of a volume, which refracts; 0 where it is a thin sheet (KHR_materials_volume).
+    /// Above 0 if the surface bounds a volume, which refracts; 0 for a thin sheet (KHR_materials_volume).
     pub thickness: f32,
-    /// What is left of white light after `attenuation_distance` inside of the volume, linear, 0 to 1.
+    /// Transmittance of the volume over `attenuation_distance`, linear, 0 to 1.
     pub attenuation_colour: Vec3,
-    /// Metres, above 0; infinite where the volume absorbs nothing.
+    /// Metres, above 0; infinite if the volume absorbs nothing.
     pub attenuation_distance: f32,
     /// Strength of a clear coat, 0 to 1 (KHR_materials_clearcoat).
     pub clearcoat: f32,
     /// Perceptual roughness of the coat, 0 to 1.
     pub clearcoat_roughness: f32,
-    /// sRGB base colour and alpha.
+    /// Base colour in sRGB, and alpha.
     pub base_colour_texture: Option<TextureUse>,
     /// Roughness in green, metalness in blue.
     pub metallic_roughness_texture: Option<TextureUse>,
@@ -242,11 +242,11 @@ pub struct Material {
     pub normal_texture: Option<TextureUse>,
     /// Occlusion in red.
     pub occlusion_texture: Option<TextureUse>,
-    /// sRGB emission.
+    /// Emission in sRGB.
     pub emission_texture: Option<TextureUse>,
-    /// Strength of the reflection in alpha.
+    /// Strength of the specular reflection in alpha.
     pub specular_texture: Option<TextureUse>,
-    /// sRGB colour of the reflection at normal incidence.
+    /// Specular colour at normal incidence, in sRGB.
     pub specular_colour_texture: Option<TextureUse>,
     /// Transmission in red.
     pub transmission_texture: Option<TextureUse>,
@@ -263,36 +263,36 @@ pub struct TextureUse {
     pub texture: u32,
     /// Index into [`Scene::samplers`].
     pub sampler: u32,
-    /// 0 or 1: which texture coordinates.
+    /// The set of texture coordinates, 0 or 1.
     pub uv_set: u32,
-    /// Rows of KHR_texture_transform: `u' = dot(rows[0], (u, v, 1))`.
+    /// First two rows of KHR_texture_transform: `u' = dot(rows[0], (u, v, 1))`.
     pub rows: [Vec3; 2],
 }
 
-/// What lies outside 0 to 1.
+/// How texture coordinates outside 0 to 1 are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// Tiles.
+    /// The texture repeats.
     #[default]
     Repeat,
-    /// Tiles, mirrored every other time.
+    /// The texture repeats, mirrored every other time.
     Mirror,
-    /// Edge texels.
+    /// Clamped to the edge texels.
     Clamp,
 }
 
-/// A sampler.
+/// Sampling parameters of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Sampler {
-    /// Wrap of u and v.
+    /// Wrapping of u and v.
     pub wrap: [Wrap; 2],
-    /// Linear rather than nearest magnification.
+    /// Linear magnification; otherwise nearest.
     pub linear_magnify: bool,
-    /// Linear rather than nearest minification.
+    /// Linear minification; otherwise nearest.
     pub linear_minify: bool,
-    /// Linear rather than nearest choice between mips.
+    /// Linear interpolation between mips; otherwise nearest.
     pub linear_mips: bool,
-    /// Mips are used at all.
+    /// Whether mips are used.
     pub mips: bool,
 }
 
@@ -302,85 +302,85 @@ impl Default for Sampler {
     }
 }
 
-/// A light. Units follow KHR_lights_punctual.
+/// A light source. Units follow KHR_lights_punctual. All but `Directional` are local lights.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Light {
-    /// Parallel light, as from the sun.
+    /// Parallel light, such as from the sun.
     Directional {
-        /// Unit direction of travel.
+        /// Unit direction in which light travels.
         direction: Vec3,
-        /// Illuminance at normal incidence.
+        /// Illuminance at normal incidence, linear Rec.709.
         illuminance: Vec3,
-        /// Half the angle that its disc subtends, radians, below a quarter turn; 0 for strictly parallel light.
+        /// Half the angle that its disc subtends, radians, below pi / 2; 0 for strictly parallel light.
         angular_radius: f32,
     },
-    /// Equal in every direction.
+    /// A point light, equal in all directions.
     Point {
-        /// Metres.
+        /// Position, metres.
         position: DVec3,
-        /// Radiant intensity.
+        /// Radiant intensity, linear Rec.709.
         intensity: Vec3,
-        /// Distance at which it has faded to nothing, metres.
+        /// Distance at which it is attenuated to zero, metres; `None` for no limit.
         range: Option<f32>,
     },
-    /// A cone with a soft edge.
+    /// A spot light: a cone with a soft edge.
     Spot {
-        /// Metres.
+        /// Position, metres.
         position: DVec3,
-        /// Unit direction of travel.
+        /// Unit direction in which light travels along the axis.
         direction: Vec3,
-        /// Radiant intensity on the axis.
+        /// Radiant intensity on the axis, linear Rec.709.
         intensity: Vec3,
-        /// Distance at which it has faded to nothing, metres.
+        /// Distance at which it is attenuated to zero, metres; `None` for no limit.
         range: Option<f32>,
-        /// Angle from the axis at which it begins to fade, radians.
+        /// Angle from the axis at which attenuation begins, radians.
         inner: f32,
-        /// Angle from the axis at which it ends, radians.
+        /// Angle from the axis at which it reaches zero, radians.
         outer: f32,
     },
-    /// A rectangle that emits from one side, Lambertian.
+    /// A rectangle, a Lambertian emitter on one side.
     Rectangle {
         /// Centre, metres.
         centre: DVec3,
-        /// Half edges, metres; the side `cross(half_u, half_v)` emits.
+        /// Half edge, metres. The side to which `cross(half_u, half_v)` points emits.
         half_u: Vec3,
-        /// The other half edge.
+        /// The other half edge, metres.
         half_v: Vec3,
-        /// Emitted radiance.
+        /// Emitted radiance, linear Rec.709.
         radiance: Vec3,
     },
-    /// A disc that emits from one side, Lambertian.
+    /// A disc, a Lambertian emitter on one side.
     Disc {
         /// Centre, metres.
         centre: DVec3,
         /// Unit normal of the side that emits.
         normal: Vec3,
-        /// Metres, above 0.
+        /// Radius, metres, above 0.
         radius: f32,
-        /// Emitted radiance.
+        /// Emitted radiance, linear Rec.709.
         radiance: Vec3,
     },
-    /// A sphere that emits all around, Lambertian. Inside of it there is no light.
+    /// A sphere, a Lambertian emitter on the outside.
     Sphere {
         /// Centre, metres.
         centre: DVec3,
-        /// Metres, above 0.
+        /// Radius, metres, above 0.
         radius: f32,
-        /// Emitted radiance.
+        /// Emitted radiance, linear Rec.709.
         radiance: Vec3,
     },
 }
 
-/// Square of the roughness of what is as smooth as shaders can say: `MIN_ALPHA` of `lib/brdf.glsl`.
+/// Smallest squared roughness in shaders: `MIN_ALPHA` of `lib/brdf.glsl`.
 const LEAST_ALPHA: f32 = 0.002;
 
 impl Material {
-    /// Whether it has any of transmission, a coat, or a reflection of its own.
+    /// Whether it has transmission, a clear coat, or its own specular reflection.
     pub fn is_layered(&self) -> bool {
         self.transmission > 0.0 || self.clearcoat > 0.0 || self.has_own_specular()
     }
 
-    /// Whether it reflects otherwise than a dielectric of index 1.5: by its index of refraction, or as KHR_materials_specular says.
+    /// Whether its specular reflection differs from a dielectric of index 1.5, through its index of refraction or KHR_materials_specular.
     pub fn has_own_specular(&self) -> bool {
         let plain = Self::default();
         self.ior != plain.ior
@@ -390,8 +390,8 @@ impl Material {
             || self.specular_colour_texture.is_some()
     }
 
-    /// Whether light may go straight through it where it is solid: a thin sheet that transmits, smooth or with a texture that may say so.
-    /// `lib/surface.glsl` decides at each point.
+    /// Whether light may pass straight through opaque parts of it: a transmissive thin sheet that is smooth, or that a texture
+    /// may make smooth. `lib/surface.glsl` decides at each point.
     pub fn is_clear(&self) -> bool {
         let is_dielectric = self.metalness < 1.0 || self.metallic_roughness_texture.is_some();
         let is_smooth = self.roughness * self.roughness <= LEAST_ALPHA || self.metallic_roughness_texture.is_some();
@@ -399,8 +399,8 @@ impl Material {
         self.transmission > 0.0 && is_sheet && is_dielectric && is_smooth
     }
 
-    /// Absorption inside of its volume, per metre: `-ln(attenuation_colour) / attenuation_distance` (KHR_materials_volume). A colour
-    /// of 0 counts as 1e-6, the least that is told from it.
+    /// Absorption coefficient of its volume, per metre: `-ln(attenuation_colour) / attenuation_distance` (KHR_materials_volume).
+    /// Colours below 1e-6 count as 1e-6.
     pub fn absorption(&self) -> Vec3 {
         -self.attenuation_colour.max(Vec3::splat(1e-6)).min(Vec3::ONE).map(f32::ln) / self.attenuation_distance
     }

@@ -1,26 +1,27 @@
-//! How often what shines is sampled: by power, as alias tables. Any positive odds are unbiased; good ones are less noisy.
+//! Probabilities for sampling emissive surfaces: proportional to power, in alias tables. Any positive probabilities are unbiased;
+//! good ones have less variance.
 use super::{AlphaMode, Animator, Instance, Material, Mesh, Pose, Scene, Texture, TextureUse, deform};
 use glam::{DVec3, Vec2, Vec3};
 use magpie_shaders::reference::{CHOICE_EMITTER, LightChoice, NO_EMITTER};
 use std::f64::consts::PI;
 
-/// Share of the odds that is spread evenly, so that nothing that shines is never sampled.
+/// Fraction of the probability that is distributed evenly, so that no emitter has a probability of zero.
 pub const EVEN: f64 = 0.05;
-/// Points of a triangle at which its emission is looked up.
+/// Square root of the number of points at which the emission of a triangle is sampled.
 const LOOK_UPS: u32 = 4;
 
-/// Emissive triangles and spheres, and how often each is sampled. The odds are those of the rest pose; what stretches later is sampled too
-/// often or too rarely, which is noise and no error.
+/// Emissive triangles and spheres, with the probability of sampling each. Probabilities are those of the rest pose; for emitters
+/// that deform later they are no longer proportional to power, which adds variance but no bias.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Emitters {
-    /// The alias table.
+    /// The alias table, one entry per emitter.
     pub choices: Vec<LightChoice>,
-    /// Of each instance where its own begin in the table, or [`NO_EMITTER`].
+    /// For each instance, the index of its first emitter in the table, or [`NO_EMITTER`].
     pub first: Vec<u32>,
 }
 
 impl Emitters {
-    /// Those of a scene; `None` where nothing shines but what shows a light.
+    /// The emitters of a scene; `None` if there are none, not counting surfaces that only show a light.
     pub fn new(scene: &Scene) -> Option<Self> {
         if !scene.instances.iter().any(|i| shines(scene, i)) {
             return None;
@@ -33,20 +34,20 @@ impl Emitters {
     }
 }
 
-/// Whether a surface of this material lights others. What shows a light does not: the light does.
+/// Whether a material lights other surfaces. One that only shows a light does not, since the light does.
 pub fn emits(material: &Material) -> bool {
     material.emission != Vec3::ZERO && !material.shows_light && !material.unlit
 }
 
-/// Whether an instance lights others: its material emits, and alpha leaves anything of it.
+/// Whether an instance lights other surfaces: its material emits, and alpha leaves some of it visible.
 pub fn shines(scene: &Scene, instance: &Instance) -> bool {
     let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
     emits(material) && is_anywhere(scene, material, mesh)
 }
 
-/// Whether alpha reaches what is seen of it, anywhere on a mesh; no filter of a texture goes beyond its texels.
+/// Whether any point of a mesh passes the alpha test. Texture filtering cannot exceed the largest texel.
 fn is_anywhere(scene: &Scene, material: &Material, mesh: &Mesh) -> bool {
-    // Rounding goes either way.
+    // Allows for rounding errors.
     const ROUNDING: f32 = 1e-5;
     let is_spheres = !mesh.spheres.is_empty();
     let least = match material.alpha {
@@ -66,12 +67,12 @@ fn is_anywhere(scene: &Scene, material: &Material, mesh: &Mesh) -> bool {
     }
 }
 
-/// Of linear Rec.709.
+/// Luminance of linear Rec.709.
 pub fn luminance(c: Vec3) -> f64 {
     c.as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Adds the triangles or spheres of an instance that shines, each with its power; gives where they begin, or [`NO_EMITTER`].
+/// Adds the triangles or spheres of an emissive instance to `near`, with their powers. Returns the index of the first, or [`NO_EMITTER`].
 pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<(f64, LightChoice)>) -> u32 {
     let shown = &scene.instances[instance];
     let (mesh, material) = (&scene.meshes[shown.mesh as usize], &scene.materials[shown.material as usize]);
@@ -104,18 +105,18 @@ pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<
     first
 }
 
-/// The weight of what a triangle emits: its mean, and a little of what it might emit.
+/// Emission of a triangle for its probability: the mean, mixed with a fraction [`EVEN`] of the emission without textures and alpha.
 fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     let full = luminance(material.emission);
     share_of_emission(scene, material, mesh, corners).map_or(full, |share| full * (EVEN + (1.0 - EVEN) * share))
 }
 
-/// Mean luminance that a triangle emits, roughly: factor times texture, less what alpha takes.
+/// Approximate mean luminance that a triangle emits: factor times texture and coverage.
 pub fn mean_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     luminance(material.emission) * share_of_emission(scene, material, mesh, corners).unwrap_or(1.0)
 }
 
-/// What textures and alpha leave of the emission of a triangle, on average; `None` for all of it.
+/// Mean fraction of a triangle's emission that textures and alpha leave; `None` if there is nothing to look up.
 fn share_of_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> Option<f64> {
     let texture = |used: Option<TextureUse>| used.and_then(|u| Some((u, scene.textures.get(u.texture as usize)?)));
     let (glow, base) = (texture(material.emission_texture), texture(material.base_colour_texture));
@@ -124,7 +125,7 @@ fn share_of_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &
     }
     let mut sum = 0.0;
     for i in 0..LOOK_UPS * LOOK_UPS {
-        // A regular pattern in the square, folded into the triangle.
+        // A regular grid in the square, mapped to the triangle.
         let [x, y] = [i % LOOK_UPS, i / LOOK_UPS].map(|k| (k as f32 + 0.5) / LOOK_UPS as f32);
         let root = x.sqrt();
         let weights = [1.0 - root, root * (1.0 - y), root * y];
@@ -145,7 +146,7 @@ fn share_of_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &
     Some(sum / f64::from(LOOK_UPS * LOOK_UPS))
 }
 
-/// The texel there, tiled, of a mip that is small enough for few look-ups to see it all.
+/// The texel at wrapped coordinates, of a mip small enough for a few samples to represent the texture.
 fn texel(texture: &Texture, uv: Vec2) -> [u8; 4] {
     let mip = texture.mips.len().saturating_sub(7);
     let [width, height] = texture.mip_size(mip);
@@ -162,11 +163,10 @@ fn from_srgb(texel: [u8; 4]) -> Vec3 {
     Vec3::new(channel(0), channel(1), channel(2))
 }
 
-/// Fills in thresholds, aliases and probabilities (Vose 1991, "A Linear Algorithm for Generating Random Numbers with a Given
-/// Distribution"). What has no weight above 0 is never chosen; where nothing has, the table is empty, which is what every shader that reads
-/// one expects.
+/// Computes thresholds, aliases and probabilities (Vose 1991, "A Linear Algorithm for Generating Random Numbers with a Given
+/// Distribution"). Entries without a weight above 0 are never chosen. If there are no others, the table is empty, which shaders check for.
 pub fn alias_table(mut entries: Vec<(f64, LightChoice)>) -> Vec<LightChoice> {
-    // NaN is no weight either.
+    // NaN counts as 0.
     entries.iter_mut().for_each(|(weight, _)| *weight = weight.max(0.0));
     let sum: f64 = entries.iter().map(|(weight, _)| weight).sum();
     if sum == 0.0 {

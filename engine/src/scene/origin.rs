@@ -1,24 +1,24 @@
-//! The world point that is the origin on the device.
+//! The world point that is the origin of coordinates on the device.
 use super::Camera;
 use glam::DVec3;
 
-/// Edge of a cell over the distance of the near plane.
+/// Width of a grid cell, in near-plane distances.
 const CELL: f64 = 4096.0;
 
-/// Follows the eye in steps: near the eye a coordinate in `f32` keeps its digits, however far that is from the world's origin, and
-/// between two steps nothing changes on the device.
+/// An origin that follows the camera in steps. Near the camera, coordinates in `f32` keep their precision, however far it is from
+/// the world's origin, and between two steps nothing changes on the device.
 ///
-/// A cell is some 4096 distances of the near plane wide, rounded to a power of two: the near plane says what is small in a
-/// picture. The eye is never more than a cell away, so 24 bits leave at least 1/4096 of the near plane's distance; and it stays
-/// the world's own origin as long as the eye is within a cell of that. A cell on, it moves to the corner of the grid nearest to
-/// the eye, half a cell away at most, so that an eye that goes to and fro does not make it follow.
+/// A cell is about 4096 near-plane distances wide, rounded to a power of two, because the near plane indicates what is small in a picture.
+/// The camera is never more than one cell from the origin, so 24 bits resolve at least 1/4096 of the near-plane distance. The origin stays
+/// that of the world while the camera is within one cell of it. When the camera is further than one cell away, the origin moves to the
+/// nearest grid corner, at most half a cell from the camera, so that small movements back and forth do not move it again.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FloatingOrigin {
     at: DVec3,
 }
 
 impl FloatingOrigin {
-    /// Goes along with a camera, and says where the origin is now. Metres.
+    /// Updates the origin for a camera and returns it, in metres of the world.
     pub fn follow(&mut self, camera: &Camera) -> DVec3 {
         let cell = (CELL * f64::from(camera.near)).log2().round().exp2();
         let eye = camera.eye();
@@ -55,7 +55,7 @@ mod tests {
             for x in [0.0, 1e-3, 1.0, 1e6, -1.234_567_89e9] {
                 let origin = FloatingOrigin::default().follow(&at(x, near)).x;
                 let most = 6000.0 * f64::from(near);
-                // No nearer than f64 can say.
+                // As near as f64 can represent.
                 assert!((x - origin).abs() <= most.max(x.abs() * 1e-15), "near {near:e}, eye {x:e}: {origin:e}");
             }
         }

@@ -1,25 +1,25 @@
-//! Where everything is at a time.
+//! Evaluates animations: where everything is at a given time.
 use super::animation::{Channel, Local, Node, Property, Skin, rest_worlds};
 use super::reach::Reach;
 use super::{Camera, Light, Scene, SceneError};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Plays one animation of a scene. It owns what that needs and no more: no vertices, no textures.
+/// Plays one animation of a scene. It copies what it needs, without vertices and textures.
 ///
-/// Where [`is_animated`](Self::is_animated) says no, every pose is the same and none but the first need be asked for.
+/// If [`is_animated`](Self::is_animated) is false, every pose is the same and needs to be computed only once.
 #[derive(Clone, Debug)]
 pub struct Animator {
-    /// World from node in the rest pose.
+    /// World-from-node transforms in the rest pose.
     rest: Vec<DAffine3>,
-    /// Place in `moving` of every node, [`STILL`] for those that do not move.
+    /// Index in `moving` of every node, or [`STILL`].
     slots: Vec<u32>,
-    /// Nodes that a channel moves, themselves or through an ancestor; parents before children.
+    /// Nodes that are animated, directly or through an ancestor; parents before children.
     moving: Vec<Moving>,
     channels: Vec<Channel>,
     duration: f64,
     instances: Vec<Placed>,
     skins: Vec<Skin>,
-    /// For each mesh that deforms; others have none.
+    /// Bounds of each mesh that some instance deforms.
     reaches: Vec<Option<Reach>>,
     lights: Vec<(Light, Option<u32>)>,
     cameras: Vec<(Camera, Option<u32>)>,
@@ -32,7 +32,7 @@ const STILL: u32 = u32::MAX;
 struct Moving {
     parent: Option<u32>,
     local: Local,
-    /// Channels of translation, rotation and scale.
+    /// Indices of the channels of translation, rotation and scale.
     channels: [Option<usize>; 3],
 }
 
@@ -42,44 +42,44 @@ struct Placed {
     node: Option<u32>,
     skin: Option<u32>,
     mesh: u32,
-    /// Morph weights in the rest pose; empty where nothing morphs.
+    /// Morph weights in the rest pose; empty if the instance never morphs.
     weights: Vec<f32>,
     weight_channel: Option<usize>,
     moves: bool,
     changes: bool,
 }
 
-/// A scene at one time. All tables but lights and cameras are parallel to [`Scene::instances`].
+/// The state of a scene at one time. All tables except lights and cameras are parallel to [`Scene::instances`].
 ///
-/// An animation may make a transform singular (a scale of zero), and one from a hostile file may leave every range: whoever
-/// uses a transform checks it, as for the rest pose of a scene made in code.
+/// An animation may make a transform singular (scale 0), and one from an untrusted file may exceed any range. Users must check
+/// transforms, as for the rest pose of a scene made by code.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// World from object.
+    /// World-from-object transforms.
     pub instances: Vec<DAffine3>,
     /// Object-from-bind matrices of the joints of skinned instances, `inverse(instance) * joint * inverse_bind`; empty for others.
     pub joints: Vec<Vec<DAffine3>>,
-    /// Weights of all morph targets of instances that morph; empty for others.
+    /// Weights of all morph targets of morphing instances; empty for others.
     pub weights: Vec<Vec<f32>>,
-    /// A box around the vertices of instances that deform, object space, wide enough for the rounding of a shader that works in
-    /// `f32`; `None` for others, whose vertices are those of the mesh.
+    /// Bounding boxes of the vertices of deforming instances, object space, widened for the rounding errors of shaders in `f32`;
+    /// `None` for others, whose vertices are those of the mesh.
     pub bounds: Vec<Option<[Vec3; 2]>>,
-    /// [`Scene::lights`], moved.
+    /// [`Scene::lights`] at this time.
     pub lights: Vec<Light>,
-    /// [`Scene::cameras`], moved.
+    /// [`Scene::cameras`] at this time.
     pub cameras: Vec<Camera>,
 }
 
 impl Animator {
-    /// Plays the first animation of a scene, or holds the rest pose of one that has none.
+    /// Plays the first animation of a scene; holds the rest pose if there is none.
     pub fn new(scene: &Scene) -> Self {
         Self::play(scene, (!scene.animations.is_empty()).then_some(0))
     }
 
-    /// Plays the animation of a name; where none has it, that of an index.
+    /// Plays the animation with this name, or else with this index.
     ///
     /// # Errors
-    /// [`SceneError::Animation`] when there is none.
+    /// [`SceneError::Animation`] if there is no such animation.
     pub fn with_animation(scene: &Scene, which: &str) -> Result<Self, SceneError> {
         let named = scene.animations.iter().position(|a| a.name == which);
         let counted = || which.parse::<usize>().ok().filter(|i| *i < scene.animations.len());
@@ -92,7 +92,7 @@ impl Animator {
         }
     }
 
-    /// Holds the rest pose.
+    /// Holds the rest pose of a scene.
     pub fn still(scene: &Scene) -> Self {
         Self::play(scene, None)
     }
@@ -157,12 +157,12 @@ impl Animator {
         }
     }
 
-    /// Whether any pose differs from another.
+    /// Whether the pose depends on time.
     pub fn is_animated(&self) -> bool {
         self.animated
     }
 
-    /// Seconds until the animation begins again; 0 without one.
+    /// Length of the animation loop, seconds; 0 without an animation.
     pub fn duration(&self) -> f64 {
         self.duration
     }
@@ -172,8 +172,8 @@ impl Animator {
         self.instances[instance].moves
     }
 
-    /// Whether the vertices of an instance are others than its mesh's: it is skinned, or morphs in some pose. They may still be
-    /// the same in every pose, see [`changes`](Self::changes).
+    /// Whether the vertices of an instance differ from those of its mesh: it is skinned, or it morphs in some pose. They may be
+    /// the same in every pose; see [`changes`](Self::changes).
     pub fn deforms(&self, instance: usize) -> bool {
         let placed = &self.instances[instance];
         placed.skin.is_some() || !placed.weights.is_empty()
@@ -189,13 +189,13 @@ impl Animator {
         self.instances[instance].changes
     }
 
-    /// Where everything is at a time in seconds, which loops over the animation.
+    /// The pose at a time in seconds, which wraps around the length of the animation.
     ///
-    /// A skinned instance stands where its node does, though glTF gives that no meaning: so its vertices are near its origin,
-    /// and its joints carry the rest. Where the node's transform has no good inverse, it stands at the world's origin.
+    /// A skinned instance gets the transform of its node, although glTF ignores that, so that its vertices are near its origin;
+    /// its joint matrices compensate. If the node's transform is not safely invertible, the instance gets the identity.
     ///
-    /// A light on a node is at its origin and shines along its -z, as KHR_lights_punctual has it; a rectangle, which glTF does
-    /// not know, keeps its place relative to the node. What has no direction in a pose keeps that of the rest pose.
+    /// A light on a node is at the node's origin and shines along its -z, as in KHR_lights_punctual; a rectangle, which glTF does not
+    /// have, keeps its transform relative to the node. A light whose direction is undefined in a pose keeps that of the rest pose.
     pub fn pose(&self, time: f64) -> Pose {
         let time = if self.duration > 0.0 { time.rem_euclid(self.duration) } else { 0.0 };
         let mut worlds: Vec<DAffine3> = Vec::with_capacity(self.moving.len());
@@ -311,7 +311,7 @@ impl Animator {
     }
 }
 
-/// The nodes that channels move, and the place of every node among them.
+/// The index of every node in the list of animated nodes, and that list.
 fn moving(nodes: &[Node], channels: &[Channel]) -> (Vec<u32>, Vec<Moving>) {
     let mut own: Vec<[Option<usize>; 3]> = vec![[None; 3]; if channels.is_empty() { 0 } else { nodes.len() }];
     for (i, channel) in channels.iter().enumerate() {
@@ -337,7 +337,7 @@ fn moving(nodes: &[Node], channels: &[Channel]) -> (Vec<u32>, Vec<Moving>) {
     (slots, moving)
 }
 
-/// The inverse of a transform that loses little: its axes are of ordinary length and none lies in the plane of the others.
+/// The inverse of a well-conditioned transform: its axes have moderate lengths and are far from coplanar.
 pub(super) fn good_inverse(m: &DAffine3) -> Option<DAffine3> {
     let lengths = DVec3::from_array([0, 1, 2].map(|c| m.matrix3.col(c).length()));
     let ordinary = lengths.min_element() >= 1e-6 && lengths.max_element() <= 1e6;

@@ -1,4 +1,4 @@
-//! Poses, deformations and their bounds, against results by hand and slow formulas.
+//! Poses, deformations and their bounds, against manual results and slow reference formulas.
 use super::*;
 use crate::scene::{Animation, Influence, Instance, Interpolation, Mesh, MorphTarget, builtin, deform, supply_missing};
 use glam::Affine3A;
@@ -10,7 +10,7 @@ fn influence(joint: u32, weight: f32) -> Influence {
     Influence { joint, weight }
 }
 
-/// Vertices that face x, with tangents along y.
+/// Vertices with normals along x and tangents along y.
 fn points(positions: Vec<Vec3>) -> Mesh {
     let n = positions.len();
     Mesh { positions, normals: vec![Vec3::X; n], tangents: vec![Vec4::new(0.0, 1.0, 0.0, -1.0); n], ..Mesh::default() }
@@ -26,8 +26,8 @@ fn channel(node: u32, property: Property, times: &[f32], values: &[f32]) -> Chan
     Channel { node, property, interpolation: Interpolation::Linear, times, values }
 }
 
-/// Two bones, each a metre long along y, from the origin; the upper one bends from 0 to 90 degrees about z in two seconds.
-/// Node 0 shows the mesh.
+/// Two bones of one metre each along y, from the origin. The upper one bends from 0 to 90 degrees about z in two seconds. Node 0
+/// shows the mesh.
 fn arm() -> Scene {
     let mut mesh = points(vec![Vec3::ZERO, Vec3::Y * 1.5, Vec3::Y * 2.0]);
     let none = influence(0, 0.0);
@@ -78,7 +78,7 @@ fn two_bones_by_hand() {
     assert_near(&half.normals[2..], &[[s, s, 0.0]]);
     assert_eq!(half.tangents[2].w, -1.0);
     assert_near(&[half.tangents[2].truncate()], &[[-s, s, 0.0]]);
-    // The middle vertex is moved by a matrix halfway between 1 and a turn: its normal turns by half as much.
+    // The matrix of the middle vertex is the mean of the identity and a rotation, so its normal turns by half the angle.
     let (x, y) = (22.5_f32.to_radians().cos(), 22.5_f32.to_radians().sin());
     assert_near(&half.normals[1..2], &[[x, y, 0.0]]);
 }
@@ -94,12 +94,12 @@ fn morphing_comes_before_skinning() {
     let quarter = DAffine3::from_rotation_z(FRAC_PI_2);
     let got = deform(&mesh, &[quarter], &[0.5, 3.0]);
     assert_near(&got.positions, &[[-1.0, 1.0, 3.0]]);
-    // (1, 0.5, 0) turned; the other order gives (0.5, 1, 0).
+    // (1, 0.5, 0) rotated; the wrong order would give (0.5, 1, 0).
     let n = Vec3::new(-0.5, 1.0, 0.0).normalize();
     assert_near(&got.normals, &[n.to_array()]);
     let t = Vec3::new(-1.0, 0.0, 0.5);
     assert_near(&[got.tangents[0].truncate()], &[(t - n * n.dot(t)).normalize().to_array()]);
-    // Without a skin, or a weight for each target.
+    // Without a skin, and with fewer weights than targets.
     assert_near(&deform(&mesh, &[], &[]).positions, &[[1.0, 0.0, 0.0]]);
     assert_near(&deform(&mesh, &[], &[1.0]).positions, &[[1.0, 2.0, 0.0]]);
 }
@@ -133,7 +133,7 @@ fn the_animation_loops_and_is_the_same_every_time() {
     assert!(message.contains("\"1\"") && message.contains("bend"), "{message}");
 }
 
-/// A node that turns about y and moves, with a child two metres in front of it that has everything on it.
+/// A node that turns about y and moves, with a child two metres in front of it that has an instance, lights and a camera.
 fn hung() -> Scene {
     let s = std::f32::consts::FRAC_1_SQRT_2;
     let channels = vec![
@@ -186,7 +186,7 @@ fn instances_lights_and_cameras_follow_their_nodes() {
     assert_eq!((&rest.lights, &rest.cameras), (&scene.lights, &scene.cameras));
     assert!(rest.instances.iter().zip(&scene.instances).all(|(a, b)| *a == b.world_from_object));
 
-    // Just before the end: turned by 90 degrees, 4 m up, three times as high.
+    // Just before the end: turned by 90 degrees, 4 m up, and scaled by three in height.
     let pose = animator.pose(1.0 - 1e-9);
     let near = |a: Vec3, b: [f32; 3]| assert!(a.abs_diff_eq(Vec3::from(b), 1e-6), "{a}, wanted {b:?}");
     near(pose.instances[0].transform_point3(DVec3::new(0.0, 1.0, 0.0)).as_vec3(), [-2.0, 7.0, 0.0]);
@@ -233,7 +233,7 @@ fn morph_weights_come_from_channel_node_or_mesh() {
     assert!((0..3).all(|i| animator.deforms(i)));
 }
 
-/// A generator of numbers between two (Knuth's MMIX constants).
+/// A pseudo-random generator of numbers in a range (Knuth's MMIX constants).
 fn dice(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     move |lo, hi| {
@@ -253,7 +253,7 @@ fn affine(roll: &mut impl FnMut(f64, f64) -> f64) -> DAffine3 {
     DAffine3::from_scale_rotation_translation(scale, rotation, vector(roll, 4.0))
 }
 
-/// A mesh of random vertices with random targets and influences.
+/// A mesh with random vertices, targets and influences.
 fn random_mesh(seed: u64, per_vertex: usize) -> Mesh {
     let mut roll = dice(seed);
     let n = 40;
@@ -280,7 +280,7 @@ fn random_mesh(seed: u64, per_vertex: usize) -> Mesh {
     mesh
 }
 
-/// The definition, one number after another: no blended matrix, and normals by an inverse.
+/// The definition, one number at a time: without blended matrices, and with normals by an inverse.
 fn slow(mesh: &Mesh, joints: &[DAffine3], weights: &[f32], i: usize) -> (DVec3, DVec3, DVec3) {
     let (mut p, mut n) = (mesh.positions[i].as_dvec3(), mesh.normals[i].as_dvec3());
     let mut t = mesh.tangents[i].truncate().as_dvec3();
@@ -317,19 +317,19 @@ proptest! {
         for i in 0..mesh.positions.len() {
             let (p, n, t) = slow(&mesh, &joints, &weights, i);
             prop_assert!(got.positions[i].as_dvec3().abs_diff_eq(p, 1e-7 * (20.0 + far)), "{} {p}", got.positions[i]);
-            // A matrix that is all but singular leaves little of the direction.
+            // A nearly singular matrix leaves little of the direction.
             prop_assert!(got.normals[i].as_dvec3().abs_diff_eq(n, 1e-5), "{} {n}", got.normals[i]);
             prop_assert!(got.tangents[i].truncate().as_dvec3().abs_diff_eq(t, 1e-5), "{} {t}", got.tangents[i]);
             prop_assert_eq!(got.tangents[i].w, mesh.tangents[i].w);
             prop_assert!(got.positions[i].cmpge(lo).all() && got.positions[i].cmple(hi).all(), "{i}: {lo} {hi}");
         }
-        // Morphing alone.
+        // Morph targets only.
         let got = deform(&mesh, &[], &weights);
         let [lo, hi] = reach.bounds(&[], &weights).unwrap();
         prop_assert!(got.positions.iter().all(|p| p.cmpge(lo).all() && p.cmple(hi).all()));
     }
 
-    /// In the world, a skinned vertex is where glTF says, wherever the node of its mesh is.
+    /// In world space, a skinned vertex is where glTF defines it, independent of the mesh's node.
     #[test]
     fn the_node_of_a_skinned_mesh_changes_nothing(seed in any::<u64>(), kind in 0..3) {
         let mut scene = arm();
@@ -394,7 +394,7 @@ fn the_carousel_moves_in_every_way() {
     assert_eq!(animator.duration(), 4.0);
     let (start, end) = (animator.pose(0.0), animator.pose(4.0 - 1e-6));
     for (a, b) in start.instances.iter().zip(&end.instances) {
-        // A clock that stands between two ticks is an eighth behind.
+        // A clock that stands still between two ticks is an eighth behind.
         let hand = scene.instances.iter().filter(|i| i.name == "clock hand").count();
         assert_eq!(hand, 1);
         assert!(a.translation.abs_diff_eq(b.translation, 1e-4), "{a} {b}");
@@ -412,7 +412,7 @@ fn the_carousel_moves_in_every_way() {
                 (least, most) = (least.min(*p), most.max(*p));
             }
             assert!(least.cmpge(lo).all() && most.cmple(hi).all(), "{}: {lo} {least} {most} {hi}", instance.name);
-            // Conservative, and still of use.
+            // The bounds are conservative, but not useless.
             assert!((hi - lo).max_element() < 2.0 * (most - least).max_element(), "{}: {lo} {hi}", instance.name);
         }
     }
@@ -435,13 +435,13 @@ fn the_carousel_moves_in_every_way() {
             assert!(table.is_empty() || table.len() == n, "{}", mesh.name);
         }
     }
-    // Lights and cameras in the rest pose are those of the nodes; one of each moves.
+    // Lights and cameras in the rest pose are those of the nodes; one of each is animated.
     let rest = Animator::still(&scene).pose(0.0);
     assert_eq!((&rest.lights, &rest.cameras), (&scene.lights, &scene.cameras));
     let later = animator.pose(1.0);
     assert_eq!(start.lights.iter().zip(&later.lights).filter(|(a, b)| a != b).count(), 1);
     assert_eq!(start.cameras.iter().zip(&later.cameras).filter(|(a, b)| a != b).count(), 1);
-    // It can be framed, spheres and all.
+    // A camera can be supplied for it, spheres included.
     scene.cameras.clear();
     supply_missing(&mut scene);
     assert!(scene.cameras[0].world_from_camera.is_finite());

@@ -1,20 +1,20 @@
-//! How far a mesh can reach in a pose: a box from a few boxes instead of all vertices.
+//! Bounds of a mesh in a pose, computed from a few boxes instead of all vertices.
 use super::Mesh;
 use crate::ray::Bounds;
 use glam::{DAffine3, DVec3, Vec3};
 
-/// What the rounding of a shader may add, relative to the sum of the magnitudes that it adds up: one unit roundoff of `f32`
-/// for each product and sum of eight blended matrices and their use on a point, with some to spare.
+/// Bound of a shader's rounding error, relative to the sum of the magnitudes of the terms: one unit roundoff of `f32` for each
+/// product and sum in blending eight matrices and applying the result to a point, with a margin.
 const ROUNDING: f64 = 32.0 / (1_u64 << 24) as f64;
 
-/// The boxes of a mesh that its deformations are bounded by.
+/// The boxes of a mesh from which its bounds in any pose follow.
 #[derive(Clone, Debug)]
 pub(super) struct Reach {
-    /// Around all vertices.
+    /// Bounding box of all vertices.
     whole: Bounds,
-    /// Joints with influence, and the box around the vertices that each has some weight in.
+    /// Each joint with influence, and the bounding box of the vertices that it influences.
     joints: Vec<(u32, Bounds)>,
-    /// Least and greatest delta of each morph target.
+    /// Minimum and maximum delta of each morph target.
     targets: Vec<Bounds>,
 }
 
@@ -36,11 +36,11 @@ impl Reach {
         }
     }
 
-    /// A box around every vertex as [`deform`](super::deform) places it; `None` for a mesh without vertices. Not a number where
-    /// a joint or weight is not.
+    /// Bounding box of every vertex as [`deform`](super::deform) computes it; `None` for a mesh without vertices. NaN if a joint
+    /// or weight is not finite.
     ///
-    /// Weights sum to 1, so a skinned vertex lies between its images under each of its joints, and in the box around the images
-    /// of their boxes. Each of these boxes is first widened by the weighted extremes of the morph targets.
+    /// Weights sum to 1, so a skinned vertex is a convex combination of its images under its joints, and is inside the union of
+    /// the transformed boxes of the joints. Each of these boxes is first extended by the weighted extremes of the morph targets.
     pub fn bounds(&self, joints: &[DAffine3], weights: &[f32]) -> Option<[Vec3; 2]> {
         if self.whole.is_empty() {
             return None;
@@ -73,7 +73,7 @@ impl Reach {
     }
 }
 
-/// The box around the image of a box (Arvo 1990), widened by [`ROUNDING`].
+/// Bounding box of a transformed box (Arvo 1990), widened by [`ROUNDING`].
 fn around(m: &DAffine3, lower: DVec3, upper: DVec3) -> [DVec3; 2] {
     let (mut min, mut max, mut size) = (m.translation, m.translation, m.translation.abs());
     for axis in 0..3 {

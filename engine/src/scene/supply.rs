@@ -1,18 +1,18 @@
-//! What a scene lacks to make a picture: a camera that frames it, a sun, a sky.
+//! Supplies what a scene needs to be rendered: a camera that frames it, a sun, a sky.
 use super::glow::{ENOUGH, share_lit};
 use super::{Animator, Camera, Daylight, Material, Scene, deform};
 use crate::ray::COORDINATE_LIMIT;
 use glam::{DMat3, DVec3, Vec3};
 use std::borrow::Cow;
 
-/// Aspect ratio that a supplied camera frames for.
+/// Aspect ratio that a supplied camera fits.
 const ASPECT: f64 = 16.0 / 9.0;
 /// Vertical angle of view of a supplied camera, radians (35 degrees).
 const FOV: f64 = 0.610_865_238_198_015_3;
-/// Share of the picture's half width and height that the scene fills.
+/// Fraction of the picture's half width and height that the scene fills.
 const FILL: f64 = 0.94;
-/// Directions from which a supplied camera may look, degrees: azimuth from +z, the front of a glTF scene, towards +x, and
-/// elevation. The first counts unless another sees clearly more.
+/// Directions of a supplied camera, degrees: azimuth from +z (the front of a glTF scene) towards +x, and elevation. The first is
+/// used unless another sees clearly more.
 const VIEWS: [[f64; 2]; 8] = [
     [35.0, 20.0],
     [-35.0, 20.0],
@@ -23,34 +23,34 @@ const VIEWS: [[f64; 2]; 8] = [
     [168.0, 30.0],
     [-168.0, 30.0],
 ];
-/// How much more another view must see; twice as much where it looks from behind, which only walls in front excuse.
+/// Factor by which another view must see more instances; twice that if it looks from behind, which is only justified by walls in front.
 const CLEARLY_MORE: f64 = 1.15;
 const FROM_BEHIND: f64 = 2.0;
-/// Elevation of a supplied sun and its angle to the side of the camera, degrees.
+/// Elevation of a supplied sun, and its azimuth relative to the camera, degrees.
 const SUN: [f32; 2] = [50.0, 50.0];
-/// Resolution at which visible instances are counted.
+/// Resolution at which visible instances are counted, pixels.
 const PROBE: [usize; 2] = [256, 144];
 
-/// What a scene that lacks it is given.
+/// What is supplied to a scene that lacks it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Supply {
-    /// Nothing: a scene without lights is dark but for what emits, and one without a camera cannot be shown by a camera of its own.
+    /// Nothing. A scene without lights is dark except for emission, and one without a camera needs one from elsewhere.
     Nothing,
-    /// A camera.
+    /// A camera only.
     Camera,
     /// A camera, a sun and a sky.
     #[default]
     All,
 }
 
-/// Supplies all that is missing: [`supply`] with [`Supply::All`].
+/// Supplies everything that is missing: [`supply`] with [`Supply::All`].
 pub fn supply_missing(scene: &mut Scene) {
     supply(scene, Supply::All);
 }
 
-/// Supplies what is missing, as far as it is wanted, a notice for each in [`Scene::supplied`]: a camera that frames the geometry; a sun and
-/// a sky that match, where there is neither light nor daylight nor an environment map, and what emits does not light a quarter of the
-/// scene's surfaces. A scene without materials gets the default one in any case.
+/// Supplies what is missing, as far as `wanted`, with a notice for each in [`Scene::supplied`]: a camera that frames the
+/// geometry; and a sun and a sky if there are no lights, no daylight and no environment map, and emissive surfaces light less
+/// than a quarter of the scene's surfaces. A scene without materials always gets the default one.
 pub fn supply(scene: &mut Scene, wanted: Supply) {
     if scene.materials.is_empty() {
         scene.materials.push(Material::default());
@@ -66,7 +66,7 @@ pub fn supply(scene: &mut Scene, wanted: Supply) {
     }
 }
 
-/// A sun and a sky, unless what emits is light enough.
+/// Supplies a sun and a sky, unless emissive surfaces light the scene well enough.
 fn supply_light(scene: &mut Scene) {
     let Some(camera) = scene.cameras.first() else { return };
     let to_sun = sun_for(camera);
@@ -84,10 +84,11 @@ fn supply_light(scene: &mut Scene) {
     scene.supplied.push(format!("the scene has no light{glow}: a sun from {to_sun:.2} and a clear sky are supplied"));
 }
 
-/// Behind the camera, to its left and above: fronts are lit, and shadows fall to the right and away, where they are seen.
+/// Direction towards the sun: behind the camera, to its left and above. Front faces are lit, and shadows fall to the right and
+/// away, where they are visible.
 fn sun_for(camera: &Camera) -> Vec3 {
     let forward = camera.forward();
-    // A camera that looks straight down has its top for a forward direction.
+    // For a camera that looks straight down, its up direction is ahead.
     let flat = Vec3::new(forward.x, 0.0, forward.z);
     let ahead = flat.try_normalize().unwrap_or_else(|| {
         let up = camera.world_from_camera.matrix3.y_axis.as_vec3();
@@ -99,19 +100,19 @@ fn sun_for(camera: &Camera) -> Vec3 {
     (around * elevation.cos() + Vec3::Y * elevation.sin()).normalize()
 }
 
-/// A rotation (camera axes in columns), an eye and the greatest depth of a vertex.
+/// A camera under construction: a rotation (camera axes in columns), an eye, and the largest depth of a vertex.
 struct View {
     axes: DMat3,
     eye: DVec3,
     depth: f64,
 }
 
-/// An instance as it stands at the start of the animation.
+/// An instance at the start of the animation.
 pub(super) struct Thing<'a> {
     pub world: glam::DAffine3,
     pub positions: Cow<'a, [Vec3]>,
     pub indices: Cow<'a, [u32]>,
-    /// Centres in the world, and world from unit sphere.
+    /// Spheres: centre in the world, and transform of the unit sphere to world space.
     pub balls: Vec<(DVec3, DMat3)>,
     double_sided: bool,
 }
@@ -122,12 +123,12 @@ impl Thing<'_> {
     }
 }
 
-/// What an animation throws out of the world is not framed.
+/// Geometry that an animation moves out of range is not framed.
 fn reachable(p: DVec3) -> bool {
     p.is_finite() && p.abs().max_element() <= f64::from(COORDINATE_LIMIT)
 }
 
-/// All of a scene's instances, in their order.
+/// All instances of a scene, in order.
 pub(super) fn things(scene: &Scene) -> Vec<Thing<'_>> {
     let pose = Animator::new(scene).pose(0.0);
     let thing = |(i, instance): (usize, &super::Instance)| {
@@ -145,7 +146,7 @@ pub(super) fn things(scene: &Scene) -> Vec<Thing<'_>> {
     scene.instances.iter().enumerate().map(thing).collect()
 }
 
-/// The nearest camera in the direction of one of [`VIEWS`] that has all geometry in its picture.
+/// The nearest camera in one of the directions of [`VIEWS`] that has all geometry in the picture.
 fn frame(scene: &Scene) -> Camera {
     let things = things(scene);
     let mut best: Option<(f64, View)> = None;
@@ -163,9 +164,9 @@ fn frame(scene: &Scene) -> Camera {
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
 }
 
-/// Moves the eye back until all geometry lies within the four planes of the picture. Each plane gives a linear bound: for
-/// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the greatest `q.x + s q.z` counts. Of an
-/// ellipsoid `c + M u` (`u` in the unit ball), the greatest `f . q` is `f . c + |M^T f|`.
+/// Moves the eye back until all geometry is inside the four side planes of the frustum. Each plane gives a linear bound: for
+/// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the largest `q.x + s q.z` counts. For an
+/// ellipsoid `c + M u` (`u` in the unit ball), the largest `f . q` is `f . c + |M^T f|`.
 fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
     let back = DVec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), azimuth.cos() * elevation.cos());
     let right = DVec3::Y.cross(back).normalize();
@@ -193,18 +194,18 @@ fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
     let [right, left, top, bottom, front, behind] = most;
     let least_z = -behind;
     if !least_z.is_finite() {
-        // Nothing to frame.
+        // There is nothing to frame.
         return View { axes, eye: back * 5.0, depth: 5.0 };
     }
     let z = (0.5 * (right + left) / sx).max(0.5 * (top + bottom) / sy);
-    // A single point, or a flat thing seen from the side, has no extent to stand back from.
+    // A single point, or a flat object seen from the side, has no extent to step back from.
     let extent = (front - least_z).max(z - front).max(front.abs() * 1e-6).max(1e-6);
     let z = z.max(front + 0.05 * extent);
     let eye = axes * DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), z);
     View { axes, eye, depth: z - least_z }
 }
 
-/// The faces of an octahedron in a unit sphere, counter-clockwise from outside: enough of a sphere to be counted.
+/// The faces of an octahedron in the unit sphere, counter-clockwise from outside. Good enough for counting visible spheres.
 fn octahedron() -> impl Iterator<Item = [DVec3; 3]> {
     (0..8).map(|i| {
         let sign = |bit: usize| if i >> bit & 1 == 0 { 1.0 } else { -1.0 };
@@ -213,7 +214,7 @@ fn octahedron() -> impl Iterator<Item = [DVec3; 3]> {
     })
 }
 
-/// How much of the scene a view shows: the number of instances of which at least a few pixels are visible.
+/// How much of the scene a view shows: the number of instances with at least a few visible pixels.
 fn seen(things: &[Thing<'_>], view: &View) -> f64 {
     const ENOUGH: u32 = 3;
     let [width, height] = PROBE;
@@ -248,7 +249,7 @@ fn seen(things: &[Thing<'_>], view: &View) -> f64 {
     pixels.iter().filter(|n| **n >= ENOUGH).count() as f64
 }
 
-/// Calls `put` with each pixel whose centre a triangle covers, and the depth there (interpolated as the inverse).
+/// Calls `put` with each pixel whose centre a triangle covers, and its depth (interpolated as 1/depth).
 fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(usize, f64)) {
     let [width, height] = PROBE;
     let area = (b - a).truncate().perp_dot((c - a).truncate());
@@ -402,7 +403,7 @@ mod tests {
 
     #[test]
     fn a_wall_in_front_is_walked_around() {
-        // Many small things behind a wall that hides them from the front.
+        // Many small objects behind a wall that hides them from the front.
         let mut scene = cloud(corners(Vec3::new(4.0, 3.0, 0.1), Vec3::new(0.0, 0.0, 3.0)));
         scene.meshes[0].indices =
             (0..8).flat_map(|a| (0..8).flat_map(move |b| (0..8).flat_map(move |c| [a, b, c]))).collect();

@@ -1,4 +1,4 @@
-//! Textures in plain memory: 8-bit RGBA with every mip.
+//! Textures in host memory: 8-bit RGBA with all mips.
 use rayon::prelude::*;
 use std::sync::LazyLock;
 
@@ -7,26 +7,25 @@ use std::sync::LazyLock;
 pub enum ColourSpace {
     /// IEC 61966-2-1 curve, Rec.709 primaries: base colour and emission.
     Srgb,
-    /// The numbers are the values: normals, roughness, metalness, occlusion.
+    /// The codes are the values: normals, roughness, metalness, occlusion.
     Linear,
 }
 
-/// An image with all its mips.
+/// A texture with all its mips.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// Name for messages.
+    /// Name, for messages.
     pub name: String,
-    /// Width and height of the first mip, texels, at least 1.
+    /// Width and height of mip 0, texels, at least 1.
     pub size: [u32; 2],
-    /// How the colours are encoded.
+    /// How the colour channels are encoded.
     pub colour_space: ColourSpace,
-    /// RGBA, 8 bits each, row by row from the top; the first is the full image, the last is 1x1.
-    /// Mip `i` measures `max(1, size >> i)`.
+    /// RGBA, 8 bits each, row by row from the top. Mip 0 is the full image, the last is 1x1, and mip `i` measures `max(1, size >> i)`.
     pub mips: Vec<Vec<u8>>,
 }
 
 impl Texture {
-    /// A texture with its mips from `size[0] * size[1] * 4` bytes of RGBA.
+    /// A texture from `size[0] * size[1] * 4` bytes of RGBA; computes its mips.
     pub fn new(name: String, size: [u32; 2], colour_space: ColourSpace, rgba: Vec<u8>) -> Self {
         Self { name, size, colour_space, mips: mip_chain(size, rgba, colour_space) }
     }
@@ -37,13 +36,13 @@ impl Texture {
     }
 }
 
-/// All mips of an image, the image itself first, down to 1x1; each is half as large, rounded down, and at least 1.
+/// All mips of an image, mip 0 first, down to 1x1. Each is half as large as the one before, rounded down, and at least 1.
 ///
-/// An exact box filter: a texel is the mean of the area that it covers one mip above, also where that is 2.5 texels wide,
-/// taken in linear light. Rows run in parallel.
+/// An exact box filter in linear light: a texel is the mean of the area that it covers in the mip before, even if that is 2.5
+/// texels wide. Rows are computed in parallel.
 ///
 /// # Panics
-/// When `rgba` does not hold `size[0] * size[1]` texels of 4 bytes, or a size is 0.
+/// If `rgba` does not hold `size[0] * size[1]` texels of 4 bytes, or if a size is 0.
 pub fn mip_chain(size: [u32; 2], rgba: Vec<u8>, colour_space: ColourSpace) -> Vec<Vec<u8>> {
     let mut size = size.map(|n| n as usize);
     assert!(size[0] > 0 && size[1] > 0, "a texture of {size:?} texels has no mips");
@@ -89,7 +88,7 @@ struct Cover {
 }
 
 impl Cover {
-    /// Texel `i` of `to` covers `from / to` texels; both counted in units of `1 / to`, so that the arithmetic is exact.
+    /// Texel `i` of `to` covers `from / to` texels. Both are counted in units of `1 / to`, so that the arithmetic is exact.
     fn new(i: usize, from: usize, to: usize) -> Self {
         let (start, end) = (i * from, (i + 1) * from);
         let first = start / to;
@@ -108,7 +107,7 @@ impl Cover {
     }
 }
 
-/// The sRGB curve (IEC 61966-2-1), 0 to 1 in and out.
+/// The sRGB decoding curve (IEC 61966-2-1), 0 to 1 in and out.
 pub(super) fn srgb_to_linear(s: f32) -> f32 {
     if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
 }
@@ -116,9 +115,9 @@ pub(super) fn srgb_to_linear(s: f32) -> f32 {
 struct Curve {
     /// Linear value of each code.
     linear: [f32; 256],
-    /// Least linear value that rounds to code `i + 1`.
+    /// Smallest linear value that rounds to code `i + 1`.
     above: [f32; 255],
-    /// For `x * 1023`: a code at or a little below the right one.
+    /// For index `x * 1023`: a code equal to the right one or slightly below.
     guess: [u8; 1024],
 }
 
@@ -132,7 +131,7 @@ fn decode(code: u8, colour_space: ColourSpace, channel: usize) -> f32 {
     if colour_space == ColourSpace::Srgb && channel < 3 { CURVE.linear[code as usize] } else { code as f32 / 255.0 }
 }
 
-/// The code nearest on the encoded scale.
+/// The nearest code, measured on the encoded scale.
 fn encode(value: f32, colour_space: ColourSpace, channel: usize) -> u8 {
     if colour_space == ColourSpace::Srgb && channel < 3 {
         let curve = &*CURVE;
@@ -188,7 +187,7 @@ mod tests {
 
     #[test]
     fn odd_sizes_weigh_by_area() {
-        // 5 -> 2: each covers 2.5 texels: (0 + 100 + 50 / 2) / 2.5 and (50 / 2 + 200 + 250) / 2.5.
+        // From 5 texels to 2, each covers 2.5: (0 + 100 + 50 / 2) / 2.5 and (50 / 2 + 200 + 250) / 2.5.
         let row: Vec<u8> = [0, 100, 50, 200, 250].iter().flat_map(|v| [*v; 4]).collect();
         let mip = &mip_chain([5, 1], row, ColourSpace::Linear)[1];
         assert_eq!((mip[0], mip[4]), (50, 190));

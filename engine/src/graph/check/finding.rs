@@ -1,48 +1,48 @@
-//! What one frame held that it should not.
+//! What the scan found in one frame: non-finite values, where they are, and what the pass read there.
 
 use std::fmt;
 
 use super::super::desc::{Extent, Format, Part};
 
-/// Values that no image or buffer should hold, in one output of one pass.
+/// Non-finite values in one output of one pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
-    /// The pass that wrote them; `import` for what came into the frame from outside.
+    /// Name of the pass that wrote them; `import` for contents that the frame imported.
     pub pass: String,
-    /// Its index in the declaration; `None` for what came from outside.
+    /// Index of that pass in the declaration; `None` for imported contents.
     pub pass_index: Option<u32>,
-    /// The output, or the name that the resource was imported by.
+    /// Name of the output within the pass, or the name under which the resource was imported.
     pub output: String,
     /// Index of the resource in the declaration.
     pub resource: u32,
-    /// The version that was written.
+    /// The version of the resource that holds them.
     pub version: u32,
     /// Pixels or elements with a NaN.
     pub nan: u64,
     /// Pixels or elements with an infinity and no NaN.
     pub infinite: u64,
-    /// The first of them: by layer, then mip, then in reading order.
+    /// The first bad pixel or element: ordered by layer, then mip, then row by row.
     pub place: Place,
-    /// What is there.
+    /// The value at `place`.
     pub value: Value,
-    /// Mips and layers that hold any, each one mip of one layer; of a buffer the whole.
+    /// The parts that hold bad values, each one mip of one layer; for a buffer, the whole buffer.
     pub parts: Vec<Part>,
-    /// What the pass read, at the place that corresponds.
+    /// What the pass read, each at the place that corresponds to `place`.
     pub inputs: Vec<Input>,
 }
 
 /// A place in an image or a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Place {
-    /// A pixel.
+    /// A pixel of one mip of one layer.
     Pixel {
-        /// From the left.
+        /// Column, counted from the left.
         x: u32,
-        /// From the top.
+        /// Row, counted from the top.
         y: u32,
-        /// Which mip.
+        /// Mip level; `x` and `y` count pixels of this mip.
         mip: u32,
-        /// Which layer.
+        /// Array layer.
         layer: u32,
     },
     /// The 32-bit word with this index.
@@ -50,7 +50,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// A pixel of the first mip of the first layer.
+    /// A pixel of mip 0 of layer 0.
     pub fn pixel(x: u32, y: u32) -> Self {
         Self::Pixel { x, y, mip: 0, layer: 0 }
     }
@@ -73,19 +73,19 @@ impl fmt::Display for Place {
     }
 }
 
-/// What a place holds.
+/// The value at a [`Place`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Value {
-    /// Numbers, as the format has them.
+    /// The channels; those beyond `channels` are meaningless.
     pub values: Values,
-    /// How many of them there are.
+    /// Number of channels that the format has, 1 to 4; 1 for a buffer.
     pub channels: u32,
 }
 
-/// Numbers of a pixel or element.
+/// Channels of a pixel or element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Values {
-    /// Floats, and what is read as such: normalised integers, depth.
+    /// Floats, including what shaders read as floats: normalised integers and depth.
     Float([f32; 4]),
     /// Unsigned integers.
     Uint([u32; 4]),
@@ -100,7 +100,7 @@ impl Value {
         Self { values, channels: format.map_or(1, Format::channels) }
     }
 
-    /// Whether any of the numbers is NaN or infinite.
+    /// Whether any channel is NaN or infinite.
     pub fn is_bad(&self) -> bool {
         match self.values {
             Values::Float(values) => values[..self.channels as usize].iter().any(|v| !v.is_finite()),
@@ -123,41 +123,42 @@ impl fmt::Display for Value {
     }
 }
 
-/// Something that a pass read.
+/// One resource that a pass read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Input {
-    /// Its full name, `pass:output` or the name that it was imported by.
+    /// Full name: `pass:output`, or the name under which it was imported.
     pub name: String,
-    /// What is there.
+    /// The value at the corresponding place, or why it is not known.
     pub seen: Seen,
 }
 
-/// What could be seen of an input.
+/// What the scan could read of an input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Seen {
-    /// A value, and where it lies: the same share of the way from left to right and from top to bottom, or from first to last.
+    /// The value, and the place where it was read. Places correspond by relative position: the same fraction of the width and
+    /// height, or of the buffer's length.
     At(Place, Value),
-    /// Nothing.
+    /// The input was not read back.
     Not(Unseen),
 }
 
-/// Why the value of an input is not shown.
+/// Why the value of an input is not reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unseen {
-    /// The pass wrote over it. A finding of the pass before tells what it held.
+    /// The pass overwrote it. If it was bad before, the finding of an earlier pass reports that.
     Overwritten,
-    /// A buffer that was not declared to be of floats: nothing looks into it.
+    /// A buffer that was not declared to hold floats is not scanned.
     Raw,
-    /// A buffer of floats that is too large to be scanned.
+    /// A buffer of floats above the size limit of the scan.
     TooLarge,
-    /// An acceleration structure: nothing looks into it.
+    /// Acceleration structures are not scanned.
     Acceleration,
-    /// An image from outside that was not made to be sampled.
+    /// An imported image without sampled usage.
     NotSampled,
 }
 
 impl Unseen {
-    /// In words, for the report.
+    /// The reason, for the report.
     pub fn name(self) -> &'static str {
         match self {
             Self::Overwritten => "overwritten by the pass",
@@ -184,7 +185,7 @@ impl Finding {
         format!("{}:{}", self.pass, self.output)
     }
 
-    /// How many, and where the first one is.
+    /// How many pixels or elements are bad, and where the first one is.
     pub(super) fn counts(&self) -> String {
         let what = match self.place {
             Place::Pixel { .. } => "pixel",
@@ -206,16 +207,16 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What a place is measured in.
+/// The index space of a [`Place`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ground {
-    /// One mip.
+    /// One mip of an image, with its size.
     Image(Extent),
-    /// So many words.
+    /// A buffer, with its number of 32-bit words.
     Buffer(u64),
 }
 
-/// The place in `to` that corresponds to one in `from`; `shaders/check/probe.comp` finds the same.
+/// The place in `to` at the same relative position as `place` in `from`. Must agree with `shaders/check/probe.comp`.
 pub(super) fn corresponding(place: Place, from: Ground, to: Ground, mip: u32, layers: (u32, u32)) -> Place {
     let scaled = |at: u64, from: u64, to: u64| at * to / from.max(1);
     let (index, total) = match (place, from) {

@@ -1,15 +1,15 @@
-//! NaN and infinity: where each one comes from.
+//! Finds the pass and frame in which each NaN or infinity arose.
 //!
 //! | file | does |
 //! |---|---|
-//! | `watch` | adds weak passes after every pass: a scan of what it wrote, then a look at its inputs where something was found |
-//! | `finding` | what one frame held that it should not, and what lay around it |
+//! | `watch` | adds weak passes after every pass: one scans its outputs, one reads its inputs where something was found |
+//! | `finding` | what one frame held: bad values, where they are, and the inputs at that place |
 //! | `trail` | follows findings through passes and frames to the pass where they arose |
-//! | `poison` | spoils an output on purpose, to test the rest |
+//! | `poison` | writes a NaN or infinity into an output on purpose, to test the rest |
 //!
-//! Scanned are images of floating-point formats, all mips and layers that the pass wrote, and buffers that were declared to be of
-//! floats ([`BufferDesc::of_floats`](super::BufferDesc::of_floats)); also what comes into the frame from outside, histories
-//! included, when the first pass reads it. Bounded formats cannot hold a NaN: one that a pass loses in such an output is not seen.
+//! Scanned are images of floating-point formats, all mips and layers that the pass wrote, and buffers that were declared to hold
+//! floats ([`BufferDesc::of_floats`](super::BufferDesc::of_floats)); also what a frame imports, histories included, when the
+//! first pass reads it. Bounded formats cannot hold a NaN: one that is lost by storing it in such an output is not found.
 
 mod finding;
 mod poison;

@@ -1,4 +1,4 @@
-//! Spoiling an output on purpose, so that tests can tell whether it is found.
+//! Fault injection: writes a NaN or infinity into an output, so that tests can check that it is found.
 
 use super::{
     super::{
@@ -9,59 +9,59 @@ use super::{
     Place,
 };
 
-/// Values to spoil with.
+/// The value to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bad {
     /// A quiet NaN.
     Nan,
-    /// An infinity above zero.
+    /// Positive infinity.
     Infinity,
 }
 
-/// One pixel or element of one output, to be spoilt at the end of the pass that writes it.
+/// One pixel or element of one output, to be overwritten at the end of the pass that writes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Poison {
-    /// The pass.
+    /// Name of the pass.
     pub pass: String,
-    /// Its output.
+    /// Name of its output.
     pub output: String,
-    /// Where. The first channel is spoilt, the others become zero.
+    /// The pixel or element. Its first channel gets `value`, the others become zero.
     pub place: Place,
-    /// With what.
+    /// The value to write.
     pub value: Bad,
 }
 
-/// Why an output cannot be spoilt.
+/// Why an output cannot be poisoned.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("cannot poison {pass}:{output}: {why}")]
 pub struct PoisonError {
-    /// The pass.
+    /// Name of the pass.
     pub pass: String,
-    /// Its output.
+    /// Name of its output.
     pub output: String,
-    /// The reason.
+    /// The reason: no such pass runs, no such output, the place is outside it, or its format cannot hold the value.
     pub why: String,
 }
 
-/// A [`Poison`] as the executor needs it.
+/// A [`Poison`] resolved against a declaration.
 pub(in super::super) struct Poisoned {
     /// Index of the pass.
     pub pass: u32,
     /// Index of the resource.
     pub resource: u32,
-    /// What to write; room for the largest pixel.
+    /// The pixel or element to write, padded with zeros.
     pub bytes: [u8; 16],
-    /// How much of that.
+    /// How many of those bytes are written.
     pub length: u64,
     pub place: Place,
-    /// The mip and layer of an image.
+    /// The mip and layer, for an image.
     pub part: Part,
-    /// How the pass leaves the image.
+    /// Layout of the image at the end of the pass.
     pub layout: Layout,
 }
 
 impl Poison {
-    /// Finds what is meant, among the passes that run.
+    /// Resolves the names, among the passes that run (`order`).
     pub(in super::super) fn resolve(&self, declaration: &Declaration, order: &[u32]) -> Result<Poisoned, PoisonError> {
         let fail = |why: String| PoisonError { pass: self.pass.clone(), output: self.output.clone(), why };
         let pass = order.iter().copied().find(|&p| declaration.pass_name(p) == self.pass);
@@ -96,7 +96,7 @@ impl Poison {
 }
 
 impl Bad {
-    /// One float of 32 bits (IEEE 754-2019, 3.4), then zeros.
+    /// An `f32` (IEEE 754-2019, 3.4) as little-endian bytes, padded with zeros.
     fn float(self) -> [u8; 16] {
         let value = match self {
             Self::Nan => f32::NAN,
@@ -105,7 +105,7 @@ impl Bad {
         start(&value.to_le_bytes())
     }
 
-    /// A pixel of this format; none where the format is bounded.
+    /// A pixel of this format whose first channel is the value; `None` where the format cannot hold it.
     fn pixel(self, format: Format) -> Option<[u8; 16]> {
         let half = || {
             let value = match self {

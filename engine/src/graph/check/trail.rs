@@ -1,8 +1,8 @@
-//! Follows findings through passes and frames to where they arose.
+//! Follows findings through passes and frames to the pass where they arose.
 //!
-//! A finding is caused by an input of its pass that is bad itself: written so by another pass of the frame, left so by an earlier
-//! frame in a history or a kept buffer, or brought in so. One whose inputs are all clean is an origin. All findings with one origin
-//! make one report, however many passes and frames they go through.
+//! The cause of a finding is an input of its pass that is itself bad: written by another pass of the frame, kept by an earlier
+//! frame in a history or a kept buffer, or imported. A finding whose inputs are all clean is an origin. All findings with the
+//! same origin make one report, however many passes and frames they spread through.
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -18,51 +18,51 @@ use super::{
     Finding, Input, Seen, Unscanned,
 };
 
-/// Most reports that are kept, most outputs that one of them names, most links of a path.
+/// Limit on the reports that are kept, on the outputs that each one names, and on the links of a path.
 const MOST: usize = 256;
 
-/// One step on the way from an origin to where it surfaced.
+/// One step on the path from an origin to where the value was last seen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Link {
-    /// A pass handed it on.
+    /// A pass read the value and wrote it on.
     Pass {
-        /// The pass.
+        /// Name of the pass.
         pass: String,
-        /// The output that was bad.
+        /// Name of the bad output.
         output: String,
-        /// The frame, and where it went round through a history, the last one.
+        /// First and last frame in which the value passed here; they differ where it circulates through a history.
         frames: [u32; 2],
     },
-    /// It went to the next frame in a history.
+    /// It reached the next frame through a history, named here.
     History(String),
-    /// It stayed in a buffer that keeps its contents.
+    /// It stayed in a kept buffer, named here.
     Kept(String),
 }
 
-/// Everything that came of one origin.
+/// All findings with one origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// The frame in which it first arose.
+    /// The frame in which it first arose, counted from 0.
     pub frame: u32,
-    /// The first pass that held it, where, and what it had read there.
+    /// The finding of the origin: the pass, the place, and the inputs there.
     pub origin: Finding,
-    /// The longest way that it went, the origin included.
+    /// The longest path that the value took, the origin included.
     pub path: Vec<Link>,
-    /// Frames in which the same output was an origin.
+    /// Number of frames in which the same output was an origin.
     pub arose: u32,
-    /// The last frame in which anything of it was seen.
+    /// The last frame in which the value was found anywhere.
     pub last_frame: u32,
-    /// Outputs that held it, `pass:output`; the first 256.
+    /// Outputs that held the value, as `pass:output`; the first 256.
     pub outputs: BTreeSet<String>,
 }
 
-/// What is known of findings so far. It grows with the number of different outputs, not with that of frames.
+/// The findings of all frames so far. Its size grows with the number of different outputs, not with the number of frames.
 #[derive(Debug, Default)]
 pub struct Trail {
     reports: Vec<Report>,
-    /// Origins beyond those that are kept.
+    /// Number of origins that found no room in `reports`.
     left_out: u64,
-    /// What the last frame left bad, by history or kept buffer.
+    /// The histories and kept buffers that the last frame left bad.
     carried: HashMap<Slot, Node>,
     unscanned: BTreeSet<(String, String)>,
 }
@@ -73,24 +73,24 @@ enum Slot {
     Kept(u32),
 }
 
-/// Something bad: its report, if there is room for one, and the way to it.
+/// Something bad: the index of its report, if there was room for one, and the path to it.
 #[derive(Clone, Debug)]
 struct Node {
     report: Option<usize>,
     path: Rc<Vec<Link>>,
 }
 
-/// A frame while it is gone through.
+/// The frame that is being followed.
 struct Frame<'a> {
     declaration: &'a Declaration,
     writers: Writers,
     ran: Vec<bool>,
-    /// Bad versions: what was found, and where that came from.
+    /// The bad versions, by resource and version, with their finding and where it came from.
     bad: HashMap<(u32, u32), (&'a Finding, Node)>,
 }
 
 impl Trail {
-    /// Takes in what a frame held: its number, its declaration, the passes that ran, what was found and what was not scanned.
+    /// Takes in one frame: its number, its declaration, the passes that ran, the findings, and the outputs that were not scanned.
     pub fn follow(
         &mut self,
         frame: u32,
@@ -107,7 +107,7 @@ impl Trail {
         let mut ran = vec![false; declaration.passes.len()];
         order.iter().for_each(|&pass| ran[pass as usize] = true);
         let mut now = Frame { declaration, writers: declaration.writers(), ran, bad: HashMap::new() };
-        // What came in is a cause, never an effect; passes come after their causes.
+        // Imports sort first, because they are causes and never effects. Passes come after their causes.
         let mut sorted: Vec<&Finding> = findings.iter().collect();
         sorted.sort_by_key(|f| f.pass_index);
         for finding in sorted {
@@ -117,7 +117,7 @@ impl Trail {
             };
             if let Some(report) = node.report.map(|r| &mut self.reports[r]) {
                 report.last_frame = frame;
-                // What came in through a history is no step of its own.
+                // The import of a history adds no step to the path; the history's own link does.
                 let step = finding.pass_index.is_some() || node.path.len() == 1;
                 if step && report.outputs.len() < MOST {
                     report.outputs.insert(finding.name());
@@ -136,23 +136,23 @@ impl Trail {
         &self.reports
     }
 
-    /// Origins for which there was no room in [`Trail::reports`].
+    /// Number of origins for which there was no room in [`Trail::reports`].
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// Outputs that could not be scanned, and why; the first 256.
+    /// Outputs that could not be scanned, as (`pass:output`, reason); the first 256.
     pub fn unscanned(&self) -> impl Iterator<Item = (&str, &str)> {
         self.unscanned.iter().map(|(name, why)| (name.as_str(), why.as_str()))
     }
 
-    /// Forgets everything.
+    /// Forgets all reports.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
 
-    /// The bad input that a finding is due to: one that is bad at that very place, else one that the pass wrote over, else the
-    /// one that went bad first.
+    /// The bad input that caused a finding. In order of preference: one that is bad at the same place, one whose value is unknown
+    /// (such as one that the pass overwrote), one that is bad elsewhere; among equals, the one whose origin is the oldest.
     fn cause(&self, now: &Frame<'_>, finding: &Finding) -> Option<Node> {
         let Some(pass) = finding.pass_index else { return self.came(now, finding.resource) };
         let shown = |resource: u32, part: Part| {
@@ -177,7 +177,7 @@ impl Trail {
         candidates.min_by_key(|(rank, report, _)| (*rank, *report)).map(|(.., node)| node)
     }
 
-    /// Whether a part of a version is bad, and how that came.
+    /// The bad value in a part of a version, with its path; `None` if the part is clean.
     fn bad_at(&self, now: &Frame<'_>, resource: u32, version: u32, part: Part) -> Option<Node> {
         for version in (0..=version).rev() {
             let found = now.bad.get(&(resource, version)).filter(|(f, _)| f.parts.iter().any(|p| p.overlaps(part)));
@@ -185,20 +185,20 @@ impl Trail {
                 return Some(node.clone());
             }
             let Some(writer) = now.writers.get(resource, version) else {
-                // It was there before the frame. A history was scanned as it came, a kept buffer may not have been.
+                // The contents are from before the frame. A history was scanned when it was imported, but a kept buffer may not have been.
                 return self.came(now, resource).filter(|_| matches!(now.slot(resource), Some((Slot::Kept(_), _))));
             };
             let wrote = |u: &super::super::declaration::Use| {
                 u.resource == resource && u.writes == Some(version) && part.is_within(u.part)
             };
             if now.ran[writer as usize] && now.declaration.uses_of(writer).iter().any(wrote) {
-                return None; // It wrote all of the part, and that is clean.
+                return None; // The writer overwrote the whole part with clean values.
             }
         }
         None
     }
 
-    /// What an earlier frame left in a resource from outside.
+    /// The bad value that an earlier frame left in an imported resource.
     fn came(&self, now: &Frame<'_>, resource: u32) -> Option<Node> {
         let (slot, is_previous) = now.slot(resource)?;
         let node = self.carried.get(&slot).filter(|_| is_previous)?;
@@ -210,7 +210,7 @@ impl Trail {
         Some(Node { report: node.report, path: extended(&node.path, link) })
     }
 
-    /// The finding has a cause: it goes on from there.
+    /// Extends the path of the cause by this finding.
     fn hand_on(&self, frame: u32, finding: &Finding, cause: &Node) -> Node {
         if finding.pass_index.is_none() {
             return cause.clone();
@@ -218,7 +218,7 @@ impl Trail {
         Node { report: cause.report, path: extended(&cause.path, step(frame, finding)) }
     }
 
-    /// The finding has no cause: it is an origin, one of old or a new one.
+    /// The finding has no cause: it is an origin, either a known one again or a new one.
     fn arise(&mut self, frame: u32, finding: &Finding) -> Node {
         let path = vec![step(frame, finding)];
         let same = |r: &Report| r.origin.pass == finding.pass && r.origin.output == finding.output;
@@ -241,7 +241,7 @@ impl Trail {
         Node { report, path: Rc::new(path) }
     }
 
-    /// What this frame leaves bad for the next.
+    /// The histories and kept buffers that this frame leaves bad.
     fn carry(&self, now: &Frame<'_>) -> HashMap<Slot, Node> {
         let mut carried = HashMap::new();
         for (index, decl) in (0..).zip(&now.declaration.resources) {
@@ -260,7 +260,7 @@ impl Trail {
 }
 
 impl Frame<'_> {
-    /// The slot of a history or kept buffer, and whether it brings what an earlier frame left.
+    /// The slot of a history or kept buffer, and whether the resource holds contents of an earlier frame.
     fn slot(&self, resource: u32) -> Option<(Slot, bool)> {
         match self.declaration.resources[resource as usize].origin {
             Origin::Imported { key: ImportKey::Previous(slot), .. } => Some((Slot::Pair(slot), true)),
@@ -275,8 +275,8 @@ fn step(frame: u32, finding: &Finding) -> Link {
     Link::Pass { pass: finding.pass.clone(), output: finding.output.clone(), frames: [frame; 2] }
 }
 
-/// A path with one more link. An output that is on it twice already has gone round through histories: the path ends there the
-/// second time, until the frame of the third.
+/// A path with one more link. A link that is already on the path twice circulates through histories: the path is then cut at its
+/// second occurrence, whose frame range is extended to this frame.
 fn extended(path: &Rc<Vec<Link>>, link: Link) -> Rc<Vec<Link>> {
     let second = path.iter().enumerate().filter(|(_, known)| known.is_same(&link)).map(|(at, _)| at).nth(1);
     let mut longer = path.to_vec();

@@ -1,9 +1,9 @@
-//! Trails over declarations made by hand, with findings as a scan would bring them.
+//! Trails over hand-made declarations, with findings as the scan would report them.
 use super::super::super::*;
 use super::super::{Place, Unseen, Value, Values};
 use super::*;
 
-/// Declares one frame of an accumulating effect; `book` carries histories from frame to frame.
+/// One declared frame of an accumulating effect. `book` carries the histories from frame to frame.
 struct Made {
     declaration: Declaration,
     order: Vec<u32>,
@@ -15,7 +15,7 @@ fn made(g: FrameGraph) -> Made {
     Made { declaration, order }
 }
 
-/// `gi.accumulate` blends `gi.trace` with its own history, `compose.sum` reads what it made.
+/// `gi.accumulate` blends `gi.trace` with its own history; `compose.sum` reads the result.
 fn accumulating(scope: &HistoryScope) -> Made {
     let mut g = FrameGraph::new(Extent::new(8, 8));
     let desc = ImageDesc::full(Format::Rgba32Float);
@@ -59,7 +59,7 @@ fn nan_at(made: &Made, pass: &str, bad_inputs: &[&str]) -> Finding {
     }
 }
 
-/// The previous half of the only history, as bad as it came.
+/// A finding in the previous half of the only history, as the scan of imports reports it.
 fn came_in(made: &Made) -> Finding {
     let resource = made.declaration.histories[0].previous;
     let output = made.declaration.resource_name(resource);
@@ -118,7 +118,7 @@ fn a_history_that_is_clean_as_it_comes_is_no_cause() {
     let (scope, mut trail) = (HistoryScope::new(), Trail::default());
     let made = accumulating(&scope);
     follow(&mut trail, 0, &made, &[nan_at(&made, "gi.accumulate", &[])]);
-    // After a camera cut zeros are read: what arises now arises anew.
+    // After a camera cut the history reads as zero, so a bad value is a new origin.
     let made = accumulating(&scope);
     follow(&mut trail, 1, &made, &[nan_at(&made, "gi.accumulate", &[])]);
     let [report] = trail.reports() else { panic!("{:?}", trail.reports()) };

@@ -1,4 +1,4 @@
-//! The weak passes of the scan.
+//! The weak passes that scan a frame.
 
 use std::{cell::RefCell, collections::HashSet, rc::Rc, sync::Arc};
 
@@ -23,19 +23,19 @@ use super::{
 };
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
 
-/// Bytes of the first buffer of findings of a frame; when it is full, another is made, twice as large.
+/// Size of the first findings buffer of a frame, bytes. Each further one is twice as large.
 const ROOM: u64 = 1 << 12;
 
-/// Most words of a buffer that is scanned: byte offsets of shaders stay within 33 bits, indices are positive 32-bit numbers.
+/// Largest buffer that is scanned, in 32-bit words. Shader byte offsets stay below 2^33 and indices fit a positive 32-bit integer.
 const MOST_WORDS: u64 = (1 << 31) - 1;
 
-/// Most workgroups that every Vulkan device runs side by side in one direction.
+/// Workgroups per dimension that every Vulkan device supports (`maxComputeWorkGroupCount`).
 const MOST_GROUPS: u64 = 65_535;
 
-/// Imports of a frame, which grow while it is declared.
+/// The imports of a frame, shared because the scan adds to them while the frame is declared.
 pub type SharedImports = Rc<RefCell<Imports>>;
 
-/// The scan's pipelines.
+/// The compute pipelines of the scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Scan {
     image: Kernel,
@@ -43,7 +43,7 @@ pub struct Scan {
     probe: Kernel,
 }
 
-/// The scan of one frame, to be read once it ran.
+/// The scan of one frame. Read it after the frame has run.
 pub struct Scanned {
     notes: Rc<RefCell<Notes>>,
 }
@@ -51,9 +51,9 @@ pub struct Scanned {
 /// An output that could not be scanned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unscanned {
-    /// `pass:output`.
+    /// The output, as `pass:output`.
     pub name: String,
-    /// Why.
+    /// The reason, in words.
     pub why: String,
 }
 
@@ -64,7 +64,7 @@ struct Notes {
     unscanned: Vec<Unscanned>,
 }
 
-/// What was scanned, and where its findings are.
+/// What was scanned, and where its results are in the findings buffers.
 struct Noted {
     pass: Option<(u32, String)>,
     output: String,
@@ -82,23 +82,23 @@ struct Subject {
     kind: Scannable,
 }
 
-/// What can be looked into.
+/// A resource whose contents can be scanned.
 #[derive(Clone, Copy)]
 enum Scannable {
-    /// Mips and layers of an image; its size is that of mip 0.
+    /// A part of an image; `extent` is the size of mip 0.
     Image { format: Format, extent: Extent, part: Part },
-    /// Words of a buffer.
+    /// A buffer, with its number of 32-bit words.
     Words(u64),
 }
 
-/// Something that a pass read.
+/// A resource that a pass read.
 struct Source {
     name: String,
     resource: u32,
     kind: Result<Scannable, Unseen>,
 }
 
-/// A place for findings in a buffer.
+/// The free space of the newest findings buffer.
 struct Room {
     target: WriteHandle<handle::Buffer>,
     buffer: usize,
@@ -112,15 +112,15 @@ struct Watcher {
     imports: SharedImports,
     notes: Rc<RefCell<Notes>>,
     room: Option<Room>,
-    /// Imported resources that were looked at as they came.
+    /// Imported resources that have already been scanned in this frame.
     came: HashSet<u32>,
 }
 
 impl Scan {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// Failing calls.
+    /// Pipeline creation failed.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Ok(Self {
             image: gpu.kernel(&CHECK_SCAN_COMP)?,
@@ -131,8 +131,8 @@ impl Scan {
 
     /// An observer that scans what every pass declared from now on writes; see [`FrameGraph::observe_passes`].
     ///
-    /// Its passes are weak: they keep nothing alive. Two follow each pass: `check.PASS` scans the outputs, `check.PASS.inputs`
-    /// looks at the inputs where something was found.
+    /// Its passes are weak: they keep nothing alive. Two follow each pass: `check.PASS` scans the outputs, and
+    /// `check.PASS.inputs` reads the inputs where something was found.
     pub fn watch(self, gpu: &Gpu, imports: &SharedImports) -> (Scanned, impl FnMut(&mut FrameGraph, u32) + 'static) {
         let notes = Rc::<RefCell<Notes>>::default();
         let mut watcher = Watcher {
@@ -148,7 +148,7 @@ impl Scan {
 }
 
 impl Watcher {
-    /// Scans what a pass wrote, and before that what it was the first to read of what came from outside.
+    /// Scans the outputs of a pass, and before that the imports that it is the first to read.
     fn look(&mut self, g: &mut FrameGraph, pass: u32) {
         let name = g.declaration().pass_name(pass).to_owned();
         let uses = g.declaration().uses_of(pass).to_vec();
@@ -164,7 +164,7 @@ impl Watcher {
                 }
                 let output = g.declaration().resource_name(u.resource);
                 let subject = Subject { resource: u.resource, version: 0, kind };
-                // Instances of one effect have histories of the same names.
+                // Several instances of an effect have histories of the same name, so further ones are numbered.
                 let namesake = |r: &&u32| **r != u.resource && g.declaration().resource_name(**r) == output;
                 let name = match self.came.iter().filter(namesake).count() {
                     0 => format!("import.{output}"),
@@ -196,7 +196,7 @@ impl Watcher {
         self.notes.borrow_mut().unscanned.push(Unscanned { name, why: why.to_owned() });
     }
 
-    /// Whether and how a part of a resource can be looked at.
+    /// Whether a part of a resource can be scanned, and as what.
     fn scannable(&self, g: &FrameGraph, resource: u32, part: Part) -> Result<Scannable, Unseen> {
         let decl = &g.declaration().resources[resource as usize];
         match decl.shape {
@@ -206,7 +206,7 @@ impl Watcher {
             Shape::Buffer { bytes } => Ok(Scannable::Words(bytes / 4)),
             Shape::Image { format, extent, .. } => {
                 if let Origin::Imported { key: key @ ImportKey::Caller(_), .. } = decl.origin {
-                    // Where the imports are being changed right now nothing is known of them.
+                    // While somebody else has the imports borrowed, their usage is unknown.
                     let known = self.imports.try_borrow().is_ok_and(|imports| imports.is_sampled(key));
                     if !known {
                         return Err(Unseen::NotSampled);
@@ -217,12 +217,12 @@ impl Watcher {
         }
     }
 
-    /// What a pass read by one of its uses, as it still is.
+    /// What a pass read by one of its uses, if it still holds the same contents after the pass.
     fn source(&self, g: &FrameGraph, read: &Use, all: &[Use]) -> Option<Source> {
         let version = read.reads?;
         let decl = &g.declaration().resources[read.resource as usize];
         if version == 0 && decl.is_undefined() {
-            return None; // It held nothing before.
+            return None; // It had no contents.
         }
         let written = |u: &Use| u.writes.is_some() && u.resource == read.resource && u.part.overlaps(read.part);
         let kind = if all.iter().any(written) {
@@ -233,7 +233,7 @@ impl Watcher {
         Some(Source { name: g.declaration().resource_name(read.resource), resource: read.resource, kind })
     }
 
-    /// Room for so many bytes, which are zeros.
+    /// Zeroed space for `bytes` bytes of findings; makes another buffer where the last one is full.
     fn room(&mut self, g: &mut FrameGraph, bytes: u64) -> Result<Room, String> {
         if let Some(room) = self.room.take_if(|room| room.used + bytes <= room.bytes) {
             return Ok(room);
@@ -251,7 +251,7 @@ impl Watcher {
         Ok(Room { target, buffer: notes.buffers.len() - 1, used: 0, bytes: size })
     }
 
-    /// Adds the scan of some outputs of one pass, and the look at what it read.
+    /// Adds the passes that scan some outputs of one pass and read its inputs.
     fn add(
         &mut self,
         g: &mut FrameGraph,
@@ -310,7 +310,7 @@ impl Watcher {
     }
 }
 
-/// What a pass of the scan declared of one resource: images layer by layer.
+/// The tokens of one resource in a pass of the scan; an image has one per layer.
 enum Tokens {
     Layers(Vec<SampleToken>),
     Words(BufferToken),
@@ -334,7 +334,7 @@ impl Tokens {
 }
 
 impl Scannable {
-    /// Whether it has room for a NaN.
+    /// Whether the contents can hold a NaN.
     fn can_be_bad(self) -> bool {
         match self {
             Self::Image { format, .. } => format.is_float(),
@@ -351,7 +351,7 @@ impl Scannable {
 }
 
 impl Subject {
-    /// How many [`Counted`]s it has.
+    /// Number of [`Counted`]s: one for each mip of each layer.
     fn pieces(&self) -> u32 {
         match self.kind {
             Scannable::Image { part, .. } => u32::from(part.mips) * u32::from(part.layers),
@@ -359,12 +359,12 @@ impl Subject {
         }
     }
 
-    /// Bytes of its [`Counted`]s.
+    /// Bytes of the [`Counted`]s.
     fn counts(&self) -> u64 {
         u64::from(self.pieces()) * size_of::<Counted>() as u64
     }
 
-    /// Bytes of all that is found of it: counts, its own value, those of its inputs.
+    /// Bytes of all results: the counts, the bad value, and one value per input.
     fn bytes(&self, inputs: usize) -> u64 {
         self.counts() + (1 + inputs as u64) * size_of::<SeenBits>() as u64
     }
@@ -393,7 +393,7 @@ impl Subject {
         }
     }
 
-    /// Looks at a source where the subject was found bad. What is not an image is left at zero in the parameters.
+    /// Reads a source at the place where the subject is bad. Parameters that do not apply to the kind of source stay zero.
     fn probe(
         &self,
         c: &mut Record<'_>,
@@ -434,27 +434,27 @@ impl Subject {
 }
 
 impl Part {
-    /// First and last layer, counts resolved.
+    /// First and last layer, inclusive; counts must be resolved.
     fn layer_range(self) -> (u32, u32) {
         (self.layer.into(), u32::from(self.layer) + u32::from(self.layers) - 1)
     }
 }
 
 impl Scanned {
-    /// What the frame held that it should not, in the order of declaration.
+    /// All findings of the frame, in the order of declaration.
     pub fn findings(&self) -> Vec<Finding> {
         let notes = self.notes.borrow();
         notes.subjects.iter().filter_map(|noted| noted.read(&notes.buffers)).collect()
     }
 
-    /// Outputs that could not be scanned. Raw buffers are none of these: nothing says that they hold floats.
+    /// Outputs that could not be scanned. Raw buffers are not listed, since they were not declared to hold floats.
     pub fn unscanned(&self) -> Vec<Unscanned> {
         self.notes.borrow().unscanned.clone()
     }
 }
 
 impl Noted {
-    /// The finding, if there is one.
+    /// The finding of this subject; `None` if it is clean.
     fn read(&self, buffers: &[Arc<Buffer>]) -> Option<Finding> {
         let Self { subject, .. } = self;
         let bytes = buffers.get(self.buffer)?.contents();
@@ -509,7 +509,7 @@ impl Noted {
 }
 
 impl Subject {
-    /// The mip and layer that a [`Counted`] is of.
+    /// The mip and layer that a [`Counted`] belongs to.
     fn part(&self, piece: usize) -> Part {
         match self.kind {
             Scannable::Words(_) => Part { mip: 0, mips: 1, layer: 0, layers: 1 },

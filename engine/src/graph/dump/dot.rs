@@ -58,7 +58,7 @@ pub(super) fn dot(dump: &Dump<'_>) -> String {
     out
 }
 
-/// A string of the language: only quotes and backslashes mean anything in one.
+/// A quoted string in DOT, where only quotes and backslashes are special.
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', " "))
 }

@@ -1,4 +1,4 @@
-//! What the graph gained.
+//! What the graph saved.
 
 use std::fmt;
 
@@ -6,41 +6,41 @@ use serde::Serialize;
 
 use super::{super::plan::Plan, words::bytes};
 
-/// What the graph gained over running every declared pass in turn, each resource with memory of its own.
+/// What the graph saved compared with running every declared pass in turn, each resource with memory of its own.
 ///
-/// Shown with [`Display`](fmt::Display) it is two lines for people.
+/// [`Display`](fmt::Display) gives two lines for people.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Gains {
     /// Passes that run.
     pub passes: usize,
-    /// Passes that were declared and are left out.
+    /// Passes that were culled.
     pub culled: usize,
     /// Bytes of transients when each has memory of its own.
     pub unaliased: u64,
     /// Bytes of transients as placed.
     pub aliased: u64,
-    /// Most bytes of transients that are alive at one time: no placement takes less.
+    /// Largest number of transient bytes alive at one time: no placement takes less.
     pub lower_bound: u64,
-    /// Attachments that need not reach memory.
+    /// Attachments that need not be stored to memory, because nothing reads them after the pass.
     pub unstored: usize,
-    /// Barriers, those that are issued together counted one by one.
+    /// Barriers, each of a batch counted by itself.
     pub barriers: usize,
-    /// Barriers per pass that runs; 0 where none does.
+    /// Barriers per pass that runs; 0 if none runs.
     pub barriers_per_pass: f64,
     /// Places between passes at which barriers are issued together.
     pub barrier_calls: usize,
-    /// Queues that it was planned for.
+    /// Queues that the plan is made for.
     pub queues: usize,
-    /// Runs of passes that are handed to a queue as one.
+    /// Batches: runs of passes that are submitted to a queue together.
     pub batches: usize,
-    /// Waits of one batch for another on another queue.
+    /// Waits of a batch for a batch of another queue.
     pub waits: usize,
-    /// Busy time of all queues together, less the time in which any of them worked, milliseconds; none where it was not measured.
+    /// Sum of the busy times of all queues, less the time in which any of them was busy, milliseconds; `None` if it was not measured.
     pub overlap_ms: Option<f64>,
 }
 
 impl Gains {
-    /// Those of a plan; what takes measuring is left open.
+    /// The savings of a plan, without the measured ones.
     pub fn of(plan: &Plan) -> Self {
         let (passes, barriers) = (plan.order.len(), plan.barriers.len());
         let calls = plan.before.iter().chain(&plan.after).chain([&plan.end]);
@@ -61,12 +61,12 @@ impl Gains {
         }
     }
 
-    /// What part of the unaliased sum so many bytes are; 1 where nothing needs memory.
+    /// `bytes` as a fraction of the unaliased sum; 1 if nothing needs memory.
     pub fn share(&self, bytes: u64) -> f64 {
         if self.unaliased == 0 { 1.0 } else { bytes as f64 / self.unaliased as f64 }
     }
 
-    /// How many times the lower bound the placement takes; 1 where nothing needs memory.
+    /// Placed bytes over the lower bound, at least 1; 1 if nothing needs memory.
     pub fn over_bound(&self) -> f64 {
         if self.lower_bound == 0 { 1.0 } else { self.aliased as f64 / self.lower_bound as f64 }
     }

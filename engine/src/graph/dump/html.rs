@@ -1,5 +1,5 @@
-//! The plan as one page that needs nothing else: what the graph gained, passes on the lanes of their queues, memory under them, and
-//! what is left out. Details show where the pointer rests. No scripts, nothing is fetched.
+//! The plan as one self-contained page: the graph's savings, passes on one lane per queue, memory below them, and culled passes.
+//! Details are tooltips. No scripts, nothing is fetched.
 
 mod imports;
 mod lanes;
@@ -11,7 +11,7 @@ mod tables;
 use super::{Dump, words::made_for};
 use sheet::Sheet;
 
-/// The page.
+/// The whole page.
 pub(super) fn html(dump: &Dump<'_>) -> String {
     let mut sheet = Sheet::new(dump);
     lanes::draw(dump, &mut sheet);
@@ -34,7 +34,7 @@ pub(super) fn html(dump: &Dump<'_>) -> String {
     parts.join("\n")
 }
 
-/// Text as text: nothing in it is markup, in an element or in an attribute.
+/// Escapes a text so that it is safe in an element or an attribute.
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;").replace('\'', "&#39;")
 }

@@ -1,4 +1,4 @@
-//! The plan as data.
+//! The plan as JSON.
 
 use serde_json::{Value, json};
 
@@ -116,7 +116,7 @@ fn shape(shape: Shape) -> Value {
     }
 }
 
-/// First and count of mips and layers; null for the whole.
+/// First mip and layer of a part with their counts; null for the whole resource.
 fn part(words: Words<'_>, resource: u32, part: Part) -> Value {
     if words.part(resource, part).is_empty() {
         return Value::Null;

@@ -1,4 +1,4 @@
-//! The plan in words.
+//! The plan as text.
 
 use std::fmt::Write;
 

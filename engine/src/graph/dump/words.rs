@@ -1,4 +1,4 @@
-//! What the dumps call things.
+//! Names and phrases that the dumps share.
 
 use super::super::{
     access::{Layout, Queue},
@@ -7,7 +7,7 @@ use super::super::{
     plan::{Barrier, Handover, Lane, Lifetime, Plan, Role},
 };
 
-/// Words for the parts of a declaration.
+/// Turns parts of a declaration into text.
 #[derive(Clone, Copy)]
 pub(super) struct Words<'d>(pub &'d Declaration);
 
@@ -17,7 +17,7 @@ impl Words<'_> {
         format!("{} version {version}", self.0.resource_name(resource))
     }
 
-    /// What a resource is like.
+    /// Kind, format and size of a resource.
     pub fn shape(&self, shape: Shape) -> String {
         match shape {
             Shape::Image { format, extent, mips, layers } => {
@@ -29,7 +29,7 @@ impl Words<'_> {
         }
     }
 
-    /// ` mips 1 to 2, layer 3`, nothing for the whole.
+    /// ` mips 1 to 2, layer 3`; empty for the whole resource.
     pub fn part(&self, resource: u32, part: Part) -> String {
         let (mips, layers) = self.0.resources[resource as usize].shape.parts();
         let some = |first: u16, count: u16, all: u32, what: &str| match count {
@@ -43,7 +43,7 @@ impl Words<'_> {
         if told.is_empty() { String::new() } else { format!(" {}", told.join(", ")) }
     }
 
-    /// A use and what it reads and makes.
+    /// A use, with the versions that it reads and writes.
     pub fn use_of(&self, u: &Use) -> String {
         let (name, part) = (self.0.resource_name(u.resource), self.part(u.resource, u.part));
         match (u.reads, u.writes) {
@@ -54,7 +54,7 @@ impl Words<'_> {
         }
     }
 
-    /// The uses of a pass, with those marked that are not stored.
+    /// The uses of a pass; attachments that are not stored are marked.
     pub fn uses_of(&self, plan: &Plan, pass: u32) -> Vec<String> {
         let told = |index: usize| {
             let unstored = plan.unstored.binary_search(&(index as u32)).is_ok();
@@ -64,7 +64,7 @@ impl Words<'_> {
         self.0.passes[pass as usize].uses.range().map(told).collect()
     }
 
-    /// What waits for what.
+    /// A barrier: the uses that must be over, the uses that wait, and the layouts.
     pub fn barrier(&self, b: &Barrier) -> String {
         let layouts = match (b.layout_from, b.layout_to) {
             (_, Layout::Undefined) => String::new(),
@@ -74,12 +74,12 @@ impl Words<'_> {
         let discard = if b.discard { ", contents are new" } else { "" };
         let handover = b.handover.map(|h| format!(", {}", handover(h))).unwrap_or_default();
         let (name, part) = (self.0.resource_name(b.resource), self.part(b.resource, b.part));
-        // A release is waited for by nothing on its own queue.
+        // Nothing on its own queue waits for a release.
         let to = if b.handover.is_some() && b.to.is_empty() { "the handover".to_owned() } else { b.to.to_string() };
         format!("{name}{part}: {} before {to}{layouts}{discard}{handover}", b.from)
     }
 
-    /// The queue that a pass wishes for and where it runs.
+    /// The queue that a pass requests, and the one that it runs on.
     pub fn queue(&self, pass: u32, on: Queue) -> String {
         match self.0.passes[pass as usize].queue {
             wish if wish == on => format!("{} queue", on.name()),
@@ -96,7 +96,7 @@ fn handover(h: Handover) -> String {
     }
 }
 
-/// Where a resource comes from, in a word or two.
+/// The origin of a resource, in a word or two.
 pub(super) fn origin(origin: Origin) -> &'static str {
     match origin {
         Origin::Transient => "transient",
@@ -109,7 +109,7 @@ pub(super) fn origin(origin: Origin) -> &'static str {
     }
 }
 
-/// The passes of a lifetime.
+/// The first and last pass of a lifetime.
 pub(super) fn life(life: &Lifetime) -> String {
     let passes = if life.first == life.last {
         format!("pass {}", life.first)
@@ -122,7 +122,7 @@ pub(super) fn life(life: &Lifetime) -> String {
     }
 }
 
-/// Why a transient shares its memory with nobody; none where it does share.
+/// Why a transient shares memory with no other; `None` if it does share.
 pub(super) fn not_aliased(plan: &Plan, resource: u32) -> Option<String> {
     let (life, transient) = (plan.lifetimes[resource as usize]?, plan.transient(resource)?);
     if plan.successions.iter().any(|&(after, before)| after == resource || before == resource) {
@@ -146,7 +146,7 @@ pub(super) fn not_aliased(plan: &Plan, resource: u32) -> Option<String> {
     })
 }
 
-/// What a plan was made for.
+/// The queues and switches that a plan was made for.
 pub(super) fn made_for(plan: &Plan) -> String {
     let queues: Vec<&str> = Queue::ALL.into_iter().filter(|q| plan.queues.has(*q)).map(Queue::name).collect();
     let mut told = match queues.as_slice() {
@@ -162,7 +162,7 @@ pub(super) fn made_for(plan: &Plan) -> String {
     told
 }
 
-/// A size for people.
+/// A number of bytes with a readable unit.
 pub(super) fn bytes(bytes: u64) -> String {
     match bytes {
         0..10_000 => format!("{bytes} bytes"),

@@ -1,8 +1,8 @@
-//! Objects behind the resources of a plan, and its barriers in the device's words.
+//! Binds the resources of a plan to device objects, and translates its barriers to Vulkan.
 //!
-//! Each kind of memory has one heap, as large as the plan asks for. Buffers and acceleration structures are ranges of one buffer
-//! over the whole heap, so that making one costs nothing; images are placed in it, and kept as long as a plan puts the same image
-//! to the same place.
+//! There is one heap for each kind of memory, of the size that the plan asks for. Transient buffers and acceleration structures
+//! are ranges of one buffer over the whole heap, so that making one is free. Images are placed in the heap, and reused while
+//! plans put an image of the same shape at the same offset.
 
 use std::sync::Arc;
 
@@ -23,30 +23,30 @@ use super::{
 };
 use crate::gpu::{self, Gpu, GpuError, Heap, ImageBarrier, ImageInfo, ImageUse, MemoryBarrier};
 
-/// Frames after which a heap that is larger than asked for shrinks.
+/// Number of frames in a row that a heap may be larger than needed before it shrinks.
 const PATIENCE: u32 = 16;
 
-/// Alignment of buffers in a heap, bytes: a cache line; acceleration structures want more.
+/// Alignment of buffers in a heap, bytes: one cache line. Acceleration structures need more.
 const BUFFER_ALIGN: u64 = 64;
 const ACCEL_ALIGN: u64 = 256;
 
-/// Memory and images for transients, kept from frame to frame.
+/// Memory and images of transients, reused from frame to frame.
 pub(super) struct Pool {
     heaps: Vec<Held>,
     images: FxHashMap<Place, Pooled>,
     footprints: FxHashMap<ImageInfo, Footprint>,
-    /// Counts changes of heaps: what was bound before is bound to memory that is gone.
+    /// Counts changes of heaps and images: objects that were bound under another generation may be gone.
     generation: u64,
     frame: u64,
     buffer_kind: u8,
 }
 
-/// A heap and the buffer over it.
+/// A heap and the buffer that spans it.
 struct Held {
     kind: u8,
     heap: Arc<Heap>,
     buffer: Option<Arc<gpu::Buffer>>,
-    /// Frames in a row that asked for less.
+    /// Number of frames in a row that asked for less.
     too_large: u32,
 }
 
@@ -59,37 +59,37 @@ struct Place {
 
 struct Pooled {
     image: Arc<gpu::Image>,
-    /// The frame that used it last.
+    /// Number of the last frame that used it.
     used: u64,
 }
 
-/// A plan's objects and barriers.
+/// The device objects and translated barriers of a plan.
 pub(super) struct Bound {
     generation: u64,
     pub physical: Vec<Physical>,
     imports: Vec<(u32, ImportKey)>,
-    /// Parts that are bound on their own: resource, part, what for.
+    /// Parts of images that need views of their own: resource, part, kind of view.
     parts: Vec<(u32, Part, Binding)>,
-    /// Where pooled images are, so that they are known to be in use.
+    /// Keys of the pooled images in use, so that these can be marked as recently used.
     places: Vec<Place>,
     pub barriers: Compiled,
 }
 
 impl Bound {
-    /// Lets go of imported objects, which are looked up anew each frame: a plan that is kept must not keep them.
+    /// Drops the references to imported objects. They are looked up again each frame, so that a cached plan does not keep them alive.
     pub fn release_imports(&mut self) {
         for &(resource, _) in &self.imports {
             self.physical[resource as usize] = Physical::Unused;
         }
     }
 
-    /// Whether it is bound to memory that is still there.
+    /// Whether the memory that it is bound to still exists.
     pub fn is_of(&self, pool: &Pool) -> bool {
         self.generation == pool.generation
     }
 }
 
-/// How a part of an image is bound.
+/// The kind of view that a part of an image needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Binding {
     Sampled,
@@ -97,14 +97,14 @@ enum Binding {
     Attachment,
 }
 
-/// The barriers of a plan in the device's words.
+/// The barriers of a plan, translated to Vulkan.
 #[derive(Default)]
 pub(super) struct Compiled {
     memory: Vec<MemoryBarrier>,
     images: Vec<ImageBarrier>,
-    /// Before and after each position, and at the end: where its barriers begin.
+    /// For before and after each position, and for the end: the index of the first memory barrier and the first image barrier.
     stops: Vec<(u32, u32)>,
-    /// Image barriers on imports, whose objects change from frame to frame: barrier and resource.
+    /// Image barriers on imports, as (barrier, resource): their image is filled in each frame.
     patches: Vec<(u32, u32)>,
 }
 
@@ -119,12 +119,12 @@ impl Compiled {
         self.at(2 * position + 1)
     }
 
-    /// The barriers at the end.
+    /// The barriers at the end of the frame.
     pub fn end(&self) -> (&[MemoryBarrier], &[ImageBarrier]) {
         self.at(self.stops.len() - 2)
     }
 
-    /// How many there are.
+    /// Total number of barriers.
     pub fn count(&self) -> u32 {
         (self.memory.len() + self.images.len()) as u32
     }
@@ -135,7 +135,7 @@ impl Compiled {
     }
 }
 
-/// What the plan asks about the device.
+/// Answers the plan's questions about the device.
 pub(super) struct Device<'a> {
     pub gpu: &'a Gpu,
     pool: &'a mut Pool,
@@ -181,12 +181,12 @@ impl Pool {
         }
     }
 
-    /// Bytes of device memory behind the transients.
+    /// Total size of the heaps, bytes.
     pub fn bytes(&self) -> u64 {
         self.heaps.iter().map(|h| h.heap.bytes()).sum()
     }
 
-    /// Lets go of images that no recent frame used.
+    /// Drops images that no recent frame used.
     pub fn end_frame(&mut self) {
         self.frame += 1;
         if self.frame.is_multiple_of(u64::from(PATIENCE)) {
@@ -199,7 +199,7 @@ impl Pool {
         }
     }
 
-    /// Gives every resource of a plan its object. What was bound in an earlier frame stays; imports are looked up anew.
+    /// Binds every resource of a plan to an object. What an earlier frame bound is reused, except for imports.
     pub fn bind(&mut self, gpu: &Gpu, entry: &mut Entry, imports: &Imports, kept: &Kept) -> Result<(), ExecuteError> {
         self.fit_heaps(gpu, &entry.plan)?;
         if entry.bound.as_ref().is_none_or(|b| b.generation != self.generation) {
@@ -241,7 +241,8 @@ impl Pool {
         Ok(())
     }
 
-    /// One heap for each that the plan asks for, large enough, and not larger for long.
+    /// Creates one heap for each kind of memory in the plan. Too small ones are replaced at once, too large ones after
+    /// [`PATIENCE`] frames.
     fn fit_heaps(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
         let wanted = |kind: u8| plan.heaps.iter().find(|h| h.kind == kind).map_or(0, |h| h.bytes);
         for held in &mut self.heaps {
@@ -308,7 +309,7 @@ impl Pool {
             let Some(buffer) = held.buffer.clone() else { return Ok(Physical::Unused) };
             let memory = BufferRange { buffer, offset, bytes: shape.bytes() };
             let Shape::Accel { bytes, top } = shape else { return Ok(Physical::Buffer(memory)) };
-            // One that a shader writes is plain memory.
+            // An acceleration structure that a shader writes is plain memory.
             let by_driver = transient.uses.iter().any(|(access, _)| matches!(access, Access::Build | Access::Refit));
             let made = || gpu::Accel::new(gpu, &memory.buffer, offset, bytes, top).map(Arc::new);
             let driver = by_driver.then(made).transpose()?;
@@ -319,7 +320,7 @@ impl Pool {
             places.push(place);
             return Ok(Physical::Image(pooled.image.clone()));
         }
-        // Several resources may take turns in one image, so it has the name of none.
+        // Several resources may alias one image, so it is not named after any of them.
         let name = format!("transient {:?} {} at {offset}", info.format, info.extent);
         let image = Arc::new(gpu::Image::placed(gpu, &name, info, &held.heap, offset)?);
         self.images.insert(place, Pooled { image: image.clone(), used: self.frame });
@@ -328,7 +329,7 @@ impl Pool {
     }
 }
 
-/// Parts of images that kept passes bind on their own.
+/// Parts of images that kept passes use on their own.
 fn parts(declaration: &Declaration, plan: &Plan) -> Vec<(u32, Part, Binding)> {
     let mut parts = Vec::new();
     for u in plan.order.iter().flat_map(|&pass| declaration.uses_of(pass)) {
@@ -347,12 +348,12 @@ fn parts(declaration: &Declaration, plan: &Plan) -> Vec<(u32, Part, Binding)> {
     parts
 }
 
-/// Reads or writes of storage images.
+/// Whether a storage image is read or written.
 pub(super) fn is_storage(access: Access) -> bool {
     matches!(access, Access::StorageRead | Access::StorageWrite | Access::StorageReadWrite)
 }
 
-/// The image that a shape and its uses ask for; none for what is no image.
+/// Format, size and usage of the image behind a resource; `None` for anything but an image.
 fn image_info(shape: Shape, uses: Uses, sharing: Sharing) -> Option<ImageInfo> {
     let Shape::Image { format, extent, mips, layers } = shape else { return None };
     let mut usage = ImageUse::default();
@@ -378,20 +379,20 @@ fn compile(gpu: &Gpu, declaration: &Declaration, plan: &Plan, physical: &[Physic
 }
 
 impl Compiled {
-    /// Adds a barrier to those from `first` on, to one of them where that says the same.
+    /// Adds a barrier, merged into one from index `first` on where possible.
     fn add_memory(&mut self, first: usize, new: MemoryBarrier) {
         if !self.memory[first..].iter_mut().any(|known| known.join(&new)) {
             self.memory.push(new);
         }
     }
 
-    /// Adds the barriers of one place. Those that leave layout and owner alone need not name what they are for.
+    /// Translates the barriers of one place. Those that change neither layout nor ownership become global memory barriers.
     fn stop(&mut self, gpu: &Gpu, declaration: &Declaration, batch: &[Barrier], physical: &[Physical]) {
         let first = self.memory.len();
         self.stops.push((first as u32, self.images.len() as u32));
         for b in batch {
             let families = b.handover.map(|h| (gpu.family(h.from), gpu.family(h.to))).filter(|(from, to)| from != to);
-            // Two queues of the graph may be one of the device: there the release alone changes the layout.
+            // Two queues of the plan may be one of the device. The release then changes the layout, and the acquire does nothing.
             let done = families.is_none() && b.handover.is_some_and(|h| h.role == Role::Acquire);
             let image = match &physical[b.resource as usize] {
                 Physical::Image(image) if b.layout_from != b.layout_to || families.is_some() => image,
@@ -408,7 +409,7 @@ impl Compiled {
                 self.patches.push((self.images.len() as u32, b.resource));
             }
             if b.discard && !b.from.is_empty() {
-                // The bytes were another object's: a barrier on the new image alone says nothing of what was written through it.
+                // The memory belonged to another object, and an image barrier on the new image does not cover writes to that one.
                 self.add_memory(first, MemoryBarrier::new(gpu, b.from, b.to));
             }
             let layouts = (b.layout_from, b.layout_to);

@@ -1,7 +1,7 @@
-//! Plans of declarations that were seen before.
+//! Cache of plans, by declaration.
 //!
-//! A declaration is a few flat lists of plain values, and comparing them costs less than hashing them would: declarations are
-//! compared as they are, the newest first, and no accident can give a frame the plan of another.
+//! A declaration is a few flat lists of plain values, which are cheaper to compare than to hash. So declarations are compared
+//! exactly, newest first, and a hash collision cannot give a frame the wrong plan.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use super::{
 };
 use crate::gpu::GpuError;
 
-/// Plans that are kept: the frame itself, and its variants with an image read back or looked at.
+/// Number of plans that are kept: enough for a frame and its variants in which images are read back or viewed.
 const MOST: usize = 8;
 
 /// A planned declaration, with its objects if it has been bound.
@@ -29,22 +29,22 @@ pub(super) struct Entry {
 }
 
 impl Entry {
-    /// The objects, once there are some.
+    /// The bound objects; an error before the first [`Pool::bind`].
     pub fn bound(&self) -> Result<&Bound, GpuError> {
         let missing = || GpuError::Call { call: "bind", code: "the plan was not bound".to_owned() };
         self.bound.as_ref().ok_or_else(missing)
     }
 }
 
-/// The newest last.
+/// The cached plans, newest last.
 #[derive(Default)]
 pub(super) struct Cache(Vec<Entry>);
 
-/// The plan, what passes record, and the declaration's lists where they are free again.
+/// The plan, the closures that record the passes, and the lists of the declaration if they can be reused.
 type Planned = (Entry, Vec<Option<RecordFn>>, Option<Declaration>);
 
 impl Cache {
-    /// The plan of a frame: a known one, or a new one. The entry is taken out while its frame runs.
+    /// The plan of a frame, from the cache or new. The entry is taken out of the cache while its frame runs.
     pub fn plan(
         &mut self,
         graph: FrameGraph,
@@ -67,7 +67,7 @@ impl Cache {
         Ok((Entry { switches, declaration, plan, bound: None }, frame.records, None))
     }
 
-    /// Keeps an entry for the next frame of its kind. Objects are kept only where that costs no memory.
+    /// Puts an entry back. Its objects are kept only if the memory that they are bound to still exists.
     pub fn put_back(&mut self, mut entry: Entry, switches: Switches, pool: &Pool) {
         if !switches.cache {
             self.0.clear();

@@ -1,7 +1,7 @@
 //! Command buffers of a frame and their submission.
 //!
-//! A batch is one command buffer, or several where it has so many passes that threads share the work: they are submitted one after
-//! another, and barriers in one reach across to those before it, so no pass notices.
+//! A batch is one command buffer, or several if it has so many passes that threads share the work. These are submitted in order,
+//! and a barrier in one covers the commands of those before it, so the division is not visible to passes.
 
 use std::{ops::Range, time::Instant};
 
@@ -27,12 +27,12 @@ use crate::{
     measure::PassTime,
 };
 
-/// Command buffers, kept from frame to frame.
+/// Command buffers, reused from frame to frame.
 pub(super) struct Commands {
     gpu: Gpu,
-    /// By queue.
+    /// Free command buffers of each queue.
     encoders: [Vec<CommandEncoder>; Queue::ALL.len()],
-    /// What passes record, by position.
+    /// The closures that record the passes, by position.
     ordered: Vec<Option<RecordFn>>,
 }
 
@@ -43,29 +43,29 @@ pub(super) struct Frame<'a> {
     pub declaration: &'a Declaration,
     pub plan: &'a Plan,
     pub bound: &'a Bound,
-    /// Has room for what every pass counts.
+    /// Counter memory for every pass.
     pub counters: &'a Clock,
-    /// What is spoilt on purpose; hardly ever anything.
+    /// Values to write into outputs on purpose; empty outside tests.
     pub spoils: &'a [Spoil],
     pub crumbs: Option<&'a Crumbs>,
-    /// For tests: this position only begins, and nothing after it is recorded.
+    /// For tests: recording stops at the beginning of this position, as if the device were lost there.
     pub stop: Option<usize>,
     pub begun: Instant,
 }
 
-/// A frame that was handed over.
+/// A frame that was submitted.
 pub(super) struct Ran {
-    /// Once this is done, all is.
+    /// The last submission; the frame is done when it is.
     pub last: Submission,
-    /// By position; empty when nothing is measured.
+    /// Times by position; empty if nothing is measured.
     pub passes: Vec<PassTime>,
     pub barriers: u32,
     pub submit_ns: u64,
-    /// Descriptor sets of the passes; they live until the device is done.
+    /// Descriptor sets of the passes, kept alive until the device is done.
     _sets: Vec<PassSet>,
 }
 
-/// What one command buffer holds.
+/// One command buffer and the positions that it records.
 struct Unit<'a> {
     encoder: CommandEncoder,
     queue: Queue,
@@ -82,7 +82,7 @@ impl Commands {
         Self { gpu: gpu.clone(), encoders: Default::default(), ordered: Vec::new() }
     }
 
-    /// Records a frame and hands it over.
+    /// Records and submits a frame.
     pub fn run(
         &mut self,
         frame: Frame<'_>,
@@ -118,8 +118,8 @@ impl Commands {
         Ok(Ran { last: submitted?, passes, barriers, submit_ns, _sets: sets })
     }
 
-    /// The command buffers of a frame, in the order in which they are handed over. On several queues the frame is opened and closed
-    /// by command buffers of their own, for which all queues wait and which wait for all.
+    /// Divides a frame into command buffers, in submission order. With several queues, the frame begins and ends with a command
+    /// buffer of its own: all queues wait for the first, and the last waits for all queues.
     fn divide<'a>(
         &mut self,
         plan: &Plan,
@@ -176,7 +176,7 @@ impl Commands {
         if !several_queues {
             return self.gpu.submit(Queue::Graphics, units.iter().map(|u| &u.encoder), &[]);
         }
-        // The first unit opens the frame, the last closes it; those between belong to batches.
+        // The first unit opens the frame and the last closes it; the others belong to batches.
         let [first, middle @ .., last] = units else {
             return Err(GpuError::Call { call: "submit", code: format!("{} command buffers", units.len()) });
         };
@@ -198,7 +198,7 @@ impl Commands {
         self.gpu.submit(Queue::Graphics, [&last.encoder], &waits)
     }
 
-    /// What a batch waits for; the first of each queue for the opening of the frame as well.
+    /// The submissions that a batch waits for. The first batch of each queue also waits for the command buffer that opens the frame.
     fn waits(
         &self,
         plan: &Plan,
@@ -209,7 +209,7 @@ impl Commands {
         let planned = plan.waits[batch.waits.range()].iter().map(|&w| submissions[w as usize]);
         let opening = opened.filter(|_| batch.queue != Queue::Graphics);
         let mut waits: Vec<Submission> = planned.collect();
-        // A wait for a later submission of the graphics queue stands for its opening one.
+        // A wait for a later submission of the graphics queue covers the opening one too.
         let covered =
             plan.waits[batch.waits.range()].iter().any(|&w| plan.batches[w as usize].queue == Queue::Graphics);
         waits.extend(opening.filter(|_| !covered));
@@ -269,7 +269,7 @@ impl Unit<'_> {
             if !memory.is_empty() || !images.is_empty() {
                 self.encoder.barriers(memory, images);
             }
-            // Whatever comes next, the host or another frame, sees everything: frames do not overlap.
+            // Makes everything visible to the host and to the next frame: frames do not overlap.
             self.encoder.full_barrier();
             if let Some(clock) = clock {
                 clock.close_frame(&mut self.encoder);
@@ -278,13 +278,13 @@ impl Unit<'_> {
         self.encoder.finish()
     }
 
-    /// Records one pass, inside of its attachments if it has any.
+    /// Records one pass, inside dynamic rendering if it has attachments.
     fn pass(&mut self, frame: Frame<'_>, position: usize, clock: Option<&Clock>) -> Result<Recorded, GpuError> {
         let Frame { gpu, declaration, plan, bound, .. } = frame;
         let pass = plan.order[position];
         let name = declaration.pass_name(pass);
         let encoder = &mut self.encoder;
-        // Names for debuggers and profilers, which are of no use to a frame that nobody looks at.
+        // Labels are for debuggers and profilers; frames without measurement or validation skip them.
         let labelled = clock.is_some() || gpu.validates();
         if labelled {
             encoder.begin_label(name);
@@ -339,7 +339,7 @@ impl Unit<'_> {
     }
 }
 
-/// The part of the bindless set that a pass declared.
+/// The descriptors that a pass declared, for validation.
 fn pass_set(frame: Frame<'_>, pass: u32) -> Result<PassSet, GpuError> {
     let (mut sampled, mut stored) = (Vec::new(), Vec::new());
     for u in frame.declaration.uses_of(pass) {
@@ -362,7 +362,7 @@ fn begin_rendering(encoder: &mut CommandEncoder, frame: Frame<'_>, pass: u32) {
         if !u.access.is_attachment() {
             continue;
         }
-        // An attachment of all parts is drawn to in the first: mip 0 of layer 0.
+        // An attachment declared with all its parts is rendered to mip 0 of layer 0.
         let part = Part { mips: 1, layers: 1, ..u.part };
         extent = image.extent().mip(part.mip.into());
         let clear = declaration.clear_of(index as u32).map(|c| match c {

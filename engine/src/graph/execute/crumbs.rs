@@ -1,9 +1,9 @@
-//! Breadcrumbs: how far the device came in a frame that it did not end.
+//! Breadcrumbs: which passes a lost device had begun and ended.
 //!
-//! Two words for each pass lie in memory that the host can read even when the device is lost. Before a pass the frame's number is
-//! written into the first, after it into the second; whatever else stands there is from earlier frames. A device with
-//! VK_AMD_buffer_marker writes them on its way. Any other fills them in, with a barrier on either side: passes then run one after
-//! another, so that is done only when it is asked for.
+//! Each pass has two words in memory that the host can read even after a device loss. The number of the frame is written to the
+//! first word before the pass and to the second after it; other values are from earlier frames. With VK_AMD_buffer_marker the
+//! device writes them on the fly. Without it they are buffer fills with a barrier on either side, which makes passes run one
+//! after another, so this is done only on request.
 
 use super::super::{access::Queue, declaration::Declaration, plan::Plan};
 use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Moment};
@@ -12,14 +12,14 @@ const FIRST_PASSES: u32 = 64;
 const WORDS: usize = 2;
 const WORD_BYTES: usize = size_of::<u32>();
 
-/// How far a queue came.
+/// How far one queue came.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trail {
-    /// The queue.
+    /// The queue that this describes.
     pub queue: Queue,
-    /// The last pass that began; none where none did.
+    /// Name of the last pass that began; `None` if none did.
     pub last_begun: Option<String>,
-    /// The first pass that did not end; none where all did.
+    /// Name of the first pass that did not end; `None` if all did.
     pub first_unfinished: Option<String>,
 }
 
@@ -35,7 +35,7 @@ impl std::fmt::Display for Trail {
     }
 }
 
-/// The trails in words, one after another.
+/// All trails as one sentence, for the error message.
 pub(super) fn describe(trails: &[Trail]) -> String {
     if trails.is_empty() {
         return "no breadcrumbs were laid that would name the pass (--breadcrumbs lays them on any device)".to_owned();
@@ -43,7 +43,7 @@ pub(super) fn describe(trails: &[Trail]) -> String {
     trails.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
-/// Begun and ended, of one pass.
+/// Whether one pass began and ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Crumb {
     begun: bool,
@@ -54,7 +54,7 @@ struct Crumb {
 pub(super) struct Crumbs {
     gpu: Gpu,
     buffer: Option<gpu::Buffer>,
-    /// Number of the frame: what its markers say. Never 0, which a new buffer holds.
+    /// Number of the frame, the value of its markers. Never 0, since new buffers are zeroed.
     frame: u32,
 }
 
@@ -63,7 +63,7 @@ impl Crumbs {
         Self { gpu: gpu.clone(), buffer: None, frame: 0 }
     }
 
-    /// Makes room for so many passes of a new frame. The device must be done with the one before.
+    /// Makes room for the passes of a new frame. The device must have finished the previous one.
     pub fn prepare(&mut self, passes: u32) -> Result<(), GpuError> {
         self.frame = self.frame.checked_add(1).unwrap_or(1);
         let bytes = |passes: u32| u64::from(passes) * (WORDS * WORD_BYTES) as u64;
@@ -97,7 +97,7 @@ impl Crumbs {
         }
     }
 
-    /// How far each queue came in the frame that was prepared last, which this plan was for.
+    /// How far each queue came in the last frame that was prepared. `plan` must be the plan of that frame.
     pub fn trails(&self, declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
         let bytes = self.buffer.as_ref().map_or(&[][..], gpu::Buffer::contents);
         let words: Vec<u32> =
@@ -106,13 +106,13 @@ impl Crumbs {
     }
 }
 
-/// What the words say of a frame, by position.
+/// Decodes the words of a frame, by position.
 fn crumbs(words: &[u32], frame: u32) -> Vec<Crumb> {
     let (pairs, _) = words.as_chunks::<WORDS>();
     pairs.iter().map(|[begun, ended]| Crumb { begun: *begun == frame, ended: *ended == frame }).collect()
 }
 
-/// How far each queue came, of those that the plan uses. Passes beyond the crumbs count as not begun.
+/// How far each queue came, for the queues that the plan uses. Passes without a crumb count as not begun.
 fn trails(crumbs: &[Crumb], declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
     let at = |position: &usize| crumbs.get(*position).copied().unwrap_or(Crumb { begun: false, ended: false });
     let name = |position: usize| declaration.pass_name(plan.order[position]).to_owned();
@@ -162,7 +162,7 @@ mod tests {
         (declaration, plan)
     }
 
-    /// Trails of frame 7 from its words, as (last begun, first unfinished).
+    /// Trails of frame 7, as (last begun, first unfinished).
     fn told(words: &[u32]) -> Vec<(Option<String>, Option<String>)> {
         let (declaration, plan) = frame();
         let trails = trails(&crumbs(words, 7), &declaration, &plan);

@@ -1,4 +1,4 @@
-//! What outlives the frame: the objects behind histories and kept buffers.
+//! Device objects that outlive the frame: histories, kept buffers and kept images.
 
 use std::{collections::HashMap, sync::Arc};
 
@@ -13,22 +13,22 @@ use super::super::{
 use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier, ImageInfo, ImageUse};
 use crate::measure::PassTime;
 
-/// By slot.
+/// By slot number.
 #[derive(Default)]
 pub(super) struct Kept(HashMap<u32, Slot>);
 
 struct Slot {
-    /// Whose it is.
+    /// The entry that it belongs to; see [`Entry::birth`].
     birth: u64,
     shape: Shape,
-    /// Both halves of a pair; a kept buffer has one.
+    /// Both objects of a history; one for a kept buffer or image.
     halves: Vec<Physical>,
-    /// The half that the frame reads; it writes the other.
+    /// Index in `halves` of the object that the frame reads; it writes the other one.
     previous: usize,
 }
 
 impl Kept {
-    /// The object behind a resource.
+    /// The object behind an imported resource.
     pub fn object(&self, key: ImportKey) -> Option<Physical> {
         let (slot, half) = match key {
             ImportKey::Caller(_) => return None,
@@ -39,7 +39,7 @@ impl Kept {
         slot.halves.get((slot.previous + half) % slot.halves.len()).cloned()
     }
 
-    /// Bytes of device memory behind it all.
+    /// Total size in bytes of device memory.
     pub fn bytes(&self) -> u64 {
         let bytes = |half: &Physical| match half {
             Physical::Image(image) => image.bytes(),
@@ -49,7 +49,7 @@ impl Kept {
         self.0.values().flat_map(|slot| &slot.halves).map(bytes).sum()
     }
 
-    /// Makes what the frame has declared and is not there yet, clears what is not valid, and lets go of the rest.
+    /// Creates the objects that the frame declares, clears those that are not valid, and frees those that it does not declare.
     pub fn prepare(&mut self, gpu: &Gpu, book: &Book) -> Result<(), GpuError> {
         let pages = book.open();
         let mut declared: Vec<&Entry> = pages.declared().collect();
@@ -59,7 +59,7 @@ impl Kept {
         declared.sort_unstable_by_key(|e| e.slot);
         self.forget(gpu, &declared)?;
 
-        // All is made before anything is replaced: where memory runs out, kept buffers still hold what they held.
+        // Everything is created before anything is replaced: if memory runs out, kept buffers keep their contents.
         let mut made = Vec::new();
         for entry in &declared {
             if self.0.get(&entry.slot).is_none_or(|held| held.shape != entry.shape) {
@@ -91,7 +91,7 @@ impl Kept {
         Ok(())
     }
 
-    /// Lets go of what is not declared any more, and of pairs of another size, before anything new takes memory.
+    /// Frees objects that are no longer declared, and histories of another size, before new memory is allocated.
     fn forget(&mut self, gpu: &Gpu, declared: &[&Entry]) -> Result<(), GpuError> {
         let before = self.0.len();
         self.0.retain(|slot, held| {
@@ -102,7 +102,7 @@ impl Kept {
         if self.0.len() == before { Ok(()) } else { gpu.wait_idle() }
     }
 
-    /// The frame ran: what it wrote is what the next one reads.
+    /// Called after the frame has run: swaps the halves of the histories that it wrote.
     pub fn end(&mut self, book: &Book, declaration: &Declaration, plan: &Plan) {
         let mut written = Vec::new();
         if !self.0.is_empty() {
@@ -124,8 +124,8 @@ impl Kept {
         book.open().end(|slot| written.contains(&slot));
     }
 
-    /// Kept images that were read by passes which met values that are not finite are made anew in the next frame: else one bad value
-    /// stays for as long as nothing that they show changes. `passes` are by position; none where nothing was measured.
+    /// Marks kept images as stale if a pass that read them met non-finite values: otherwise one bad value would stay until what
+    /// the image shows changes. `passes` are by position, and empty if nothing was measured.
     pub fn distrust(&self, book: &Book, declaration: &Declaration, plan: &Plan, passes: &[PassTime]) {
         for (&pass, _) in plan.order.iter().zip(passes).filter(|(_, counted)| counted.not_finite > 0) {
             for u in declaration.uses_of(pass).iter().filter(|u| u.reads.is_some()) {
@@ -162,12 +162,12 @@ impl Slot {
         Ok(Self { birth: entry.birth, shape: entry.shape, halves, previous: 0 })
     }
 
-    /// Fills what the frame reads with zeros, and leaves it as the plan expects it.
+    /// Clears the half that the frame reads to zero, and puts it into the layout that the plan expects.
     fn clear(&self, work: &mut CommandEncoder) {
         match &self.halves[self.previous] {
             Physical::Image(image) => {
                 let all = Part::ALL.of(image.mips(), image.layers());
-                // No access of the graph stands for a clear, which is no copy to a device.
+                // The graph has no access for a clear, which Vulkan does not treat as a copy.
                 let into = |from, to| ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), (from, to), None);
                 work.barriers(&[], &[into(Layout::Undefined, Layout::TransferTarget)]);
                 work.clear_image(image);
@@ -178,7 +178,7 @@ impl Slot {
         }
     }
 
-    /// Takes over what a smaller buffer held; the rest is zeros.
+    /// Copies the contents of a smaller buffer and clears the rest.
     fn copy_from(&self, old: &Self, bytes: u64, work: &mut CommandEncoder) {
         if let (Physical::Buffer(new), Physical::Buffer(old)) = (&self.halves[0], &old.halves[0]) {
             let held = bytes.min(old.buffer.bytes()).next_multiple_of(4);

@@ -3,13 +3,13 @@
 //! | file | does |
 //! |---|---|
 //! | `mod` | one frame from its declaration to its end |
-//! | `cache` | plans of declarations seen before |
-//! | `bind` | objects behind the resources of a plan, and its barriers in the device's words |
-//! | `keep` | what outlives the frame: histories and kept buffers |
-//! | `commands` | command buffers, on several threads where that pays, and their submission |
-//! | `time` | GPU times, counts of rays, of values that are not finite, and of invocations |
-//! | `spoil` | spoils outputs on purpose, for tests |
-//! | `crumbs` | how far a lost device came |
+//! | `cache` | plans of earlier declarations |
+//! | `bind` | device objects of a plan's resources, and its barriers translated to Vulkan |
+//! | `keep` | device objects that outlive the frame: histories, kept buffers and kept images |
+//! | `commands` | command buffers, recorded on several threads where that pays, and their submission |
+//! | `time` | GPU times, and counts of rays, non-finite values and shader invocations |
+//! | `spoil` | writes NaN or infinity into outputs on purpose, for tests |
+//! | `crumbs` | which passes a lost device had begun and ended |
 
 mod bind;
 mod cache;
@@ -46,31 +46,31 @@ pub enum ExecuteError {
     /// The declaration has mistakes.
     #[error(transparent)]
     Declaration(#[from] GraphErrors),
-    /// The device refused.
+    /// Recording a pass or creating a resource failed.
     #[error("pass {pass}: {source}")]
     Pass {
-        /// The pass, or the resource that was being made.
+        /// Name of the pass, or full name of the resource.
         pass: String,
-        /// What it said.
+        /// What failed.
         source: GpuError,
     },
-    /// What a test wants to spoil cannot be spoilt.
+    /// An output that a test wants to poison cannot be poisoned.
     #[error(transparent)]
     Poison(#[from] PoisonError),
-    /// The device stopped answering while it ran the frame.
+    /// The device was lost while it ran the frame.
     #[error("the device was lost during {during}; {}", crumbs::describe(.trails))]
     Lost {
-        /// The call that reported it.
+        /// The Vulkan call that reported it.
         during: &'static str,
-        /// How far each queue of the frame came; empty where no breadcrumbs were laid.
+        /// How far each queue came in the frame; empty without breadcrumbs.
         trails: Vec<Trail>,
     },
-    /// The device refused outside of any pass.
+    /// A failure outside any pass.
     #[error(transparent)]
     Gpu(#[from] GpuError),
 }
 
-/// The objects behind imported resources.
+/// The device objects behind a frame's imported resources.
 #[derive(Default)]
 pub struct Imports(Vec<Physical>);
 
@@ -80,15 +80,15 @@ impl Imports {
         self.add(Physical::Image(image.clone()))
     }
 
-    /// Adds an acceleration structure of the driver's; the key is for [`FrameGraph::import_accel`] or
-    /// [`FrameGraph::import_tlas`]. `root`: the scene's tables, which shaders know a top level by; of a bottom level none.
+    /// Adds an acceleration structure built by the driver; the key is for [`FrameGraph::import_accel`] or [`FrameGraph::import_tlas`].
+    /// `root` is the address of the scene's tables, which shaders need beside a top level; null for a bottom level.
     pub fn accel(&mut self, accel: &Arc<gpu::Accel>, root: Address) -> ImportKey {
         let (buffer, offset) = accel.place();
         let memory = BufferRange { buffer: buffer.clone(), offset, bytes: accel.bytes() };
         self.add(Physical::Accel(AccelObject { memory, driver: Some(accel.clone()), root }))
     }
 
-    /// Adds a tree that Magpie's own walk reads, in a buffer; the key is as for [`Imports::accel`].
+    /// Adds a BVH for tracing in software, in a buffer; the key is as for [`Imports::accel`].
     pub fn tree(&mut self, buffer: &Arc<gpu::Buffer>, root: Address) -> ImportKey {
         self.add(Physical::Accel(AccelObject { memory: BufferRange::whole(buffer.clone()), driver: None, root }))
     }
@@ -98,13 +98,13 @@ impl Imports {
         self.add(Physical::Buffer(BufferRange::whole(buffer.clone())))
     }
 
-    /// Whether it is an image that was made to be sampled.
+    /// Whether it is an image with sampled usage.
     pub fn is_sampled(&self, key: ImportKey) -> bool {
         let ImportKey::Caller(at) = key else { return false };
         matches!(self.0.get(at as usize), Some(Physical::Image(image)) if image.sampled().is_some())
     }
 
-    /// Forgets all, but keeps the memory of the list.
+    /// Removes all objects and keeps the capacity of the list.
     pub fn clear(&mut self) {
         self.0.clear();
     }
@@ -115,21 +115,20 @@ impl Imports {
     }
 }
 
-/// How frames are run.
+/// Options of an [`Executor`].
 #[derive(Clone, Copy, Debug)]
 pub struct ExecuteOptions {
-    /// Steps of the graph that are taken.
+    /// Which steps of the plan are taken.
     pub switches: Switches,
-    /// Take GPU times and counts of every pass, and CPU times of its recording. Without it nobody learns of values that are not
-    /// finite, so that what is kept for long is not made anew after one.
+    /// Measure GPU times and counts of every pass, and the CPU time of its recording. Without this, non-finite values are not
+    /// counted, so kept images that met one are not redrawn.
     pub measure: bool,
-    /// Count what the shaders of every pass did, where the device can; only while measuring. It costs time.
+    /// Count shader invocations of every pass, where the device can and `measure` is on. This costs time.
     pub statistics: bool,
-    /// Lay breadcrumbs on every device, so that [`ExecuteError::Lost`] names passes. Where the device has VK_AMD_buffer_marker that
-    /// costs nothing and is always done while measuring; elsewhere passes run one after another, and a missing barrier between
-    /// them may go unseen.
+    /// Write breadcrumbs on every device, so that [`ExecuteError::Lost`] names passes. With VK_AMD_buffer_marker they cost nothing and are
+    /// always on while measuring. Otherwise passes run one after another, which may hide a missing barrier between them.
     pub breadcrumbs: bool,
-    /// Passes per thread from which on recording goes to several threads; `None` for never.
+    /// Least number of passes per thread for recording on several threads; `None` records on one thread.
     pub passes_per_thread: Option<usize>,
 }
 
@@ -145,24 +144,24 @@ impl Default for ExecuteOptions {
     }
 }
 
-/// A frame that ran.
+/// The result of a frame that ran.
 pub struct Executed {
-    /// What was declared.
+    /// The declaration of the frame.
     pub declaration: Arc<Declaration>,
-    /// How it ran.
+    /// The plan that ran.
     pub plan: Arc<Plan>,
-    /// Times and counts. Declaring is the caller's to time.
+    /// Times and counts. The time to declare the frame is not in them, since the caller declares it.
     pub sample: FrameSample,
 }
 
 /// Runs frames one after another.
 ///
-/// A call returns once the device is done, so that its times are those of this very frame and nothing is in flight when
-/// resources change.
+/// [`Executor::run`] returns once the device has finished, so that the times are those of this frame and no work is in flight
+/// when resources change.
 pub struct Executor {
     gpu: Gpu,
     options: ExecuteOptions,
-    /// What outlives frames, by name; the frame that is declared shares it.
+    /// The histories and kept buffers; the frame that is being declared shares them.
     book: Arc<Book>,
     kept: keep::Kept,
     cache: cache::Cache,
@@ -170,25 +169,25 @@ pub struct Executor {
     commands: commands::Commands,
     clock: time::Clock,
     crumbs: crumbs::Crumbs,
-    /// The pass in which the next frame stops, for tests.
+    /// For tests: the pass in which the next frame stops.
     stop: Option<String>,
-    /// Lists of the last frame, for the next.
+    /// Lists of the last frame, reused by the next.
     spare: Option<(Declaration, Vec<Option<RecordFn>>)>,
 }
 
 impl Executor {
-    /// An executor without any memory yet.
+    /// An executor with default options.
     ///
     /// # Errors
-    /// Failing calls.
+    /// Creating its query pools or buffers failed.
     pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         Self::with(gpu, ExecuteOptions::default())
     }
 
-    /// An executor that runs frames in some way.
+    /// An executor with the given options.
     ///
     /// # Errors
-    /// Failing calls.
+    /// Creating its query pools or buffers failed.
     pub fn with(gpu: &Gpu, options: ExecuteOptions) -> Result<Self, GpuError> {
         Ok(Self {
             gpu: gpu.clone(),
@@ -205,40 +204,40 @@ impl Executor {
         })
     }
 
-    /// How frames are run.
+    /// The current options.
     pub fn options(&self) -> ExecuteOptions {
         self.options
     }
 
-    /// Changes how frames are run, from the next on.
+    /// Sets the options of the next frames.
     pub fn set_options(&mut self, options: ExecuteOptions) {
         self.options = options;
     }
 
-    /// A frame of so many pixels, to be declared. Histories go on from the frame that ran last.
+    /// Begins the declaration of a frame of `full` pixels. Its histories continue from the last frame that ran.
     pub fn begin(&mut self, full: Extent) -> FrameGraph {
         let (mut declaration, records) = self.spare.take().unwrap_or_else(|| (Declaration::new(full), Vec::new()));
         declaration.clear(full);
         FrameGraph::on(declaration, records, self.book.clone())
     }
 
-    /// The camera jumped: what histories hold is of no use to the next frame. Call it before that frame is declared.
+    /// Declares a camera cut: the next frame does not use what histories hold. Call it before that frame is declared.
     pub fn cut(&mut self) {
         self.book.open().cut();
     }
 
-    /// Forgets everything that outlives frames.
+    /// Discards all histories, kept buffers and kept images.
     pub fn restart(&mut self) {
         self.book.open().clear();
     }
 
-    /// For tests: the next frame goes as if the device were lost in this pass.
+    /// For tests: the next frame behaves as if the device were lost in this pass.
     #[doc(hidden)]
     pub fn lose_device_in(&mut self, pass: &str) {
         self.stop = Some(pass.to_owned());
     }
 
-    /// How far each queue came in the frame that ran last; empty where no breadcrumbs were laid.
+    /// How far each queue came in the last frame that ran; empty without breadcrumbs.
     pub fn trails(&self, ran: &Executed) -> Vec<Trail> {
         self.trails_of(&ran.declaration, &ran.plan)
     }
@@ -255,11 +254,11 @@ impl Executor {
     /// Plans and runs a frame, and waits for it.
     ///
     /// # Errors
-    /// Mistakes in the declaration, exhausted memory and a lost device, with the pass or resource.
+    /// Mistakes in the declaration, out of memory, and device loss, with the pass or resource.
     pub fn run(&mut self, graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
         let ran = self.try_run(graph, imports);
         if ran.is_err() {
-            // What histories hold now is unknown: the frame may have ended anywhere.
+            // The frame may have failed at any point, so the contents of the histories are unknown.
             self.book.open().cut();
         }
         ran
@@ -267,7 +266,7 @@ impl Executor {
 
     fn try_run(&mut self, mut graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
         let start = Instant::now();
-        // Uploads and tests bring frames of their own, without any history; those of this executor stay as they are.
+        // Frames for uploads and tests are declared without this executor. They have no histories and leave those of this executor alone.
         let own = Arc::ptr_eq(&graph.book, &self.book);
         assert!(
             own || !graph.has_history(),
@@ -278,7 +277,7 @@ impl Executor {
         let (mut entry, mut records, spare) = self.cache.plan(graph, self.options.switches, device)?;
         let plan_ns = nanoseconds(start);
 
-        // Objects for every resource.
+        // Bind every resource.
         let (declaration, plan) = (entry.declaration.clone(), entry.plan.clone());
         if own {
             self.kept.prepare(&self.gpu, &self.book)?;
@@ -295,7 +294,7 @@ impl Executor {
 
         let spoils = spoil::Spoil::all(&self.gpu, &poisons, &declaration, &plan)?;
 
-        // Record batch by batch, hand over, wait.
+        // Record the batches, submit them and wait.
         let record_start = Instant::now();
         let ran = self.commands.run(
             commands::Frame {
@@ -327,7 +326,7 @@ impl Executor {
         let record_ns = recorded_ns.saturating_sub(ran.submit_ns);
         let wait_ns = nanoseconds(record_start) - recorded_ns;
 
-        // Times, and what the next frame begins with.
+        // Collect times, and prepare the state for the next frame.
         let mut sample = FrameSample {
             plan_ns,
             bind_ns,

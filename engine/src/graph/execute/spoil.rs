@@ -1,4 +1,4 @@
-//! Spoils outputs on purpose, within the pass that writes them, so that tests can tell whether that is found.
+//! Writes NaN or infinity into outputs within the pass that writes them, to test the detection.
 
 use super::super::{
     access::{Access, Domain, Layout, Uses},
@@ -10,14 +10,14 @@ use super::super::{
 use super::ExecuteError;
 use crate::gpu::{Buffer, BufferMemory, BufferUse, CommandEncoder, Gpu, ImageBarrier};
 
-/// One [`Poison`], and a buffer that holds what is copied.
+/// One [`Poison`], and the buffer that its value is copied from.
 pub(super) struct Spoil {
     what: Poisoned,
     source: Buffer,
 }
 
 impl Spoil {
-    /// Makes ready what a frame is to be spoilt with.
+    /// Resolves the poisons of a frame and fills their buffers.
     pub fn all(
         gpu: &Gpu,
         poisons: &[Poison],
@@ -34,12 +34,12 @@ impl Spoil {
         poisons.iter().map(one).collect()
     }
 
-    /// The pass whose output it is.
+    /// Index of the pass whose output is overwritten.
     pub fn pass(&self) -> u32 {
         self.what.pass
     }
 
-    /// Copies over the pixel or element once all commands of the pass are done, and leaves the rest as the pass left it.
+    /// Overwrites the pixel or element after all commands of the pass; everything else stays as the pass left it.
     pub fn record(&self, encoder: &mut CommandEncoder, physical: &[Physical]) {
         let Poisoned { resource, length, place, part, layout, .. } = self.what;
         encoder.full_barrier();

@@ -1,4 +1,4 @@
-//! GPU times of passes, what their shaders count (rays, values that are not finite), and how often these ran.
+//! GPU times of passes, and the counts that their shaders make: rays, non-finite values, invocations.
 
 use std::time::Instant;
 
@@ -10,16 +10,16 @@ use crate::{
 use magpie_shaders::Address;
 
 const FIRST_PASSES: u32 = 64;
-/// Of the counters of a pass: closest-hit rays, any-hit rays, values that are not finite.
+/// Bytes of counters per pass: closest-hit rays, any-hit rays, non-finite values, 4 each.
 const COUNTER_BYTES: u64 = 12;
 
 /// Timestamps and counters of one frame.
 pub(super) struct Clock {
     gpu: Gpu,
     timestamps: Timestamps,
-    /// [`COUNTER_BYTES`] per pass: where shaders count, and where the host reads.
+    /// [`COUNTER_BYTES`] per pass: the buffer in which shaders count, and the one that the host reads.
     counters: [gpu::Buffer; 2],
-    /// Counters of invocations, in frames that want them.
+    /// Invocation counters; `None` unless the frame wants them and the device has them.
     statistics: Option<Statistics>,
     begun: Instant,
 }
@@ -35,7 +35,7 @@ impl Clock {
         })
     }
 
-    /// Makes room for so many passes, all timestamps unwritten; with counters of invocations where they are wanted and there are any.
+    /// Makes room for the passes of a frame and resets the queries. `statistics` asks for invocation counters.
     pub fn prepare(&mut self, passes: u32, statistics: bool) -> Result<(), GpuError> {
         if self.timestamps.capacity() < stamps(passes) {
             let room = passes.next_power_of_two();
@@ -51,7 +51,7 @@ impl Clock {
         Ok(())
     }
 
-    /// Where the pass at a position counts: rays, then values that are not finite.
+    /// Address of the counters of the pass at a position.
     pub fn counters(&self, position: u32) -> Address {
         self.counters[0].address().offset(u64::from(position) * COUNTER_BYTES)
     }
@@ -70,7 +70,7 @@ impl Clock {
         encoder.timestamp(&self.timestamps, 2 + 2 * position);
     }
 
-    /// Counts from here to [`Self::end_counting`]; both are inside of the attachments of a pass, or both outside.
+    /// Counts invocations until [`Self::end_counting`]. Vulkan requires both calls inside the same rendering scope, or both outside.
     pub fn begin_counting(&self, encoder: &mut CommandEncoder, position: u32) {
         if let Some(statistics) = &self.statistics {
             encoder.begin_statistics(statistics, position);
@@ -81,14 +81,14 @@ impl Clock {
         encoder.end_statistics();
     }
 
-    /// Everything before must be done and visible.
+    /// Copies the counters to the host. Everything before must be finished and visible.
     pub fn close_frame(&self, encoder: &mut CommandEncoder) {
         let [counters, counted] = &self.counters;
         encoder.copy_buffer(counters, 0, counted, 0, counters.bytes());
         encoder.full_barrier();
     }
 
-    /// Fills in the times and counts of a frame that is done. `passes` are by position.
+    /// Fills in the times and counts of a finished frame. `passes` are by position.
     pub fn read(
         &self,
         start: Instant,
@@ -120,7 +120,7 @@ impl Clock {
             plan.waits[b.waits.range()].iter().map(move |&w| (plan.batches[w as usize].passes.end - 1, first))
         };
         sample.waits = plan.batches.iter().flat_map(waits).collect();
-        // On several queues the last to end need not be the last in order.
+        // With several queues, the last pass in the order need not be the last to end.
         let last = stamps.iter().copied().max().unwrap_or(stamps[0]);
         sample.gpu_ns = Some(last.saturating_sub(stamps[0]));
         sample.start_ns = Some((start - self.begun).as_nanos() as u64);
@@ -132,7 +132,7 @@ impl Clock {
     }
 }
 
-/// What the shaders of a pass did; none where it only copies.
+/// Invocation counts of a pass; `None` if it only copies.
 fn counts(from: &Statistics, pass: &PassTime, position: u32) -> Result<Option<measure::Statistics>, GpuError> {
     let mut counts = measure::Statistics::default();
     if pass.draws > 0 {
@@ -146,7 +146,7 @@ fn counts(from: &Statistics, pass: &PassTime, position: u32) -> Result<Option<me
     Ok(Some(counts))
 }
 
-/// Timestamps of a frame: one at its begin, two per pass.
+/// Number of timestamps of a frame: one at its beginning, two per pass.
 fn stamps(passes: u32) -> u32 {
     1 + 2 * passes
 }

@@ -1,7 +1,7 @@
-//! Where in memory each transient lies.
+//! Placement of transients in memory.
 //!
-//! Transients whose lifetimes do not meet share bytes, if they are used on one and the same queue: there, the order of passes says
-//! who is done. What is used on several queues, histories and imports share with nobody.
+//! Transients with disjoint lifetimes may alias if they are used on the same queue, where the order of passes says when one is
+//! done. Transients that several queues use, histories and imports are never aliased.
 
 use super::{
     super::{
@@ -13,29 +13,29 @@ use super::{
     pack::{self, Item},
 };
 
-/// What an object takes of memory.
+/// Memory requirements of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Footprint {
-    /// How many bytes.
+    /// Size in bytes, padding of the device included.
     pub bytes: u64,
-    /// Multiple that its offset must be, a power of two.
+    /// Alignment of its offset, a power of two.
     pub align: u64,
-    /// Which kind of memory, by the device's own number.
+    /// Kind of memory, by the device's own number.
     pub kind: u8,
 }
 
-/// Knows what objects take of memory: the device, or a test.
+/// Source of memory requirements: a device, or a test.
 pub trait Footprints {
-    /// The footprint of one that is used so.
+    /// Memory requirements of a resource with these uses.
     fn footprint(&mut self, shape: Shape, uses: Uses, sharing: Sharing) -> Footprint;
 
-    /// Images and anything else must not come closer to each other than this, a power of two.
+    /// Least distance between an image and any other object, a power of two (`bufferImageGranularity`).
     fn granularity(&self) -> u64 {
         1
     }
 }
 
-/// Footprints as on a device that pads everything to 256 bytes.
+/// Memory requirements as on a device that pads everything to 256 bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Packed;
 
@@ -45,19 +45,20 @@ impl Footprints for Packed {
     }
 }
 
-/// How queues come to a resource.
+/// How queues share a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Sharing {
-    /// One queue alone uses it.
+    /// Only one queue uses it.
     Alone(Queue),
-    /// Queues use it in turn, and each hands it to the next: it is an attachment, whose compression is worth keeping.
+    /// Several queues use it, one after another, with ownership transfers. Chosen for attachments, whose compression depends on
+    /// exclusive ownership.
     HandedOver,
-    /// Queues use it at the same time, or handing it over would gain nothing.
+    /// Several queues use it at the same time, or exclusive ownership would gain nothing.
     Concurrent,
 }
 
 impl Sharing {
-    /// Why, in words.
+    /// Why it may not alias, in words.
     pub fn reason(self) -> &'static str {
         match self {
             Self::Alone(_) => "one queue alone uses it",
@@ -71,40 +72,40 @@ impl Sharing {
     }
 }
 
-/// Something to make for this frame.
+/// A resource to make for this frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Transient {
     /// Index of the resource.
     pub resource: u32,
-    /// All that the frame does with it.
+    /// Everything that the frame does with it.
     pub uses: Uses,
-    /// How queues come to it.
+    /// How queues share it.
     pub sharing: Sharing,
-    /// In [`Plan::heaps`](super::Plan::heaps), the one that it lies in.
+    /// Index in [`Plan::heaps`](super::Plan::heaps).
     pub heap: u32,
-    /// Where in the heap it begins.
+    /// Offset in the heap, bytes.
     pub offset: u64,
-    /// Bytes that it takes there.
+    /// Size in the heap, bytes.
     pub bytes: u64,
 }
 
-/// One piece of device memory.
+/// One heap for transients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeapPlan {
-    /// Which kind of memory, by the device's own number.
+    /// Kind of memory, by the device's own number.
     pub kind: u8,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: u64,
 }
 
-/// Bytes of memory for transients, padding of the device included.
+/// Memory for transients in bytes, padding of the device included.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
-    /// When each has memory of its own.
+    /// Sum of all sizes: what they would take without aliasing.
     pub unaliased: u64,
-    /// As placed.
+    /// Sum of the heaps: what they take as placed.
     pub aliased: u64,
-    /// Most that is alive at one time: no placement takes less.
+    /// Largest sum of sizes alive at one time. No placement takes less.
     pub lower_bound: u64,
 }
 
@@ -115,7 +116,7 @@ pub(super) struct Placed {
     pub memory: Memory,
 }
 
-/// Finds a place for every transient that is used. With `alias` off each has its own.
+/// Places every transient that is used. Without `alias`, none share memory.
 pub(super) fn place(
     declaration: &Declaration,
     groups: &Groups,
@@ -150,7 +151,7 @@ pub(super) fn place(
             (transient.offset, transient.bytes) = (offset, items[t as usize].bytes);
             placed.memory.unaliased += items[t as usize].bytes;
         }
-        // Marked as done: heap numbers begin above every kind.
+        // Numbers from `DONE` on are heaps, smaller ones are still kinds of memory.
         here.iter().for_each(|&t| transients[t as usize].heap = DONE + heap);
         placed.memory.aliased += packing.bytes;
         placed.memory.lower_bound += bound;
@@ -163,7 +164,7 @@ pub(super) fn place(
 
 const DONE: u32 = 1 << 8;
 
-/// Transients by resource, with the kind of their memory in place of the heap, and what there is to pack of each.
+/// All transients in use, and the items to pack. Until placed, `heap` holds the kind of memory.
 fn gather(
     declaration: &Declaration,
     groups: &Groups,
@@ -199,7 +200,7 @@ fn gather(
     (transients, items)
 }
 
-/// Pads what lies in a heap with both images and other things.
+/// If a heap holds images and other objects, pads all of them to the granularity.
 fn keep_apart(declaration: &Declaration, transients: &[Transient], here: &[u32], items: &mut [Item], granularity: u64) {
     let is_image = |t: &u32| declaration.resources[transients[*t as usize].resource as usize].shape.is_image();
     if granularity > 1 && here.iter().any(is_image) && !here.iter().all(is_image) {

@@ -1,9 +1,9 @@
-//! What waits for what on each queue, and how images change layout.
+//! Synchronisation on each queue: barriers and layout transitions.
 //!
-//! Uses of each slot are gathered into groups that need not wait for each other. Between one group and the next on the same queue
-//! stands one barrier, before the first pass of the next, for all its uses together. Where groups are on different queues the wait
-//! between their batches orders memory already; only a change of layout, or of ownership, is left to do, once: by the queue that
-//! has the next group to itself, else by the writer's queue right after the write, else before the first of the readers.
+//! The uses of each slot are gathered into groups that need no synchronisation inside. Between consecutive groups on the same queue, one
+//! barrier before the first pass of the second group covers all its uses. Between groups on different queues, the semaphore wait between
+//! their batches already orders memory. Only a layout transition or an ownership transfer remains, and it is done once: by the queue of
+//! the next group if it has only one, else on the writer's queue right after the write, else before the first of the readers.
 
 use super::{
     super::{
@@ -16,44 +16,44 @@ use super::{
     slots::Slots,
 };
 
-/// One part of one resource, made ready for the uses of a group.
+/// A barrier for one part of one resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Barrier {
     /// Index of the resource.
     pub resource: u32,
-    /// Which mips and layers.
+    /// Mips and layers.
     pub part: Part,
     /// Uses that must be over. Their writes become visible to `to`.
     pub from: Uses,
-    /// The uses that wait. [`Uses::ANY`] where other queues take over.
+    /// Uses that wait. [`Uses::ANY`] if they are on other queues.
     pub to: Uses,
     /// Layout before; [`Layout::Undefined`] for buffers and acceleration structures.
     pub layout_from: Layout,
     /// Layout after; [`Layout::Undefined`] for buffers and acceleration structures.
     pub layout_to: Layout,
-    /// Contents before are not kept.
+    /// Whether the contents before it are discarded.
     pub discard: bool,
-    /// It is half of a change of ownership.
+    /// Set if it is one half of an ownership transfer.
     pub handover: Option<Handover>,
 }
 
-/// One half of a change of ownership between queues.
+/// One half of an ownership transfer between queues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Handover {
-    /// The queue that had it.
+    /// The queue that releases the resource.
     pub from: Queue,
-    /// The queue that gets it.
+    /// The queue that acquires the resource.
     pub to: Queue,
-    /// Which half.
+    /// Which half this is.
     pub role: Role,
 }
 
-/// The halves of a change of ownership.
+/// The two halves of an ownership transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// On the queue that had it.
+    /// On the queue that gives the resource up.
     Release,
-    /// On the queue that gets it, once it has waited for the release.
+    /// On the queue that receives the resource, after it has waited for the release.
     Acquire,
 }
 
@@ -65,7 +65,7 @@ pub(super) struct Synchronised {
     pub unstored: Vec<u32>,
 }
 
-/// What the step works on.
+/// Input of this step.
 pub(super) struct Input<'a> {
     pub declaration: &'a Declaration,
     pub slots: &'a Slots,
@@ -75,7 +75,7 @@ pub(super) struct Input<'a> {
     pub positions: usize,
 }
 
-/// Every barrier, and where it stands.
+/// All barriers, sorted by place, with the range of each place.
 pub(super) fn barriers(input: &Input<'_>) -> Synchronised {
     let mut writer = Writer::new(input);
     for group in &input.groups.all {
@@ -104,7 +104,7 @@ pub(super) fn barriers(input: &Input<'_>) -> Synchronised {
     Synchronised { barriers: placed.into_iter().map(|(_, b)| b).collect(), before, after, end, unstored }
 }
 
-/// Where a barrier stands, as a number by which they are sorted.
+/// Sort key of the place before a pass.
 fn before_pass(position: u32) -> u32 {
     2 * position
 }
@@ -118,16 +118,16 @@ const END: u32 = u32::MAX;
 struct Writer<'a> {
     input: &'a Input<'a>,
     placed: Vec<(u32, Barrier)>,
-    /// Of each transient that takes over memory, what was done last with that memory.
+    /// For each transient that reuses memory, the last uses of the transients before it in that memory.
     inherited: Vec<Uses>,
 }
 
-/// A slot before the frame.
+/// State of a slot before the frame.
 struct Start {
     layout: Layout,
-    /// Uses that a change waits for.
+    /// Uses that a layout transition or a write must wait for.
     from: Uses,
-    /// Reads that need no barrier.
+    /// Uses that already see the contents, and need no barrier.
     visible: Uses,
     discard: bool,
 }
@@ -139,7 +139,7 @@ impl<'a> Writer<'a> {
             inherited = vec![Uses::EMPTY; input.declaration.resources.len()];
             for &(after, before) in input.successions {
                 for slot in input.slots.of_resource(before) {
-                    // Both are on one queue.
+                    // Both are on the same queue, or they would not alias.
                     if let Some(last) = input.groups.all.get(input.groups.newest[slot as usize] as usize) {
                         let uses = last.uses.into_iter().fold(Uses::EMPTY, Uses::union);
                         inherited[after as usize] = inherited[after as usize].union(uses);
@@ -157,7 +157,7 @@ impl<'a> Writer<'a> {
                 Start { layout: Layout::Undefined, from, visible: Uses::EMPTY, discard: true }
             }
             Origin::Imported { key, last, .. } if last.is_empty() => {
-                // Nobody knows what the caller did with it; nothing of the graph's own is in use when a frame begins.
+                // What the caller did with it is unknown. Resources of the graph itself are idle when a frame begins.
                 let from = if matches!(key, ImportKey::Caller(_)) { Uses::ANY } else { Uses::EMPTY };
                 Start { layout: Layout::Undefined, from, visible: Uses::EMPTY, discard: true }
             }
@@ -169,8 +169,8 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Uses before the frame that a first group of reads goes on beside, without any barrier: what comes after it on the graphics
-    /// queue must wait for them as well.
+    /// Uses from before the frame that the group joins without a barrier, because both only read in the same layout. The next
+    /// barrier on the graphics queue must wait for them as well.
     fn beside(&self, group: &Group) -> Uses {
         let own = group.uses[Queue::Graphics.index()];
         if group.previous != NONE || group.write || own.is_empty() {
@@ -180,7 +180,7 @@ impl<'a> Writer<'a> {
         if start.layout == group.layout && start.visible.includes(own) { start.visible } else { Uses::EMPTY }
     }
 
-    /// Places what stands before a group.
+    /// Places the barriers before a group.
     fn open(&mut self, group: &Group) {
         let input = self.input;
         let Some(previous) = input.groups.all.get(group.previous as usize) else { return self.begin(group) };
@@ -214,7 +214,7 @@ impl<'a> Writer<'a> {
             }
             return;
         }
-        // Read on several queues.
+        // The group reads on several queues.
         match previous.single().filter(|_| previous.write) {
             Some(writer) => {
                 let (q, from) = (writer.index(), previous.uses[writer.index()]);
@@ -234,13 +234,14 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Places what stands before the first group of a slot.
+    /// Places the barriers before the first group of a slot.
     fn begin(&mut self, group: &Group) {
         let start = self.start(group.resource);
         let leader = group.leader();
         let (moves, q) = (start.layout != group.layout, leader.index());
         let on_graphics = leader == Queue::Graphics;
-        // Imports were last used on the graphics queue; what the others do comes after the frame before, as a whole.
+        // Imports were last used on the graphics queue. Work on other queues starts after the whole previous frame, so it need
+        // not wait again.
         let knows = self.input.declaration.resources[group.resource as usize].is_transient() || on_graphics;
         let from = if knows { start.from } else { Uses::EMPTY };
         let seen = !group.write && start.visible.includes(group.uses[q]);
@@ -255,7 +256,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// Leaves imports as they are asked for.
+    /// Places the barriers at the end of the frame that leave imports in the state asked for.
     fn leave(&mut self) {
         let Input { declaration, slots, groups, .. } = *self.input;
         for (resource, decl) in declaration.resources.iter().enumerate() {
@@ -279,7 +280,7 @@ impl<'a> Writer<'a> {
                 let waited = if group.single() == Some(graphics) { Uses::EMPTY } else { Uses::WAITED };
                 let own = group.uses[graphics.index()];
                 let visible = if group.write { Uses::EMPTY } else { own };
-                // On other queues alone: the wait at the end shows everything to everyone but the host.
+                // Only other queues used it: the wait at the end of the frame makes it visible to everything but the host.
                 let seen = own.is_empty() && group.layout == layout_to && at.0 != Access::HostRead;
                 (
                     group.layout,
@@ -306,7 +307,7 @@ impl<'a> Writer<'a> {
         Barrier { resource, part, from, to, layout_from, layout_to, discard: false, handover: None }
     }
 
-    /// Puts a barrier in its place, as one with those before it of neighbouring mips and layers.
+    /// Appends a barrier, merged with the last ones of the same place if they cover neighbouring mips or layers.
     fn place(&mut self, key: u32, barrier: Barrier) {
         let mut barrier = barrier;
         while let Some((_, before)) = self.placed.last().filter(|(k, _)| *k == key)
@@ -319,7 +320,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Two barriers as one, where they differ in nothing but neighbouring mips or layers.
+/// Two barriers as one, if they differ only in their parts and these are adjacent.
 fn join(a: &Barrier, b: &Barrier) -> Option<Barrier> {
     let alike = Barrier { part: b.part, ..*a } == *b;
     let (p, q) = (a.part, b.part);
@@ -333,7 +334,7 @@ fn join(a: &Barrier, b: &Barrier) -> Option<Barrier> {
     alike.then_some(Barrier { part, ..*a })
 }
 
-/// Attachments of which nobody reads any part after the pass: ended transients that are no output of the frame.
+/// Attachments whose results nothing reads: the last use of transients that are not outputs of the frame.
 fn unstored(input: &Input<'_>) -> Vec<u32> {
     let declaration = input.declaration;
     let (mut unstored, mut stored) = (Vec::new(), Vec::new());
@@ -347,7 +348,7 @@ fn unstored(input: &Input<'_>) -> Vec<u32> {
         let is_last = input.groups.newest[group.slot as usize] == index as u32;
         if is_last && !wanted() { &mut unstored } else { &mut stored }.push(group.use_index);
     }
-    // An image whose mips or layers are used apart has several groups for one attachment.
+    // If mips or layers are tracked separately, one attachment has several groups.
     unstored.sort_unstable();
     unstored.dedup();
     stored.sort_unstable();

@@ -32,7 +32,7 @@ fn made(g: &mut FrameGraph) -> WriteHandle<Image> {
     g.pass("make", Queue::Graphics, |p| (p.create("x", desc).0, |_: &mut Record| {}))
 }
 
-/// Barriers of one resource: before each pass and after it, and at the end.
+/// The barriers of one resource: before and after each pass, and at the end.
 fn barriers_of(g: FrameGraph, resource: u32, words: &str) -> Vec<Vec<Barrier>> {
     let frame = g.finish().unwrap();
     let plan = plan_with(&frame.declaration, words);
@@ -41,7 +41,7 @@ fn barriers_of(g: FrameGraph, resource: u32, words: &str) -> Vec<Vec<Barrier>> {
     both.chain([plan.end]).map(of).collect()
 }
 
-/// The same where nothing stands after passes.
+/// The barriers before each pass and at the end, where there are none after passes.
 fn before(g: FrameGraph, resource: u32) -> Vec<Vec<Barrier>> {
     let all = barriers_of(g, resource, "");
     assert!(all.iter().skip(1).step_by(2).all(Vec::is_empty), "on one queue nothing stands after a pass");
@@ -263,7 +263,7 @@ fn attachments_that_nobody_reads_are_not_stored() {
     assert_eq!(plan_with(&frame.declaration, "").unstored, [1]);
 }
 
-/// A kept image of two layers, of which the second is to be drawn; `looked` says whether anybody looks at them.
+/// A kept image of two layers with the second one stale; `looked` says whether a pass reads it.
 fn kept_layers(looked: bool) -> FrameGraph {
     let mut g = FrameGraph::new(Extent::new(8, 8));
     let desc = ImageDesc::fixed(Format::D32Float, Extent::new(4, 4));

@@ -1,9 +1,9 @@
-//! On which queue each pass runs, and where queues wait for each other.
+//! Assigns passes to queues, and decides where queues wait for each other.
 //!
-//! Passes in order are gathered into batches, one open batch per queue. A pass that depends on a pass of another queue closes that
-//! one's batch, and begins a batch of its own that waits for it, unless its queue has waited for as much already. Batches are
-//! handed over in the order in which they closed, so that each waits only for batches that were handed over before it: even on a
-//! single queue nothing can deadlock.
+//! Passes in order are gathered into batches, with one open batch per queue. A pass that depends on a pass in another queue's
+//! open batch closes that batch. It then starts a new batch that waits for the other, unless its queue has already waited for it
+//! or for a later one. Batches are submitted in the order in which they were closed, so each waits only for batches submitted
+//! before it. Therefore nothing can deadlock, even if all queues are one queue of the device.
 
 use super::{
     super::{
@@ -14,14 +14,14 @@ use super::{
     hazard::Hazards,
 };
 
-/// Passes that one queue runs after another without waiting for other queues in between.
+/// Passes that one queue runs one after another without waiting for other queues in between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Batch {
-    /// The queue.
+    /// The queue that runs them.
     pub queue: Queue,
-    /// Positions in the plan's order.
+    /// Range of positions in [`Plan::order`](super::Plan::order).
     pub passes: Span,
-    /// In [`Plan::waits`](super::Plan::waits), the earlier batches of other queues that must be done before it begins.
+    /// Range in [`Plan::waits`](super::Plan::waits): the earlier batches of other queues that must finish before it begins.
     pub waits: Span,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct Batches {
     pub waits: Vec<u32>,
 }
 
-/// The queue of each pass: what it wishes for, where there is such a queue and the pass can run there.
+/// The queue of each pass: the requested one if it exists and can run the pass, otherwise graphics.
 pub(super) fn lanes(declaration: &Declaration, queues: Queues) -> Vec<Queue> {
     let granted = |queue: Queue, domain: Domain| match queue {
         Queue::Graphics => false,
@@ -47,7 +47,7 @@ pub(super) fn lanes(declaration: &Declaration, queues: Queues) -> Vec<Queue> {
 const NONE: u32 = u32::MAX;
 const QUEUES: usize = Queue::ALL.len();
 
-/// A batch that still takes passes.
+/// A batch to which passes are still added.
 #[derive(Clone, Default)]
 struct Open {
     passes: Vec<u32>,
@@ -56,14 +56,14 @@ struct Open {
 
 struct Gathering {
     open: [Open; QUEUES],
-    /// Of each queue, the batches of every queue that are over when its open batch begins, as one more than the newest.
+    /// For each queue, how many batches of every queue its open batch is ordered after, as one more than the newest index.
     seen: [[u32; QUEUES]; QUEUES],
-    /// The same at the end of each closed batch, itself included.
+    /// The same for each closed batch, counting itself.
     seen_after: Vec<[u32; QUEUES]>,
     made: Batches,
 }
 
-/// Batches of the passes in `order`; the order of the result is batch by batch.
+/// Divides the passes in `order` into batches. The resulting order is batch by batch.
 pub(super) fn batches(order: Vec<u32>, hazards: &Hazards, lanes: &[Queue], queues: Queues) -> Batches {
     let all = Span { start: 0, end: order.len() as u32 };
     let only_graphics = queues.count() == 1 || order.iter().all(|&p| lanes[p as usize] == Queue::Graphics);
@@ -108,7 +108,7 @@ pub(super) fn batches(order: Vec<u32>, hazards: &Hazards, lanes: &[Queue], queue
 impl Gathering {
     fn wait(&mut self, lane: Queue, batch: u32) {
         let open = &mut self.open[lane.index()];
-        // A newer batch of a queue stands for the older ones.
+        // Waiting for a newer batch of a queue covers the older ones.
         let queue = self.made.batches[batch as usize].queue;
         open.waits.retain(|&w| self.made.batches[w as usize].queue != queue);
         open.waits.push(batch);

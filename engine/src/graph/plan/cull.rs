@@ -1,7 +1,7 @@
-//! Which passes the frame needs.
+//! Culls passes that the frame does not need.
 //!
-//! A pass is needed when a frame output, an imported resource or a needed pass depends on what it writes. A weak pass that
-//! changes what another made is never needed by those who read it after: it is kept if all that it reads is made anyway.
+//! A pass is needed if a frame output, an imported resource of the caller or a needed pass depends on what it writes. A weak pass that
+//! changes a resource is not needed by later readers of that resource. It is kept if everything that it reads is made anyway.
 
 use super::super::declaration::{Declaration, ImportKey, Origin, ResourceDecl, Use, Writers};
 
@@ -10,12 +10,11 @@ use super::super::declaration::{Declaration, ImportKey, Origin, ResourceDecl, Us
 pub struct Culled {
     /// Index of the pass.
     pub pass: u32,
-    /// Why, in words.
+    /// The reason, in words.
     pub reason: String,
 }
 
-/// Splits the passes into those that are kept, in the order of declaration, and those that are left out. Where culling is off all
-/// are kept.
+/// Splits the passes into those that are kept, in the order of declaration, and those that are culled. With culling off, all are kept.
 pub(super) fn cull(declaration: &Declaration, enabled: bool) -> (Vec<u32>, Vec<Culled>) {
     let count = declaration.passes.len() as u32;
     if !enabled {
@@ -46,7 +45,7 @@ pub(super) fn cull(declaration: &Declaration, enabled: bool) -> (Vec<u32>, Vec<C
         }
     }
     if any_weak {
-        // What a weak pass reads was declared before it, and what wants it is declared after it.
+        // A weak pass reads only what was declared before it, and is wanted only by passes after it: one sweep each way suffices.
         for pass in 0..count {
             search.possible[pass as usize] = search.is_weak(pass) && search.missing_input(pass).is_none();
         }
@@ -64,8 +63,8 @@ pub(super) fn cull(declaration: &Declaration, enabled: bool) -> (Vec<u32>, Vec<C
     (kept, culled)
 }
 
-/// Of each resource that comes from the frame before, the one that goes to the frame after; that one goes there as a whole too
-/// where any of it is made. Empty where there are none.
+/// For each half of a history and each kept resource, the resource that goes to the next frame. Keeping any part of it keeps the
+/// whole. Empty if there are none.
 fn carried(declaration: &Declaration) -> Vec<Option<u32>> {
     let key = |r: &ResourceDecl| match r.origin {
         Origin::Imported { key, .. } => Some(key),
@@ -89,11 +88,11 @@ struct Search<'d> {
     writers: Writers,
     carried: Vec<Option<u32>>,
     kept: Vec<bool>,
-    /// Weak passes that changed something which a kept pass reads after them.
+    /// Weak passes that changed something that a kept pass reads.
     wanted: Vec<bool>,
-    /// Weak passes that can be kept without keeping anything but weak passes for their sake.
+    /// Weak passes whose inputs are all made by kept passes or by other such weak passes.
     possible: Vec<bool>,
-    /// Passes found needed whose inputs were not yet looked at.
+    /// Passes known to be needed whose inputs have not been followed yet.
     open: Vec<u32>,
 }
 
@@ -106,8 +105,8 @@ impl<'d> Search<'d> {
         self.declaration.uses_of(pass)
     }
 
-    /// Whether a pass writes something that the caller holds. What goes to the next frame is needed only if this frame needed what
-    /// came from the one before.
+    /// Whether a pass writes an imported resource of the caller. A history's next half counts only if this frame needs its
+    /// previous half; [`Self::keep`] handles that.
     fn outlives_frame(&self, pass: u32) -> bool {
         let held = |u: &Use| match self.declaration.resources[u.resource as usize].origin {
             Origin::Imported { key, .. } => matches!(key, ImportKey::Caller(_)),
@@ -116,7 +115,7 @@ impl<'d> Search<'d> {
         self.uses(pass).iter().any(|u| u.writes.is_some() && held(u))
     }
 
-    /// Keeps a pass and whatever it depends on.
+    /// Keeps a pass and everything that it depends on.
     fn keep(&mut self, pass: u32) {
         let mut open = std::mem::take(&mut self.open);
         open.push(pass);
@@ -138,8 +137,8 @@ impl<'d> Search<'d> {
         self.open = open;
     }
 
-    /// The pass that a version depends on: its writer, or where weak passes only changed it, the writer before them. Notes that
-    /// those weak passes are wanted.
+    /// The pass that a version depends on: its writer, or the last writer before it that is not a weak change. Marks those weak
+    /// passes as wanted.
     fn base_writer(&mut self, resource: u32, version: u32) -> Option<u32> {
         let mut version = version;
         loop {
@@ -152,13 +151,13 @@ impl<'d> Search<'d> {
         }
     }
 
-    /// Whether a weak pass wrote this version over contents that it could as well have left as they were.
+    /// Whether this version is a change by a weak pass to contents that would be valid without it.
     fn is_change(&self, resource: u32, version: u32, writer: u32) -> bool {
         let first = u32::from(self.declaration.resources[resource as usize].is_undefined());
         self.is_weak(writer) && version > first
     }
 
-    /// The first use whose contents are not made, and the pass that would make them.
+    /// The first input that no kept pass makes, and the pass that would make it.
     fn missing_input(&self, pass: u32) -> Option<(&'d Use, u32)> {
         self.uses(pass).iter().find_map(|u| {
             let mut version = u.reads?;

@@ -1,5 +1,5 @@
-//! Runs of uses that need not wait for each other: one write, or reads of the same contents in the same layout. Between one group of
-//! a slot and the next stands a barrier, a wait for another queue, or both.
+//! Groups of uses that need no synchronisation among each other: one write, or reads of the same contents in the same layout.
+//! Between consecutive groups of a slot there is a barrier, a wait for another queue, or both.
 
 use super::{
     super::{
@@ -12,47 +12,47 @@ use super::{
 pub(super) const NONE: u32 = u32::MAX;
 const QUEUES: usize = Queue::ALL.len();
 
-/// A group, with what each queue has of it.
+/// One group, with its uses and passes per queue.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Group {
     pub resource: u32,
     pub slot: u32,
-    /// The group of the same slot before it, or [`NONE`].
+    /// Index of the previous group of the slot, or [`NONE`].
     pub previous: u32,
     pub layout: Layout,
     pub write: bool,
-    /// Of a write, the index of its use in the declaration.
+    /// Index of the use in the declaration, for a write.
     pub use_index: u32,
     pub uses: [Uses; QUEUES],
-    /// Positions of the first and last passes, or [`NONE`].
+    /// Positions of the first and last pass on each queue, or [`NONE`].
     pub first: [u32; QUEUES],
     pub last: [u32; QUEUES],
 }
 
 impl Group {
-    /// The one queue that it is on.
+    /// The queue that it is on, if it is only one.
     pub fn single(&self) -> Option<Queue> {
         let mut on = Queue::ALL.into_iter().filter(|q| self.first[q.index()] != NONE);
         let queue = on.next()?;
         on.next().is_none().then_some(queue)
     }
 
-    /// The queue whose pass comes first.
+    /// The queue with the earliest pass.
     pub fn leader(&self) -> Queue {
         let first = Queue::ALL.into_iter().min_by_key(|q| self.first[q.index()]);
         first.unwrap_or(Queue::Graphics)
     }
 }
 
-/// The groups of a plan.
+/// All groups of a plan.
 pub(super) struct Groups {
-    /// By the position of their first pass.
+    /// In the order of their first passes.
     pub all: Vec<Group>,
-    /// Of each slot, its last group, or [`NONE`].
+    /// Index of each slot's last group, or [`NONE`].
     pub newest: Vec<u32>,
 }
 
-/// Follows each slot through the passes.
+/// Follows each slot through the passes in order.
 pub(super) fn groups(declaration: &Declaration, order: &[u32], slots: &Slots, lanes: &[Queue]) -> Groups {
     let mut newest = vec![NONE; slots.count()];
     let mut all: Vec<Group> = Vec::with_capacity(declaration.uses.len());

@@ -1,8 +1,8 @@
-//! Which pass must come before which, in whatever order they run.
+//! Dependencies between passes, which hold in whatever order they run.
 //!
-//! Each part of each resource is followed through the passes as they were declared: a read comes after the write before it; a
-//! write comes after the reads since the last write, or after that write where nothing read it. On several queues a change of
-//! layout for a reader is a write as well: other queues must not read while it happens.
+//! Each part of each resource is followed through the passes in the order of declaration. A read depends on the write before it.
+//! A write depends on the reads since the last write, or on that write if nothing read it. With several queues, a layout
+//! transition for a reader counts as a write, since other queues must not read during it.
 
 use super::{
     super::{
@@ -14,7 +14,7 @@ use super::{
 
 /// Dependencies between kept passes, by their index in the declaration.
 pub(super) struct Hazards {
-    /// Where each pass's list begins, and one more.
+    /// Start of each pass's range in `before`, and one end.
     first: Vec<u32>,
     before: Vec<u32>,
 }
@@ -28,18 +28,18 @@ impl Hazards {
 
 const NONE: u32 = u32::MAX;
 
-/// What is known of one slot.
+/// State of one slot while it is followed.
 #[derive(Clone, Copy)]
 struct State {
     writer: u32,
-    /// Newest of the reads since, in the list of reads.
+    /// Index in `reads` of the newest read since the last write.
     readers: u32,
-    /// The reader that changes the layout for those after it; none where the writer's queue does.
+    /// The reader that transitions the layout for the readers after it; [`NONE`] if the writer's queue does.
     leader: u32,
     layout: Layout,
 }
 
-/// Dependencies of the passes in `kept`, which are in the order of declaration.
+/// The dependencies of the passes in `kept`, which are in the order of declaration.
 pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, queues: &[Queue]) -> Hazards {
     let several_queues = queues.iter().any(|queue| *queue != Queue::Graphics);
     let unused = State { writer: NONE, readers: NONE, leader: NONE, layout: Layout::Undefined };
@@ -51,7 +51,7 @@ pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, qu
             }
         }
     }
-    // Reads of all slots, each linked to the one before it.
+    // Reads of all slots; each is linked to the previous one of its slot.
     let mut reads: Vec<(u32, u32)> = Vec::with_capacity(declaration.uses.len());
     let mut first = vec![0; declaration.passes.len() + 1];
     let mut before: Vec<u32> = Vec::with_capacity(declaration.uses.len());
@@ -70,7 +70,7 @@ pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, qu
                 let moves = several_queues && layout != state.layout && !u.access.writes();
                 if u.access.writes() || moves {
                     let mut read = state.readers;
-                    // After a write, its own queue changes the layout for all readers together.
+                    // Right after a write, the writer's queue transitions the layout for all readers at once.
                     let is_first = read == NONE && state.writer != NONE;
                     if is_first {
                         before.push(state.writer);
@@ -95,7 +95,7 @@ pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, qu
                 }
             }
         }
-        // Few: a handful of uses.
+        // The list is short, so it is sorted and deduplicated in place.
         let own = &mut before[begin..];
         own.sort_unstable();
         let mut length = 0;

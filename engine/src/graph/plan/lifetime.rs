@@ -1,4 +1,4 @@
-//! From when until when each resource is used.
+//! Lifetime of each resource, as positions in the plan.
 
 use super::super::{access::Queue, declaration::Declaration};
 
@@ -9,22 +9,22 @@ pub struct Lifetime {
     pub first: u32,
     /// Position of the last pass that uses it.
     pub last: u32,
-    /// Where it is used.
+    /// The queue or queues that use it.
     pub lane: Lane,
-    /// Bytes that its contents take, without padding.
+    /// Size of its contents in bytes, without padding.
     pub bytes: u64,
 }
 
-/// The queues that use a resource. Positions on different queues say nothing about time.
+/// The queues that use a resource. Positions on different queues are not ordered in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lane {
-    /// One queue, on which everything happens in the plan's order.
+    /// A single queue, where positions are ordered in time.
     One(Queue),
-    /// More than one.
+    /// More than one queue.
     Several,
 }
 
-/// Lifetime of each resource; none for those that no kept pass uses. `queues` are those of the passes.
+/// Lifetime of each resource; `None` if no kept pass uses it. `queues` is the queue of each pass.
 pub(super) fn lifetimes(declaration: &Declaration, order: &[u32], queues: &[Queue]) -> Vec<Option<Lifetime>> {
     let mut lifetimes: Vec<Option<Lifetime>> = vec![None; declaration.resources.len()];
     for (position, &pass) in order.iter().enumerate() {

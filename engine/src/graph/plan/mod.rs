@@ -1,14 +1,14 @@
-//! From a declared frame to what runs: pure functions over plain data, no Vulkan call.
+//! Planning a declared frame: pure functions on plain data, without Vulkan calls.
 //!
 //! | step | decides | file |
 //! |---|---|---|
 //! | cull | which passes run | `cull` |
-//! | hazard | which pass must come before which | `hazard` |
-//! | order | in which order: declared, or for less memory and more overlap | `order` |
-//! | batch | on which queue, and where queues wait for each other | `batch` |
-//! | lifetime | from when until when each resource is used | `lifetime` |
-//! | alias | where in memory each transient lies, and after whom | `alias`, `pack` |
-//! | barrier | what waits for what on each queue, and how images change layout | `barrier` |
+//! | hazard | which pass depends on which | `hazard` |
+//! | order | the order: declared, or one with less memory and more overlap | `order` |
+//! | batch | the queue of each pass, and where queues wait for each other | `batch` |
+//! | lifetime | first and last use of each resource | `lifetime` |
+//! | alias | placement of transients in memory, and what they alias | `alias`, `pack` |
+//! | barrier | barriers on each queue, and layout transitions | `barrier` |
 
 mod alias;
 mod barrier;
@@ -34,62 +34,61 @@ use super::{
 
 /// How a declared frame runs.
 ///
-/// Batches are handed to their queues in their order; each waits for batches before it. Inside of a batch, passes run in the order
-/// of the plan, each after the barriers before it. After all batches the graphics queue waits for every queue and issues the
-/// barriers at the end.
+/// Batches are submitted in order; each waits only for earlier ones. Inside a batch, passes run in the order of the plan, each
+/// after the barriers before it. After all batches, the graphics queue waits for every queue and issues the barriers at the end.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// Passes to run by their index in the declaration, batch by batch. A pass depends on passes before it only.
+    /// Indices of the passes to run, batch by batch. A pass depends only on passes before it.
     pub order: Vec<u32>,
     /// Passes left out, by their index, and why.
     pub culled: Vec<Culled>,
-    /// Runs of passes on one queue, in the order in which they are handed over.
+    /// Runs of passes on one queue, in the order of submission.
     pub batches: Vec<Batch>,
-    /// Batches that batches wait for; see [`Batch::waits`].
+    /// Indices of the batches that batches wait for; see [`Batch::waits`].
     pub waits: Vec<u32>,
-    /// First and last use of each resource of the declaration; none for those that are not used.
+    /// Lifetime of each resource of the declaration; `None` if no kept pass uses it.
     pub lifetimes: Vec<Option<Lifetime>>,
-    /// Images, buffers and acceleration structures to make for this frame, by resource.
+    /// Resources to make for this frame, by ascending resource index.
     pub transients: Vec<Transient>,
-    /// Memory that these lie in.
+    /// The heaps in which these are placed.
     pub heaps: Vec<HeapPlan>,
-    /// Pairs of transients: the first takes memory that the second held last.
+    /// Pairs of transients (later, earlier) where the later one takes over memory of the earlier one.
     pub successions: Vec<(u32, u32)>,
-    /// Every barrier.
+    /// All barriers, sorted by place.
     pub barriers: Vec<Barrier>,
-    /// Of each position of [`Plan::order`], the barriers before the pass.
+    /// For each position of [`Plan::order`], the range of barriers before the pass.
     pub before: Vec<Span>,
-    /// Of each position of [`Plan::order`], the barriers after the pass: for other queues, which take over there.
+    /// For each position of [`Plan::order`], the range of barriers after the pass, which prepare the resource for other queues.
     pub after: Vec<Span>,
-    /// Barriers at the end, on the graphics queue.
+    /// The range of barriers at the end of the frame, on the graphics queue.
     pub end: Span,
-    /// Uses of attachments, by their index in the declaration, whose results nobody reads: they need not reach memory.
+    /// Uses of attachments, by index in the declaration, whose results are never read, so that they need not be stored. Ascending.
     pub unstored: Vec<u32>,
-    /// What memory the transients take and could take.
+    /// Memory of the transients, as placed and without aliasing.
     pub memory: Memory,
-    /// Every pass waits for everything before it.
+    /// Whether every pass waits for everything before it.
     pub serial: bool,
-    /// Transients were allowed to share memory.
+    /// Whether transients may alias.
     pub alias: bool,
-    /// Queues that it is made for.
+    /// The queues that it was planned for.
     pub queues: Queues,
 }
 
 impl Plan {
-    /// The batch of each position of [`Plan::order`].
+    /// The batch of a position of [`Plan::order`].
     pub fn batch_of(&self, position: u32) -> &Batch {
         let at = self.batches.partition_point(|b| b.passes.end <= position);
         &self.batches[at]
     }
 
-    /// The place of a resource among the transients.
+    /// The placement of a resource; `None` if it is not a transient in use.
     pub fn transient(&self, resource: u32) -> Option<&Transient> {
         let at = self.transients.binary_search_by_key(&resource, |t| t.resource).ok()?;
         Some(&self.transients[at])
     }
 }
 
-/// Plans a frame. `queues` are those of the device.
+/// Plans a frame. `queues` are those of the device, and `footprints` tells the memory requirements of its objects.
 pub fn plan(declaration: &Declaration, switches: &Switches, queues: Queues, footprints: &mut dyn Footprints) -> Plan {
     let queues = switches.queues(queues);
     let slots = slots::Slots::new(declaration);
@@ -133,7 +132,7 @@ pub fn plan(declaration: &Declaration, switches: &Switches, queues: Queues, foot
     }
 }
 
-/// A plan for no particular device, with the words of `--graph`, separated by commas.
+/// A plan for a device with one queue, with switches in the syntax of `--graph`.
 #[cfg(test)]
 pub(super) fn plan_with(declaration: &Declaration, words: &str) -> Plan {
     let mut switches = Switches::default();

@@ -1,18 +1,18 @@
-//! In which order passes run.
+//! The order in which passes run.
 //!
-//! Any order that respects the hazards gives the same frame. A greedy list scheduler takes, of the passes that could run next, the
-//! one that frees most memory (or asks for least); on several queues it first feeds the queues beside the one for graphics, and
-//! puts off what waits for them. Its order is used where it is better than the declared one.
+//! Every order that respects the dependencies gives the same frame. Of the passes that are ready, a greedy list scheduler takes
+//! the one that frees most memory (or needs least). With several queues, it schedules passes of other queues first and defers
+//! passes that wait for them. Its order is used if it needs less memory than the declared order, or if there are several queues.
 
 use super::{
     super::{access::Queue, declaration::Declaration},
     hazard::Hazards,
 };
 
-/// Passes that are looked at as the next one. With more the search would not be linear in a wide graph.
+/// Number of ready passes that are compared. The limit keeps the scheduler linear in wide graphs.
 const WINDOW: usize = 48;
 
-/// `kept` in the order in which it runs.
+/// The passes in `kept`, in the order in which they run.
 pub(super) fn order(
     declaration: &Declaration,
     kept: Vec<u32>,
@@ -26,13 +26,13 @@ pub(super) fn order(
     let several_queues = kept.iter().any(|&p| queues[p as usize] != Queue::Graphics);
     let mut transients = Transients::new(declaration, &kept);
     let Some(chosen) = schedule(declaration, &kept, hazards, queues, &mut transients) else {
-        return kept; // never more than one choice
+        return kept; // there was never a choice
     };
     let better = several_queues || transients.peak(declaration, &chosen) < transients.peak(declaration, &kept);
     if better { chosen } else { kept }
 }
 
-/// The list scheduler. `None` where it never had a choice, so that the order is the declared one.
+/// The list scheduler. `None` if there was never a choice, in which case the declared order stands.
 fn schedule(
     declaration: &Declaration,
     kept: &[u32],
@@ -40,7 +40,7 @@ fn schedule(
     queues: &[Queue],
     transients: &mut Transients,
 ) -> Option<Vec<u32>> {
-    // Successors of each pass, and how many passes each still waits for.
+    // Successors of each pass, and the number of passes that each still waits for.
     let count = declaration.passes.len();
     let (mut waits, mut first) = (vec![0_u32; count], vec![0_u32; count + 1]);
     for &pass in kept {
@@ -59,7 +59,7 @@ fn schedule(
         }
     }
 
-    // When each pass of another queue was handed over: what waits for a late one is put off.
+    // Position at which each pass of another queue was scheduled: passes that wait for a late one are deferred.
     let mut handed_over = vec![0_u32; count];
     let mut order = Vec::with_capacity(kept.len());
     let mut ready: Vec<u32> = kept.iter().copied().filter(|&p| waits[p as usize] == 0).collect();
@@ -74,7 +74,7 @@ fn schedule(
                     0
                 } else {
                     let others = hazards.before(pass).iter().filter(|&&b| queues[b as usize] != Queue::Graphics);
-                    // 1 for those that wait for no other queue, then by how long that has had.
+                    // 1 if it waits for no other queue, larger the later the pass that it waits for was scheduled.
                     others.map(|&b| 1 + handed_over[b as usize]).max().unwrap_or(1)
                 };
                 (class, transients.change(declaration, pass), pass)
@@ -91,7 +91,7 @@ fn schedule(
         for &a in &after[first[pass as usize] as usize..first[pass as usize + 1] as usize] {
             waits[a as usize] -= 1;
             if waits[a as usize] == 0 {
-                // Ascending, so that equal scores keep the declared order.
+                // Sorted, so that equal scores keep the declared order.
                 let at = ready.partition_point(|&r| r < a);
                 ready.insert(at, a);
             }
@@ -101,10 +101,10 @@ fn schedule(
     had_choice.then_some(order)
 }
 
-/// Uses of transients by kept passes.
+/// Number of uses of each resource by kept passes.
 struct Transients {
     uses: Vec<u32>,
-    /// Uses that have not run yet.
+    /// Uses that have not been scheduled yet.
     left: Vec<u32>,
 }
 
@@ -117,7 +117,7 @@ impl Transients {
         Self { left: uses.clone(), uses }
     }
 
-    /// Bytes that are alive after a pass and were not before it.
+    /// Bytes of transients that become alive with a pass, less those that it uses last.
     fn change(&self, declaration: &Declaration, pass: u32) -> i64 {
         let mut bytes = 0;
         for u in declaration.uses_of(pass) {
@@ -136,7 +136,7 @@ impl Transients {
         declaration.uses_of(pass).iter().for_each(|u| self.left[u.resource as usize] -= 1);
     }
 
-    /// Most bytes alive at one time in this order.
+    /// Largest number of bytes alive at one time in this order.
     fn peak(&mut self, declaration: &Declaration, order: &[u32]) -> u64 {
         self.left.clone_from(&self.uses);
         let (mut alive, mut peak) = (0, 0);

@@ -1,20 +1,19 @@
-//! Places in one heap for items with lifetimes: interval packing, or dynamic storage allocation.
+//! Placement of items with lifetimes in one heap: interval packing, also called dynamic storage allocation.
 //!
-//! Packing is NP-hard, so this is a ladder that stops at the first rung that is good enough. A sweep through time with a free
-//! list costs a few tens of nanoseconds per item and is all that most frames need. Where it wastes memory, first fit in several
-//! orders follows (after Sekiyama et al., "Profile-guided memory optimization for deep neural networks", 2018, who order by
-//! lifetime; Pisarchyk and Lee, "Efficient memory management for deep neural net inference", 2020, who order by size), then a
-//! search that moves the item that did not fit to the front (after Joslin and Clements, "Squeaky wheel optimization", 1999).
-//! All of it is deterministic.
+//! Packing is NP-hard, so methods of rising cost are tried until one is good enough. A sweep through time with a free list costs
+//! tens of nanoseconds per item and is enough for most frames. Where it wastes memory, first fit in several orders follows (after
+//! Sekiyama et al., "Profile-guided memory optimization for deep neural networks", 2018, who order by lifetime; Pisarchyk and
+//! Lee, "Efficient memory management for deep neural net inference", 2020, who order by size), then a search that moves the item
+//! that did not fit to the front (after Joslin and Clements, "Squeaky wheel optimization", 1999). All of it is deterministic.
 
 mod heap;
 
 use heap::Heap;
 
-/// Something that needs a place while it is alive.
+/// An item to place, with its lifetime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Item {
-    /// Bytes that it takes. They are rounded up to `align`.
+    /// Size in bytes, rounded up to `align`.
     pub bytes: u64,
     /// Alignment of its offset, a power of two; zero counts as one.
     pub align: u64,
@@ -22,36 +21,35 @@ pub(super) struct Item {
     pub first: u32,
     /// Position of its last use, inclusive; not before `first`.
     pub last: u32,
-    /// Queue whose positions these are. Positions of different lanes say nothing about time: items of different lanes never
-    /// share a byte.
+    /// Queue of the positions. Positions on different queues are not ordered in time, so items of different lanes never share memory.
     pub lane: u8,
 }
 
-/// Where each item lies.
+/// The placement of all items.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Packing {
     /// Offset of each item, in bytes.
     pub offsets: Vec<u64>,
-    /// Bytes of the heap; `u64::MAX` when no packing that 64 bits can count was found, and then the offsets mean nothing.
+    /// Size of the heap, bytes. `u64::MAX` if it does not fit in 64 bits; the offsets are then meaningless.
     pub bytes: u64,
 }
 
-/// A packing within this part of the lower bound (1/50 is 2 %) is good enough.
+/// A packing within this fraction of the lower bound (1/50 is 2 %) is good enough.
 const GOOD_ENOUGH: u64 = 50;
-/// Most items of a lane for which first fit, whose cost grows with the square, is tried.
+/// Largest number of items in a lane for which first fit is tried; its cost is quadratic.
 const FIRST_FIT_ITEMS: usize = 2000;
-/// Most work of first fit and the search: items compared with one another, about 2.5 ns each, for each item of the lane, and at
-/// least. Work is counted, not timed, so that the result is always the same.
+/// Limit on the work of first fit and the search, in comparisons of items (about 2.5 ns each): this many per item of the lane,
+/// but at least [`STEPS_AT_LEAST`]. Work is counted rather than timed, so that the result is deterministic.
 const STEPS_PER_ITEM: usize = 2000;
 const STEPS_AT_LEAST: usize = 400_000;
-/// What it costs to note the place of an item, in such steps.
+/// Cost of recording the place of an item, in the same unit.
 const STEPS_PER_PLACE: usize = 16;
 
-/// Places the items. Two share bytes only if their lifetimes do not overlap and their lanes are the same.
+/// Places the items. Two share memory only if they are in the same lane and their lifetimes are disjoint.
 pub(super) fn pack(items: &[Item]) -> Packing {
     let mut packing = Packing { offsets: vec![0; items.len()], bytes: 0 };
     let mut lanes = lanes(items);
-    // The greatest alignment first: less is lost where one lane ends and the next begins.
+    // By falling alignment, so that less is lost between lanes.
     lanes.sort_by_key(|lane| std::cmp::Reverse(lane.align));
     for lane in &lanes {
         let placement = lane.pack();
@@ -64,21 +62,21 @@ pub(super) fn pack(items: &[Item]) -> Packing {
     packing
 }
 
-/// Most bytes alive at one position of a lane, rounded up to the alignment of each item, summed over the lanes, which share
-/// nothing. No packing takes less. `u64::MAX` when 64 bits cannot count it.
+/// Lower bound of every packing: per lane, the largest number of bytes alive at one position, sizes rounded up to alignments;
+/// summed over lanes, since these share nothing. `u64::MAX` if it does not fit in 64 bits.
 pub(super) fn lower_bound(items: &[Item]) -> u64 {
     lanes(items).iter().map(|lane| lane.bound(&Events::new(&lane.spans))).fold(0, u64::saturating_add)
 }
 
-/// For each item, in order of first use, the items that held any of its bytes last before it: pairs of an item and a
-/// predecessor. Only the most recent holder of each byte counts; padding is held by no one.
+/// Pairs of an item and a predecessor, by first use of the item: the items that last used any of its bytes before it. Only the
+/// most recent user of each byte counts; padding has no user.
 pub(super) fn predecessors(items: &[Item], packing: &Packing) -> Vec<(u32, u32)> {
     let mut order: Vec<u64> = items.iter().enumerate().map(|(i, item)| key(item.first, i)).collect();
     order.sort_unstable();
     let mut pairs = Vec::with_capacity(items.len());
-    // The last item that each predecessor was listed for: its bytes may lie in several pieces.
+    // The last item for which each predecessor was listed, since its bytes may be in several pieces.
     let mut listed = vec![u32::MAX; items.len()];
-    // Pieces of the heap with their holders, by offset.
+    // Pieces of the heap with their last users, by offset.
     let mut held: Vec<Held> = Vec::new();
     for i in order.into_iter().map(index) {
         let (start, end) = (packing.offsets[i], packing.offsets[i].saturating_add(items[i].bytes));
@@ -108,7 +106,7 @@ pub(super) fn predecessors(items: &[Item], packing: &Packing) -> Vec<(u32, u32)>
     pairs
 }
 
-/// A piece of the heap and who used it last.
+/// A piece of the heap and its last user.
 #[derive(Clone, Copy)]
 struct Held {
     start: u64,
@@ -116,27 +114,27 @@ struct Held {
     item: u32,
 }
 
-/// Sorts by position, then by index.
+/// A key that sorts by position, then by index.
 fn key(position: u32, index: usize) -> u64 {
     u64::from(position) << 32 | index as u64
 }
 
-/// Position of a key.
+/// The position in a key.
 fn position(key: u64) -> u32 {
     (key >> 32) as u32
 }
 
-/// Index of a key.
+/// The index in a key.
 fn index(key: u64) -> usize {
     key as u32 as usize
 }
 
-/// The next multiple of `align`, a power of two; `u64::MAX` beyond 64 bits.
+/// `offset` rounded up to a multiple of `align`, a power of two; `u64::MAX` on overflow.
 fn align_up(offset: u64, align: u64) -> u64 {
     offset.checked_add(align - 1).map_or(u64::MAX, |end| end & !(align - 1))
 }
 
-/// An item with its bytes rounded up, more than zero.
+/// An item with its size rounded up, above zero.
 #[derive(Clone, Copy, Debug)]
 struct Span {
     size: u64,
@@ -146,40 +144,40 @@ struct Span {
 }
 
 impl Span {
-    /// Positions that it is alive.
+    /// Length of its lifetime, in positions.
     fn length(&self) -> u64 {
         u64::from(self.last - self.first) + 1
     }
 
-    /// With time reversed.
+    /// The span with time reversed.
     fn mirrored(self) -> Self {
         Self { first: u32::MAX - self.last, last: u32::MAX - self.first, ..self }
     }
 }
 
-/// Items that may share bytes with one another.
+/// All items of one lane, which may share memory.
 #[derive(Default)]
 struct Lane {
-    /// By index in the input.
+    /// Indices of the items in the input.
     items: Vec<u32>,
     spans: Vec<Span>,
-    /// Greatest alignment.
+    /// Largest alignment of its items.
     align: u64,
 }
 
-/// Offsets of the spans of a lane and where the last ends.
+/// Offset of each span of a lane, and the end of the last one.
 struct Placement {
     offsets: Vec<u64>,
     bytes: u64,
 }
 
-/// Items by lane, without those that take no bytes.
+/// Groups the items by lane; items of zero bytes are skipped.
 fn lanes(items: &[Item]) -> Vec<Lane> {
     let mut lanes: Vec<Lane> = Vec::new();
     let mut of = [None; 256];
     for (i, item) in items.iter().enumerate().filter(|(_, item)| item.bytes > 0) {
         let slot = *of[item.lane as usize].get_or_insert_with(|| {
-            // Mostly there is one lane.
+            // Usually there is only one lane, so the first reserves space for all items.
             let room = if lanes.is_empty() { items.len() } else { 0 };
             lanes.push(Lane { items: Vec::with_capacity(room), spans: Vec::with_capacity(room), align: 1 });
             lanes.len() - 1
@@ -195,7 +193,7 @@ fn lanes(items: &[Item]) -> Vec<Lane> {
     lanes
 }
 
-/// Spans by begin and by end.
+/// Spans sorted by their first positions and by their last ones.
 struct Events {
     starts: Vec<u64>,
     ends: Vec<u64>,
@@ -210,7 +208,7 @@ impl Events {
         Self { starts, ends }
     }
 
-    /// Calls `begin` for each span in order of time, after `end` for those that are over by then.
+    /// Calls `begin` for each span in order of time, after `end` for all spans that are over before it. Stops if `begin` returns false.
     fn walk<T>(&self, state: &mut T, mut begin: impl FnMut(&mut T, usize) -> bool, mut end: impl FnMut(&mut T, usize)) {
         let mut ended = 0;
         for &start in &self.starts {
@@ -226,7 +224,7 @@ impl Events {
 }
 
 impl Lane {
-    /// Most bytes alive at one position.
+    /// Largest number of bytes alive at one position.
     fn bound(&self, events: &Events) -> u64 {
         let mut state = (0u128, 0u128);
         let begin = |(alive, most): &mut (u128, u128), i: usize| {
@@ -238,7 +236,7 @@ impl Lane {
         u64::try_from(state.1).unwrap_or(u64::MAX)
     }
 
-    /// Bytes alive when each span of `events.starts` has begun. Of those that begin at one position the last has the sum.
+    /// Bytes alive after each span of `events.starts` has begun. Of spans that begin at the same position, the last has the total.
     fn alive(&self, events: &Events) -> Vec<u128> {
         let mut state = (0u128, Vec::with_capacity(self.spans.len()));
         let begin = |(alive, all): &mut (u128, Vec<u128>), i: usize| {
@@ -265,7 +263,7 @@ impl Lane {
         best
     }
 
-    /// Sweeps backwards in time, and with the larger ones first where several begin at once.
+    /// Two more sweeps with ties in time ordered by size, forwards and backwards in time.
     fn sweep_more(&self, goal: u64, best: &mut Placement) {
         let mut by_size: Vec<u32> = (0..self.spans.len() as u32).collect();
         by_size.sort_by_key(|&i| std::cmp::Reverse(self.spans[i as usize].size));
@@ -285,10 +283,10 @@ impl Lane {
         }
     }
 
-    /// First fit in several orders, the one that most often serves first, then the search from the best of them.
+    /// First fit in several orders, the most successful one first, then the search from the best of them.
     fn fit(&self, events: &Events, goal: u64, best: &mut Placement) {
         let spans = &self.spans;
-        // The busiest moment of each span: what lives then has the least choice.
+        // Spans that are alive when most memory is in use have the least freedom, so they are placed first.
         let alive = self.alive(events);
         let peak = |s: &Span| {
             let from = events.starts.partition_point(|&start| position(start) < s.first);
@@ -315,7 +313,7 @@ impl Lane {
             order.clear();
             order.extend(0..spans.len() as u32);
             order.sort_by_cached_key(|&i| std::cmp::Reverse(rank(i as usize)));
-            // The search begins with the best order of these, also where a sweep was better.
+            // The search starts from the best of these orders, even if a sweep did better.
             if let Ok(bytes) = fit.place(&order, start.0) {
                 start = (bytes, order.clone());
                 if bytes < best.bytes {
@@ -334,13 +332,13 @@ impl Lane {
     }
 }
 
-/// First fit: each span in turn at the lowest place that those before it leave free.
+/// First fit: places each span at the lowest offset that those before it leave free.
 struct Fit<'a> {
     spans: &'a [Span],
-    /// By offset.
+    /// Sorted by offset.
     placed: Vec<Placed>,
     offsets: Vec<u64>,
-    /// Items compared so far.
+    /// Comparisons so far; see [`STEPS_PER_ITEM`].
     steps: usize,
 }
 
@@ -353,7 +351,7 @@ struct Placed {
 }
 
 impl Fit<'_> {
-    /// Bytes of the heap, or the index in `order` of the span that made it reach `limit`.
+    /// Size of the heap, or the index in `order` of the first span whose end reached `limit`.
     fn place(&mut self, order: &[u32], limit: u64) -> Result<u64, usize> {
         self.placed.clear();
         let mut bytes = 0;
@@ -373,13 +371,13 @@ impl Fit<'_> {
         Ok(bytes)
     }
 
-    /// The lowest place for a span among those placed.
+    /// The lowest free offset for a span.
     fn gap(&self, s: &Span) -> u64 {
-        // The end of what lies below and is alive at the same time.
+        // End of the placed spans below that are alive at the same time.
         let mut free = 0;
         for p in &self.placed {
             let together = (p.first <= s.last) & (p.last >= s.first);
-            // Rarely true, and cheap to rule out without the alignment.
+            // Rarely true, and cheap to test without the alignment.
             if together & (p.offset.saturating_sub(free) >= s.size) {
                 let offset = align_up(free, s.align);
                 if p.offset.saturating_sub(offset) >= s.size {
@@ -391,11 +389,11 @@ impl Fit<'_> {
         align_up(free, s.align)
     }
 
-    /// Moves the span that made the heap too large nearer to the front, again and again.
+    /// Repeatedly moves the span that exceeded the limit nearer to the front.
     fn search(&mut self, mut order: Vec<u32>, budget: usize, goal: u64, best: &mut Placement) {
         let mut random = 0x9e37_79b9_7f4a_7c15u64;
         while self.steps < budget {
-            // Asking for a quarter of what is missing at once, not for a byte, shows early what is in the way.
+            // The limit asks for a quarter of the remaining gap, not for one byte: that soon shows which spans are in the way.
             let limit = goal + 1 + (best.bytes - goal - 1) / 4 * 3;
             match self.place(&order, limit) {
                 Ok(bytes) => {
@@ -406,8 +404,7 @@ impl Fit<'_> {
                     }
                 }
                 Err(turn) => {
-                    // Xorshift (Marsaglia, "Xorshift RNGs", 2003) with a fixed seed. Nearer the front by a distance of its own
-                    // each time, or the search goes in circles.
+                    // Xorshift (Marsaglia, "Xorshift RNGs", 2003) with a fixed seed. The distance is random, or the search would cycle.
                     random ^= random << 13;
                     random ^= random >> 7;
                     random ^= random << 17;
@@ -419,7 +416,7 @@ impl Fit<'_> {
     }
 }
 
-/// Best fit in order of time from a free list; none where 64 bits cannot count it.
+/// Best fit in order of time, from a free list; `None` if it does not fit in 64 bits.
 fn sweep(spans: &[Span], events: &Events) -> Option<Placement> {
     let mut state = (Heap::new(), vec![0u32; spans.len()], vec![0; spans.len()], true);
     let begin = |(heap, blocks, offsets, fits): &mut (Heap, Vec<u32>, Vec<u64>, bool), i: usize| {

@@ -1,10 +1,10 @@
-//! Tests of the packing against slow and obvious checks, and how tight it is on frames.
+//! Packing against slow, obvious checks, and how tight it is on typical frames.
 
 use super::*;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-/// SplitMix64 (Steele, Lea and Flood 2014): the frames below are the same on every run.
+/// SplitMix64 (Steele, Lea and Flood 2014), seeded, so that every run sees the same frames.
 struct Random(u64);
 
 impl Random {
@@ -24,18 +24,18 @@ impl Random {
     }
 }
 
-/// How a device aligns.
+/// Alignments of a device.
 #[derive(Clone, Copy, Debug)]
 enum Device {
-    /// All alike.
+    /// The same for everything.
     Fixed(u64),
     /// 64 KiB for images of at least that size, 4 KiB for smaller ones, 256 bytes for buffers.
     Desktop,
-    /// Anything for anything.
+    /// Random alignments.
     Any,
 }
 
-/// The items of a frame as an engine makes them, pass after pass.
+/// Collects the items of a frame like a renderer's, pass after pass.
 struct Frame {
     random: Random,
     device: Device,
@@ -57,7 +57,7 @@ impl Frame {
         self.items.push(Item { bytes, align, first: first.min(end), last: last.min(end), lane: 0 });
     }
 
-    /// Bytes of an image of the frame's size over 2^shift, with its mips if asked.
+    /// Bytes of an image of the frame's size divided by 2^shift, with mips if `pyramid`.
     fn image(&self, shift: u32, texel: u64, pyramid: bool) -> u64 {
         let level = |mip: u32| (self.size.0 >> mip).max(1) * (self.size.1 >> mip).max(1) * texel;
         let mips = if pyramid { 64 - self.size.0.max(self.size.1).leading_zeros() } else { shift + 1 };
@@ -65,7 +65,7 @@ impl Frame {
     }
 }
 
-/// A frame: a long-lived G-buffer, then effects until the passes are used up: chains, fan-outs, pyramids, buffers.
+/// A frame: a long-lived G-buffer, then effects (chains, fan-outs, pyramids, buffers) until there are enough passes.
 fn frame(seed: u64, passes: u32) -> Vec<Item> {
     let mut random = Random(seed);
     let size = [(1920, 1080), (1280, 720), (641, 359), (1919, 1079), (997, 563)][random.below(5) as usize];
@@ -77,7 +77,7 @@ fn frame(seed: u64, passes: u32) -> Vec<Item> {
         _ => Device::Any,
     };
     let mut f = Frame { random, device, size, passes, items: Vec::new() };
-    // Depth, base colour, normal, material, emission, motion, identifiers.
+    // Depth, base colour, normal, material, emission, motion vectors, ids.
     for texel in [4, 4, 8, 2, 8, 4, 8] {
         let last = f.random.between(u64::from(passes) / 3, u64::from(passes) - 4) as u32;
         f.add(f.image(0, texel, false), true, 0, last);
@@ -90,7 +90,7 @@ fn frame(seed: u64, passes: u32) -> Vec<Item> {
         match f.random.below(5) {
             // A chain, such as a blur: each pass reads the image of the one before.
             0 | 1 => (0..length).for_each(|i| f.add(image, true, pass + i, pass + i + 1)),
-            // One image that several passes read, each of which makes one that the last of them gathers.
+            // One image that several passes read; each makes another, and the last pass reads them all.
             2 => {
                 f.add(image, true, pass, pass + length);
                 for i in 1..length {
@@ -110,7 +110,7 @@ fn frame(seed: u64, passes: u32) -> Vec<Item> {
                 f.add(bytes, false, pass, pass + length);
             }
         }
-        // What the effect hands on is gathered much later.
+        // Some outputs of the effect are read much later.
         if f.random.below(2) == 0 {
             let later = f.random.between(3, 25) as u32;
             f.add(image, true, pass + length - 1, pass + length + later);
@@ -128,17 +128,17 @@ fn rounded(item: &Item) -> u128 {
     u128::from(item.bytes).next_multiple_of(u128::from(item.align.max(1)))
 }
 
-/// Whether two items may have bytes in common.
+/// Whether two items may share memory.
 fn may_share(a: &Item, b: &Item) -> bool {
     a.lane == b.lane && (a.last < b.first || b.last < a.first)
 }
 
-/// All that must hold of a packing, looked at pair by pair.
+/// Checks everything that must hold of a packing, pair by pair.
 fn check(items: &[Item], packing: &Packing) {
     assert_eq!(packing.offsets.len(), items.len());
     let all: u128 = items.iter().map(|i| rounded(i) + u128::from(i.align)).sum();
     if packing.bytes == u64::MAX && all >= u128::from(u64::MAX) {
-        return; // It cannot be counted, which is allowed only if it does not fit one after the other.
+        return; // Not representable in 64 bits, which is correct only if the items do not fit one after the other.
     }
     let range = |i: usize| u128::from(packing.offsets[i])..u128::from(packing.offsets[i]) + rounded(&items[i]);
     let taken: Vec<usize> = (0..items.len()).filter(|&i| items[i].bytes > 0).collect();
@@ -153,7 +153,7 @@ fn check(items: &[Item], packing: &Packing) {
     assert!(packing.bytes >= lower_bound(items), "{} is less than the bound {}", packing.bytes, lower_bound(items));
 }
 
-/// The lower bound, position by position.
+/// The lower bound, computed position by position.
 fn slow_bound(items: &[Item]) -> u64 {
     let lanes: BTreeSet<u8> = items.iter().map(|i| i.lane).collect();
     let most = |lane: u8| {
@@ -164,7 +164,7 @@ fn slow_bound(items: &[Item]) -> u64 {
     u64::try_from(sum).unwrap_or(u64::MAX)
 }
 
-/// Predecessors, byte by byte.
+/// The predecessors, computed byte by byte.
 fn slow_predecessors(items: &[Item], packing: &Packing) -> BTreeSet<(u32, u32)> {
     let mut order: Vec<usize> = (0..items.len()).collect();
     order.sort_by_key(|&i| items[i].first);
@@ -179,7 +179,7 @@ fn slow_predecessors(items: &[Item], packing: &Packing) -> BTreeSet<(u32, u32)> 
     pairs
 }
 
-/// Items with sizes of one kind, of any lane below `lanes`.
+/// Random items with sizes from one strategy, in lanes below `lanes`.
 fn any_items(bytes: impl Strategy<Value = u64>, lanes: u8, count: usize) -> impl Strategy<Value = Vec<Item>> {
     let life = prop_oneof![
         8 => (0u32..40, 0u32..6).prop_map(|(first, length)| (first, first + length)),
@@ -217,13 +217,13 @@ proptest! {
         prop_assert!(predecessors(&items, &packing).iter().all(|&(item, before)| item != before));
     }
 
-    /// Near enough to 64 bits that some orders fit and others do not.
+    /// Sizes close to 64 bits, so that some orders fit and others do not.
     #[test]
     fn what_nearly_fills_64_bits_does_not_overflow(items in any_items(u64::MAX / 60..u64::MAX / 12, 1, 50)) {
         check(&items, &pack(&items));
     }
 
-    /// Intervals of one size are coloured by an interval graph's clique number.
+    /// Equal sizes make it interval-graph colouring, where the greedy bound is exact.
     #[test]
     fn equal_sizes_reach_the_bound(mut items in any_items(Just(192), 1, 200), shift in 0u32..7) {
         items.iter_mut().for_each(|i| i.align = 1 << shift);
@@ -283,7 +283,7 @@ fn what_does_not_fit_64_bits_says_so() {
 
 #[test]
 fn only_the_last_holder_of_a_byte_is_a_predecessor() {
-    // 1 takes the middle of 0, 2 its begin; 3 takes all but the end, 4 all.
+    // Item 1 takes the middle of item 0, and 2 its beginning; 3 takes all but the end, and 4 all of it.
     let items = [
         item(100, 1, 0, 0, 0),
         item(20, 1, 1, 1, 0),
@@ -313,7 +313,7 @@ fn first_fit_names_what_does_not_fit() {
     assert_eq!(fit.place(&[1, 0], 1 << 63), Err(1));
 }
 
-/// More items than first fit is tried for, alive for long: the free list has many blocks.
+/// More items than first fit is tried for, with long lifetimes, so that the free list has many blocks.
 #[test]
 fn thousands_of_mixed_items_have_places() {
     let mut random = Random(5);

@@ -1,14 +1,14 @@
-//! Numbers for the parts of resources that are used apart: most resources have one, an image whose mips or layers are used one
-//! by one has one for each.
+//! Numbers the parts of resources that are tracked separately, here called slots (unrelated to the slots of a frame). Most
+//! resources have one; an image whose mips or layers are used separately has one for each.
 
 use super::super::{
     declaration::{Declaration, Use},
     desc::Part,
 };
 
-/// The slots of a declaration.
+/// The numbering of a declaration.
 pub(super) struct Slots {
-    /// Of each resource, its first slot and how many mips and layers are told apart.
+    /// For each resource, its first slot and the numbers of mips and layers that are tracked separately.
     resources: Vec<(u32, u16, u16)>,
     count: u32,
 }
@@ -34,12 +34,12 @@ impl Slots {
         Self { resources, count }
     }
 
-    /// How many there are.
+    /// Total number of slots.
     pub fn count(&self) -> usize {
         self.count as usize
     }
 
-    /// The slots that a use touches.
+    /// The slots that a use covers.
     pub fn of(&self, u: &Use) -> impl Iterator<Item = u32> + use<> {
         let (first, mips, layers) = self.resources[u.resource as usize];
         let (mip_range, layer_range) =
@@ -54,7 +54,7 @@ impl Slots {
         first..first + u32::from(mips) * u32::from(layers)
     }
 
-    /// The part of its resource that a slot is.
+    /// The part of the resource that a slot stands for.
     pub fn part(&self, declaration: &Declaration, resource: u32, slot: u32) -> Part {
         let (first, mips, layers) = self.resources[resource as usize];
         let (all_mips, all_layers) = declaration.resources[resource as usize].shape.parts();
@@ -66,7 +66,7 @@ impl Slots {
     }
 }
 
-/// Where parts are not told apart, every use touches the one slot.
+/// Range of slots along one dimension; 0..1 if it is not tracked separately.
 fn range(first: u16, count: u16, told_apart: u16) -> std::ops::Range<u32> {
     if told_apart == 1 { 0..1 } else { u32::from(first)..u32::from(first) + u32::from(count) }
 }

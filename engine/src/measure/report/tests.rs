@@ -139,7 +139,7 @@ fn a_device_without_timestamps_has_null_and_empty_times() {
     assert!(report.to_csv().contains("a.x,a,graphics,1,,,,,2.5,"));
 }
 
-/// A pass from `start` to `end`, milliseconds, with some statistics.
+/// A pass from `start` to `end`, milliseconds, with pipeline statistics.
 fn counted(start: u64, end: u64) -> PassTime {
     let statistics = Some(Statistics {
         input_vertices: 3,
@@ -171,7 +171,7 @@ fn overlap_is_the_median_of_the_frames() {
     assert_eq!(report.graph.queues, 2);
 }
 
-/// Splits a line of CSV, quotes and all.
+/// The fields of a CSV line, unquoted.
 fn fields(line: &str) -> Vec<String> {
     let (mut fields, mut inside) = (vec![String::new()], false);
     let mut letters = line.chars().peekable();

@@ -6,14 +6,14 @@ fn pass(name: &str, queue: &'static str, gpu_ns: Option<u64>) -> PassTime {
     PassTime { name: name.to_owned(), queue, gpu_ns, cpu_ns: 1_000, ..PassTime::default() }
 }
 
-/// Times in whole nanoseconds.
+/// A time in whole nanoseconds.
 fn ns(event: &Value, key: &str) -> u64 {
     let micros = event[key].as_f64().unwrap_or_else(|| panic!("{key} of {event}"));
     assert!(micros.is_finite() && micros >= 0.0, "{key} of {event}");
     (micros * 1e3).round() as u64
 }
 
-/// Name, begin and end of the spans of a lane.
+/// Name, start and end of the spans on a lane.
 fn spans(trace: &Value, process: u32, lane: usize) -> Vec<(String, u64, u64)> {
     let events = trace["traceEvents"].as_array().unwrap();
     let inside = events.iter().filter(|e| e["ph"] == "X" && e["pid"] == process && e["tid"] == lane);
@@ -30,9 +30,8 @@ fn lanes(trace: &Value, process: u32) -> Vec<String> {
     named.map(|e| e["args"]["name"].as_str().unwrap().to_owned()).collect()
 }
 
-/// The rules of the Trace Event Format, as far as Perfetto's importer drops or misreads what breaks them: known phases with the
-/// fields that each needs, times in order, spans of a lane beside or inside of each other, a name for every process and lane,
-/// and arrows in pairs whose ends lie in spans.
+/// Checks the rules of the Trace Event Format that Perfetto's importer depends on: known phases with their fields, sorted times, spans of
+/// a lane that are nested or disjoint, names for every process and lane, and arrows in pairs whose ends are inside spans.
 fn assert_keeps_to_the_format(trace: &Value) {
     let text = trace.to_string();
     let read: Value = serde_json::from_str(&text).unwrap();
@@ -159,7 +158,7 @@ fn arrows_show_which_queue_waited_for_which() {
             at("empty", "async compute", 8_000, 8_000),
             at("join", "graphics", 8_500, 9_000),
         ],
-        // The last has no span to begin in; a pass that is not there is no arrow either.
+        // The last wait has an end outside any span, and one refers to a pass that does not exist: neither makes an arrow.
         waits: vec![(0, 1), (1, 3), (2, 3), (9, 3)],
         ..FrameSample::default()
     };
@@ -178,7 +177,7 @@ fn arrows_show_which_queue_waited_for_which() {
 fn a_calibrated_gpu_begins_when_it_does() {
     let passes = vec![pass("a", "graphics", Some(1_000))];
     let frame = FrameSample { gpu_begin_ns: Some(7_000), gpu_ns: Some(1_000), passes, ..FrameSample::default() };
-    // The second frame's clock was read a little early: frames do not overlap.
+    // The clock reading of the second frame is slightly early, but frames do not overlap.
     let early = FrameSample { gpu_begin_ns: Some(7_600), ..frame.clone() };
     let trace = chrome_trace(&[frame, early]);
     assert_keeps_to_the_format(&trace);

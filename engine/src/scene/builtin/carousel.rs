@@ -1,5 +1,5 @@
-//! A fairground of everything that moves, in a loop of four seconds: a carousel (rigid), a stem that bends (skin), a blob and a
-//! flag that change shape (morph targets), a cloud of spheres, a swinging lamp, a clock, and plants that stand still.
+//! A fairground with everything that can move, in a loop of four seconds: a carousel (rigid), a stem that bends (skin), a blob
+//! and a flag that change shape (morph targets), a cloud of spheres, a swinging lamp, a clock; and plants that stand still.
 use super::foliage::{Dice, core, crown, leaf_texture};
 use super::shapes::{Shape, block, curve, cushion, lathe, line, sphere};
 use super::stage::{Stage, at, dielectric, finish, matte, metal};
@@ -10,9 +10,9 @@ use crate::scene::{
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Seconds until everything is where it began.
+/// Length of the loop, seconds.
 const LOOP: f32 = 4.0;
-/// How deep things stand in the ground, metres, so that no bottom shares a plane with it.
+/// Depth to which objects are sunk into the ground, metres, so that no bottom face is coplanar with it.
 const SUNK: f32 = 0.004;
 
 pub(super) fn scene() -> Scene {
@@ -39,7 +39,7 @@ pub(super) fn scene() -> Scene {
     stage.scene
 }
 
-/// Times and splines through `f` and along its slope, `keys` to the loop.
+/// Keys of a cubic spline through `f`, with tangents from its slope; `keys` keys per loop.
 fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>, Vec<f32>) {
     const STEP: f32 = 1.0 / 256.0;
     let (mut times, mut values) = (Vec::new(), Vec::new());
@@ -53,13 +53,13 @@ fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>
     (times, values)
 }
 
-/// Times and values of `f`, `keys` to the loop.
+/// Linear keys of `f`; `keys` keys per loop.
 fn sampled<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>, Vec<f32>) {
     let at = |key| key as f32 / keys as f32;
     ((0..=keys).map(|k| at(k) * LOOP).collect(), (0..=keys).flat_map(|k| f(at(k))).collect())
 }
 
-/// Height of a wave at a part of the loop.
+/// Height of a sine wave, with its position given in turns.
 fn wave(turns: f32, phase: f32) -> f32 {
     (TAU * (turns + phase)).sin()
 }
@@ -79,7 +79,7 @@ fn ground(stage: &mut Stage) {
     stage.add("coping", block(9.9, 0.14, 0.6, 0.03), tile, at(0.0, 2.93, -3.1, 0.0));
 }
 
-/// The platform turns once in the loop; its riders rise and fall, and one changes its proportions.
+/// The platform turns once per loop. Its riders move up and down, and one of them changes its scale.
 fn carousel(stage: &mut Stage) {
     let wood = stage.material(dielectric("painted wood", [0.055, 0.16, 0.30], 0.45));
     let cream = Material { double_sided: true, ..matte("cream cloth", [0.78, 0.70, 0.52]) };
@@ -156,7 +156,7 @@ fn wedge() -> Shape {
         let t = i as f32 / STEPS as f32;
         let (s, c) = ((t - 0.5) * TAU / 12.0).sin_cos();
         let around = |p: Vec2| Vec3::new(p.x * c, p.y, -p.x * s);
-        // The hem hangs lowest in the middle of the wedge.
+        // The hem is lowest in the middle of the wedge.
         let hem = rim - Vec2::Y * (0.10 + 0.12 * (PI * t).sin());
         rows.push([
             shape.vertex(around(hem), around(Vec2::X), Vec2::new(t, 1.2)),
@@ -175,7 +175,7 @@ fn wedge() -> Shape {
     shape
 }
 
-/// A stem of six joints that sways, each joint a little after the one below.
+/// A swaying stem of six joints, each a little behind the one below.
 fn stem(stage: &mut Stage) {
     const JOINTS: usize = 6;
     const HEIGHT: f32 = 1.75;
@@ -185,7 +185,7 @@ fn stem(stage: &mut Stage) {
         [[0.20, 0.0], [0.145, 0.12], [0.120, 0.5], [0.095, 1.0], [0.070, 1.4], [0.10, 1.62], [0.07, 1.72], [0.0, 1.75]];
     let mut mesh = finish("stem", lathe(&[curve(&profile, 10)], 32));
     for p in &mesh.positions {
-        // Each joint reaches one and a half spans both ways from its middle: smooth, and never more than four.
+        // Each joint influences one and a half spans on either side, which is smooth and never exceeds four joints per vertex.
         let along = p.y / span - 0.5;
         let weight = |k: usize| (1.0 - ((along - k as f32) / 1.5).powi(2)).max(0.0).powi(2);
         let mut parts: Vec<Influence> =
@@ -221,7 +221,7 @@ fn stem(stage: &mut Stage) {
     }
 }
 
-/// A ball that swells to a pear and to a star.
+/// A ball that morphs into a pear and into a star.
 fn blob(stage: &mut Stage) {
     let stone = stage.material(matte("pedestal", [0.55, 0.52, 0.47]));
     let glaze = stage.material(dielectric("glaze", [0.62, 0.11, 0.21], 0.12));
@@ -256,7 +256,7 @@ fn blob(stage: &mut Stage) {
     stage.put_on(stage.scene.meshes.len() as u32 - 1, glaze, node);
 }
 
-/// What turns a sphere's vertices and normals into those of a shape that is given by its radius vector for each direction.
+/// The morph target from a sphere to a shape, which is given by its position in each direction.
 fn target(mesh: &Mesh, shape: &dyn Fn(Vec3) -> Vec3) -> MorphTarget {
     const STEP: f32 = 0.01;
     let mut target = MorphTarget::default();
@@ -270,7 +270,7 @@ fn target(mesh: &Mesh, shape: &dyn Fn(Vec3) -> Vec3) -> MorphTarget {
     target
 }
 
-/// A cloth in the wind: a wave that runs along it is the sum of two that stand, a quarter apart.
+/// A cloth in the wind. Its travelling wave is the sum of two standing waves, a quarter of a period apart.
 fn flag(stage: &mut Stage) {
     const SIZE: Vec2 = Vec2::new(1.5, 0.9);
     const GRID: [usize; 2] = [60, 24];
@@ -289,7 +289,7 @@ fn flag(stage: &mut Stage) {
             let (u, v) = (i as f32 / GRID[0] as f32, j as f32 / GRID[1] as f32);
             let x = u * SIZE.x;
             shape.vertex(Vec3::new(x, (0.5 - v) * SIZE.y, 0.0), Vec3::Z, Vec2::new(u, v));
-            // Height grow * x * sin(k x + slant) and its slopes; the other target is a quarter of a wave ahead.
+            // The height is grow * x * sin(k x + slant), with its derivatives. The other target is a quarter of a period ahead.
             let (grow, k, slant) = (0.11, 7.5, 0.9 * v);
             for (target, ahead) in targets.iter_mut().zip([0.0, 0.5 * PI]) {
                 let (s, c) = (k * x + slant + ahead).sin_cos();
@@ -318,7 +318,7 @@ fn flag(stage: &mut Stage) {
     stage.put_on(stage.scene.meshes.len() as u32 - 1, cloth, node);
 }
 
-/// A cloud of sixty spheres of several sizes that floats and turns, in three colours.
+/// A floating and turning cloud of sixty spheres, in several sizes and three colours.
 fn spheres(stage: &mut Stage) {
     let node = stage.node("cloud", None, moved(DVec3::new(-0.75, 0.62, 1.95)));
     let float = smooth(8, |t| [-0.75, 0.62 + 0.07 * wave(t, 0.0), 1.95]);
@@ -335,7 +335,7 @@ fn spheres(stage: &mut Stage) {
     let mut tries = 0;
     while placed.len() < 60 && tries < 20_000 {
         tries += 1;
-        // Large ones first, and none inside another.
+        // Large spheres first; none overlaps another.
         let radius = [0.13, 0.085, 0.055, 0.035][(placed.len() / 8).min(3)] * dice.range(0.85, 1.15);
         let centre = dice.direction() * dice.range(0.0, 0.52);
         if placed.iter().all(|s| s.centre.distance(centre) > s.radius + radius) {
@@ -379,7 +379,7 @@ fn plants(stage: &mut Stage) {
     }
 }
 
-/// Its hand goes on by an eighth of a turn, and stands.
+/// The hand jumps by an eighth of a turn and then stands still.
 fn clock(stage: &mut Stage) {
     let face = stage.material(dielectric("clock face", [0.75, 0.72, 0.62], 0.4));
     let iron = stage.material(metal("clock iron", [0.20, 0.19, 0.19], 0.5));
@@ -399,7 +399,7 @@ fn clock(stage: &mut Stage) {
     stage.hang("clock hand", shape, iron, hand);
 }
 
-/// A lamp that swings on a cord, and the light in it.
+/// A lamp that swings on a cord, with the light inside it.
 fn lamp(stage: &mut Stage) {
     let cord = 1.05;
     let radius = 0.11;
@@ -409,7 +409,7 @@ fn lamp(stage: &mut Stage) {
     glow.shows_light = true;
     let glow = stage.material(glow);
     let iron = stage.material(metal("lamp iron", [0.25, 0.24, 0.24], 0.5));
-    // A post with an arm, from which it hangs.
+    // A post with an arm that it hangs from.
     let post = lathe(
         &[
             line(&[[0.10, -SUNK], [0.06, 0.12]]),
@@ -427,7 +427,7 @@ fn lamp(stage: &mut Stage) {
     stage.hang("lamp cord", lathe(&[line(&[[0.008, radius - cord], [0.008, 0.0]])], 8), iron, hook);
     let globe = stage.node("lamp", Some(hook), moved(DVec3::NEG_Y * f64::from(cord)));
     stage.hang("lamp glass", sphere(radius, 20, 32), glow, globe);
-    // Below the glass, which would else shut it in.
+    // Just below the glass, which would otherwise block its light.
     let light = stage.node("lamp light", Some(globe), moved(DVec3::NEG_Y * f64::from(radius + 0.01)));
     stage.scene.lights.push(Light::Point {
         position: stage.world(light).translation,
@@ -437,7 +437,7 @@ fn lamp(stage: &mut Stage) {
     stage.scene.light_nodes.push(Some(light));
 }
 
-/// A camera that rides the carousel and looks outwards.
+/// A camera that rides on the carousel and looks outwards.
 fn ride(stage: &mut Stage) {
     let Some(platform) = stage.scene.nodes.iter().position(|n| n.name == "platform") else { return };
     let outwards = turned(DVec3::new(0.0, 1.3, 0.45), std::f64::consts::PI);
@@ -452,7 +452,7 @@ fn moved(translation: DVec3) -> Local {
     turned(translation, 0.0)
 }
 
-/// A place, turned around y by an angle in radians.
+/// A translation and a rotation about y, in radians.
 fn turned(translation: DVec3, angle: f64) -> Local {
     Local::Trs { translation, rotation: DQuat::from_rotation_y(angle), scale: DVec3::ONE }
 }

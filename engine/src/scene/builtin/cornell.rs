@@ -1,5 +1,5 @@
-//! The Cornell box, with the measured geometry that Cornell's Program of Computer Graphics published: its millimetres stand for
-//! centimetres here, so the box is 5.5 m wide. Turned so that the camera looks along -z.
+//! The Cornell box, with the measured geometry that Cornell's Program of Computer Graphics published. Its millimetres are
+//! centimetres here, so the box is 5.5 m wide. It is turned so that the camera looks along -z.
 use super::shapes::Shape;
 use super::stage::{Stage, dielectric, matte};
 use crate::scene::{Light, Scene};
@@ -9,12 +9,12 @@ use glam::{Affine3A, Vec3};
 const WHITE: [f32; 3] = [0.73, 0.73, 0.73];
 const RED: [f32; 3] = [0.63, 0.065, 0.05];
 const GREEN: [f32; 3] = [0.14, 0.45, 0.091];
-/// Radiance of the lamp: its published colour, as strong as white surfaces near 1 ask for.
+/// Radiance of the lamp: the published colour, scaled so that white surfaces have a radiance near 1.
 const LAMP: Vec3 = Vec3::new(34.0, 24.0, 8.0);
-/// The lamp hangs this far below the ceiling, metres, so that neither hides the other.
+/// Distance of the lamp from the ceiling, metres, so that they are not coplanar.
 const GAP: f32 = 0.005;
 
-/// From the published coordinates (hundredths of a unit here) to metres, x to the right and z to the viewer.
+/// Converts published coordinates (hundredths of a unit here) to metres, with x to the right and z towards the viewer.
 fn point([x, y, z]: [f32; 3]) -> Vec3 {
     Vec3::new(278.0 - x, y, -z) * 0.01
 }
@@ -70,7 +70,7 @@ pub(super) fn scene() -> Scene {
     stage.add("lamp", quads(&[corners]), lamp, here);
     let [a, b, c, d] = corners.map(point);
     stage.scene.lights.push(Light::Rectangle {
-        // A little in front of the shape that shows it, which would else cast a shadow on its own light.
+        // Slightly in front of the mesh that shows the light, which would otherwise block it.
         centre: (0.25 * (a + b + c + d) - Vec3::Y * 0.002).into(),
         half_u: 0.5 * (b - a),
         half_v: 0.5 * (d - a),

@@ -1,7 +1,7 @@
 //! A small courtyard in the afternoon sun: sand, terracotta and green against cobalt blue.
 //!
-//! The arcade stands at the back (-z), a pergola on the left, a plastered wall on the right; the front is open. The sun
-//! stands to the left behind the camera, so the pergola's shadow lies across the floor.
+//! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. The sun is to the
+//! left, behind the camera, so that the shadow of the pergola falls across the floor.
 use super::foliage::{Dice, climber, core, crown, leaf_texture};
 use super::shapes::{Shape, arcade, block, curve, cushion, lathe, line, sphere};
 use super::stage::{Stage, at, dielectric, matte, metal, scaled};
@@ -9,9 +9,9 @@ use crate::scene::{AlphaMode, Daylight, Light, Material, Sampler, Scene, Texture
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
 
-/// Half the edge of the paved square, metres.
+/// Half the side of the paved square, metres.
 const HALF: f32 = 6.0;
-/// How deep things stand in the ground, metres, so that no bottom shares a plane with the floor.
+/// Depth to which objects are sunk into the ground, metres, so that no bottom face is coplanar with the floor.
 const SUNK: f32 = 0.004;
 
 struct Palette {
@@ -89,7 +89,7 @@ pub(super) fn scene() -> Scene {
     stage.scene
 }
 
-/// Slabs with open joints over a bed of sand, and dry grass around.
+/// Slabs with open joints on a bed of sand, with dry grass around.
 fn ground(stage: &mut Stage) {
     let tones = [[0.52, 0.46, 0.38], [0.58, 0.52, 0.43], [0.46, 0.41, 0.35], [0.60, 0.50, 0.39], [0.50, 0.47, 0.43]];
     let tones: Vec<u32> = (0..)
@@ -103,7 +103,7 @@ fn ground(stage: &mut Stage) {
     for z in 0..12 {
         for x in 0..12 {
             let tone = tones[(dice.range(0.0, 4.999)) as usize];
-            // Laid by hand: none is quite level with the next.
+            // Slabs are slightly uneven.
             let height = -0.10 - dice.range(0.0, 0.003);
             stage.put(slab, tone, at(x as f32 - HALF + 0.5, height, z as f32 - HALF + 0.5, 0.0));
         }
@@ -201,14 +201,14 @@ fn pergola(stage: &mut Stage, p: &Palette) {
     );
     stage.add("lantern cap", cap, p.iron, Affine3A::from_translation(centre));
     stage.scene.lights.push(Light::Point {
-        // Below the glass, which would else shut it in.
+        // Just below the glass, which would otherwise block its light.
         position: (centre - Vec3::Y * (radius + 0.01)).into(),
         intensity: emission * (PI * radius * radius),
         range: Some(6.0),
     });
 }
 
-/// The focus: a round basin, a bowl on a foot, and a copper ball.
+/// The fountain in the middle: a round basin, a bowl on a foot, and a copper ball.
 fn fountain(stage: &mut Stage, p: &Palette) {
     let place = at(0.75, -SUNK, -1.25, 0.0);
     let basin = lathe(
@@ -251,7 +251,7 @@ fn fountain(stage: &mut Stage, p: &Palette) {
     stage.add("copper ball", sphere(0.30, 24, 40), p.copper, place * Affine3A::from_translation(Vec3::Y * 1.72));
 }
 
-/// The still life in the foreground.
+/// A table with a still life, in the foreground.
 fn table(stage: &mut Stage, p: &Palette) {
     let place = at(2.05, -SUNK, 3.25, 0.0);
     let top = 0.74;
@@ -373,7 +373,7 @@ fn table(stage: &mut Stage, p: &Palette) {
     stage.put(stool, p.terracotta, at(2.0, -SUNK, 2.1, 0.0));
 }
 
-/// A tube with closed ends along a curve in the plane z = 0; its radius goes from the first value to the last.
+/// A tube with closed ends along a curve in the plane z = 0. Its radius changes linearly from the first value to the last.
 fn tube(points: &[[f32; 2]], radius: [f32; 2], rings: usize, segments: usize) -> Shape {
     let steps = rings.div_ceil(points.len() - 1);
     let path = curve_signed(points, steps);

@@ -1,13 +1,13 @@
-//! Plants: cards with a leafy texture around a dark core.
+//! Plants: cards with a leaf texture around a dark core.
 use super::shapes::{Shape, sphere};
 use crate::scene::{ColourSpace, Texture};
 use glam::{Quat, Vec2, Vec3};
 use std::f32::consts::TAU;
 
-/// Edge of the leaf texture, texels.
+/// Width and height of the leaf texture, texels.
 const EDGE: usize = 128;
 
-/// A small generator of pseudo-random numbers (PCG, O'Neill 2014): the same plants in every run.
+/// A small pseudo-random generator (PCG, O'Neill 2014), so that every run has the same plants.
 pub(super) struct Dice(u64);
 
 impl Dice {
@@ -29,7 +29,7 @@ impl Dice {
         lo + (hi - lo) * (self.next() >> 8) as f32 / 16_777_216.0
     }
 
-    /// A unit vector, all directions alike.
+    /// A uniformly distributed unit vector.
     pub fn direction(&mut self) -> Vec3 {
         let y = self.range(-1.0, 1.0);
         let (s, c) = self.range(0.0, TAU).sin_cos();
@@ -38,7 +38,7 @@ impl Dice {
     }
 }
 
-/// A twig with seven leaves: colour everywhere, alpha only on the leaves, so that no dark fringe is filtered in.
+/// A twig with seven leaves. The colour covers all texels and alpha only the leaves, so that filtering does not make dark fringes.
 pub(super) fn leaf_texture() -> Texture {
     let leaves: Vec<(Vec2, f32, f32)> = (0..7)
         .map(|i| {
@@ -53,7 +53,7 @@ pub(super) fn leaf_texture() -> Texture {
     for y in 0..EDGE {
         for x in 0..EDGE {
             let p = (Vec2::new(x as f32, y as f32) + 0.5) / EDGE as f32;
-            // A stem, then the leaf whose middle is nearest.
+            // The stem, and then the nearest leaf.
             let mut cover: f32 = if (p.x - 0.5).abs() < 0.012 && p.y > 0.2 { 1.0 } else { 0.0 };
             let (mut rib, mut shade) = (0.0_f32, 0.5_f32);
             for (i, (root, angle, size)) in leaves.iter().enumerate() {
@@ -64,7 +64,7 @@ pub(super) fn leaf_texture() -> Texture {
                 if !(0.0..=1.0).contains(&along) {
                     continue;
                 }
-                // Pointed at the end, widest below the middle.
+                // Pointed at the end, and widest below the middle.
                 let width = 0.62 * along.powf(0.6) * (1.0 - along).powf(0.85) * 1.35;
                 let inside = ((width - across) * size * EDGE as f32 + 0.5).clamp(0.0, 1.0);
                 if inside > 0.0 {
@@ -81,18 +81,18 @@ pub(super) fn leaf_texture() -> Texture {
     Texture::new("leaves".to_owned(), [EDGE as u32; 2], ColourSpace::Srgb, rgba)
 }
 
-/// Leaf cards scattered over an ellipsoid around the origin, normals away from its middle: for a double-sided material.
+/// Leaf cards scattered over an ellipsoid around the origin, with normals pointing outwards. Needs a double-sided material.
 pub(super) fn crown(seed: u64, half: Vec3, cards: usize, size: f32) -> Shape {
     let mut dice = Dice::new(seed);
     let mut shape = Shape::default();
     for _ in 0..cards {
         let out = dice.direction();
-        // Lumps: a few bulges over the ellipsoid make an outline.
+        // A few bumps on the ellipsoid give it an irregular outline.
         let lump = 1.0 + 0.10 * (5.0 * out.x + 1.0).sin() * (4.0 * out.y).cos() + 0.06 * (7.0 * out.z + 2.0).sin();
         let centre = out * half * lump * dice.range(0.80, 1.0);
         let normal = (out / half).normalize();
         let size = size * dice.range(0.75, 1.25);
-        // Twigs point outwards and up, with some disorder.
+        // Twigs point outwards and upwards, with some randomness.
         let up = (normal * 0.6 + Vec3::Y * 0.5 + dice.direction() * 0.7).normalize_or(Vec3::Y);
         let right = up.cross(dice.direction()).normalize_or(Vec3::X);
         card(&mut shape, centre, right * (0.5 * size), up * (0.5 * size), normal);
@@ -100,7 +100,7 @@ pub(super) fn crown(seed: u64, half: Vec3, cards: usize, size: f32) -> Shape {
     shape
 }
 
-/// Cards in a slab around the origin: a climber on a wall (thin in z) or on a roof of beams (thin in y).
+/// Leaf cards in a box around the origin: a climber on a wall (thin in z) or on a pergola (thin in y).
 pub(super) fn climber(seed: u64, half: Vec3, outward: Vec3, cards: usize, size: f32) -> Shape {
     let mut dice = Dice::new(seed);
     let mut shape = Shape::default();
@@ -118,7 +118,7 @@ pub(super) fn climber(seed: u64, half: Vec3, outward: Vec3, cards: usize, size: 
     shape
 }
 
-/// A leaf card whose front is on the side of its shading normal.
+/// A leaf card that faces the side of its shading normal.
 fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
     let right = if right.cross(up).dot(normal) < 0.0 { -right } else { right };
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
@@ -127,7 +127,7 @@ fn card(shape: &mut Shape, centre: Vec3, right: Vec3, up: Vec3, normal: Vec3) {
     shape.triangle([corners[0], corners[2], corners[3]]);
 }
 
-/// What one does not see through: the shade inside a crown.
+/// The dark core inside a crown, so that one cannot see through it.
 pub(super) fn core(half: Vec3) -> Shape {
     let mut shape = sphere(1.0, 8, 12);
     for (p, n) in shape.mesh.positions.iter_mut().zip(&mut shape.mesh.normals) {

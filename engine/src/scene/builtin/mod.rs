@@ -1,4 +1,4 @@
-//! Scenes that are made here, so that nothing has to be downloaded to see a picture.
+//! Built-in scenes, made by code, so that no download is needed to render something.
 use super::Scene;
 use super::coverage::preserve_coverage;
 
@@ -9,7 +9,7 @@ mod foliage;
 mod shapes;
 mod stage;
 
-/// Name and one line on every built-in scene, the default first.
+/// Name and description of every built-in scene, the default first.
 pub const BUILTIN: &[(&str, &str)] = &[
     ("courtyard", "a small courtyard in the sun: fountain, pergola, arcade, plants; matte, glossy and metal things"),
     (
@@ -19,7 +19,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("cornell", "the Cornell box (Goral et al. 1984) with its area light, 5.5 m wide"),
 ];
 
-/// The built-in scene of this name, complete: with cameras and lights.
+/// The built-in scene of this name, with cameras and lights; `None` if there is none.
 pub fn builtin(name: &str) -> Option<Scene> {
     let mut scene = match name {
         "courtyard" => courtyard::scene(),

@@ -1,9 +1,9 @@
-//! Procedural shapes with smooth normals, texture coordinates in metres and counter-clockwise fronts.
+//! Procedural shapes with smooth normals, texture coordinates in metres, and counter-clockwise front faces.
 use crate::scene::Mesh;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// A mesh being made: positions, normals, first texture coordinates and indices.
+/// A mesh under construction: positions, normals, first texture coordinates and indices.
 #[derive(Default)]
 pub(super) struct Shape {
     pub mesh: Mesh,
@@ -17,7 +17,7 @@ impl Shape {
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// A triangle, unless two of its corners meet.
+    /// Adds a triangle, unless two of its corners are the same.
     pub fn triangle(&mut self, corners: [u32; 3]) {
         let [a, b, c] = corners.map(|i| self.mesh.positions[i as usize]);
         if (b - a).cross(c - a).length_squared() > 1e-16 {
@@ -25,7 +25,7 @@ impl Shape {
         }
     }
 
-    /// A flat quad, its corners counter-clockwise from the front; texture coordinates run along its first and last edge.
+    /// Adds a flat quad with corners counter-clockwise from the front. Texture coordinates run along its first and last edge.
     pub fn quad(&mut self, corners: [Vec3; 4]) {
         let [a, b, c, d] = corners;
         let normal = (b - a).cross(d - a).normalize_or((c - b).cross(d - c).normalize_or(Vec3::Y));
@@ -37,7 +37,7 @@ impl Shape {
         self.triangle([i[0], i[2], i[3]]);
     }
 
-    /// Adds a shape that was moved (not scaled).
+    /// Adds another shape under a rigid transform (without scale).
     pub fn join(&mut self, other: &Shape, by: glam::Affine3A) {
         let first = self.mesh.positions.len() as u32;
         self.mesh.positions.extend(other.mesh.positions.iter().map(|p| by.transform_point3(*p)));
@@ -47,12 +47,12 @@ impl Shape {
     }
 }
 
-/// A box on the plane y = 0 around the y axis, its edges cut at 45 degrees by `cut` metres.
+/// A box on the plane y = 0, centred on the y axis, with edges chamfered at 45 degrees by `cut` metres.
 pub(super) fn block(width: f32, height: f32, depth: f32, cut: f32) -> Shape {
     let half = 0.5 * Vec3::new(width, height, depth);
     let inner = half - Vec3::splat(cut);
     let mut shape = Shape::default();
-    // The corner towards `sign`, on the face across `axis`.
+    // The corner in the direction of `sign`, on the face perpendicular to `axis`.
     let corner = |axis: usize, sign: Vec3| {
         let mut p = inner * sign;
         p[axis] = half[axis] * sign[axis];
@@ -95,8 +95,8 @@ pub(super) fn block(width: f32, height: f32, depth: f32, cut: f32) -> Shape {
     shape
 }
 
-/// A surface of revolution around y. Each curve is a smooth run of (radius, height); where one ends and the next begins is a
-/// crease. The curves run so that the outside lies to their right: from the bottom of an outer wall to its top.
+/// A surface of revolution about y. Each curve is a smooth run of (radius, height); there is a crease where one ends and the next
+/// begins. The outside is to the right of the curves, for example from the bottom of an outer wall to its top.
 pub(super) fn lathe(curves: &[Vec<Vec2>], segments: usize) -> Shape {
     let mut shape = Shape::default();
     let mut length = 0.0;
@@ -109,7 +109,7 @@ pub(super) fn lathe(curves: &[Vec<Vec2>], segments: usize) -> Shape {
                 length += p.distance(curve[i - 1]);
             }
             let tangent = (curve[(i + 1).min(n - 1)] - curve[i.saturating_sub(1)]).normalize_or(Vec2::Y);
-            // At the axis a smooth surface lies flat.
+            // On the axis, the normal of a smooth surface is parallel to the axis.
             let normal = if p.x == 0.0 && n > 2 {
                 Vec2::new(0.0, -tangent.x.signum())
             } else {
@@ -140,12 +140,12 @@ pub(super) fn lathe(curves: &[Vec<Vec2>], segments: usize) -> Shape {
     shape
 }
 
-/// Points of (radius, height).
+/// A polyline of (radius, height).
 pub(super) fn line(points: &[[f32; 2]]) -> Vec<Vec2> {
     points.iter().map(|p| Vec2::from(*p)).collect()
 }
 
-/// A curve through the points (Catmull and Rom 1974), `steps` to each span; no radius goes below 0.
+/// A Catmull-Rom spline through the points (Catmull and Rom 1974), with `steps` segments per span. Radii are clamped to 0.
 pub(super) fn curve(points: &[[f32; 2]], steps: usize) -> Vec<Vec2> {
     let p = line(points);
     let n = p.len();
@@ -176,7 +176,7 @@ pub(super) fn sphere(radius: f32, rings: usize, segments: usize) -> Shape {
     lathe(&[points], segments)
 }
 
-/// A cushion: a superellipsoid (Barr 1981) of these half sizes around the origin, rounder for larger `power` up to 1.
+/// A cushion: a superellipsoid (Barr 1981) around the origin with these half sizes, rounder for larger `power` up to 1.
 pub(super) fn cushion(half: Vec3, power: f32, rings: usize, segments: usize) -> Shape {
     let raise = |x: f32, e: f32| x.signum() * x.abs().powf(e);
     let mut shape = sphere(1.0, rings, segments);
@@ -198,11 +198,11 @@ pub(super) fn cushion(half: Vec3, power: f32, rings: usize, segments: usize) -> 
     shape
 }
 
-/// A wall along x on the plane y = 0 with round arches: centres and half widths of the openings, from left to right, all
-/// springing at one height.
+/// A wall along x on the plane y = 0 with round arches. `openings` are centres and half widths, from left to right; `spring` is
+/// the height at which the arches begin.
 pub(super) fn arcade(width: f32, height: f32, depth: f32, openings: &[[f32; 2]], spring: f32) -> Shape {
     const STEPS: usize = 20;
-    // Stations along x with the height where the wall begins; `None` where it stands on the ground.
+    // Positions along x with the height of the wall's lower edge; `None` where it stands on the ground.
     let mut stations: Vec<(f32, Option<f32>)> = vec![(-0.5 * width, None)];
     for [centre, half] in openings {
         for i in 0..=STEPS {
@@ -221,7 +221,7 @@ pub(super) fn arcade(width: f32, height: f32, depth: f32, openings: &[[f32; 2]],
     };
     for (k, pair) in stations.windows(2).enumerate() {
         let [(x0, y0), (x1, y1)] = [pair[0], pair[1]];
-        // Piers lie between the last station of one opening and the first of the next.
+        // The piers are between the last position of one opening and the first of the next.
         if k % (STEPS + 1) == 0 {
             both(x0, x1, [0.0; 2], spring);
             both(x0, x1, [spring; 2], height);
@@ -267,7 +267,7 @@ mod tests {
     use super::*;
     use std::collections::HashMap;
 
-    /// Every directed edge once, and its reverse once: the surface is closed and all its triangles wind the same way.
+    /// Asserts that every directed edge occurs once and so does its reverse: the surface is closed and consistently wound.
     fn assert_closed(shape: &Shape, what: &str) {
         let key = |i: u32| (shape.mesh.positions[i as usize] * 1e4).round().as_ivec3().to_array();
         let (mut edges, mut volume) = (HashMap::<_, i32>::new(), 0.0);
@@ -276,7 +276,7 @@ mod tests {
             volume += a.dot(b.cross(c));
             let keys = [t[0], t[1], t[2]].map(key);
             if keys[0] == keys[1] || keys[1] == keys[2] || keys[2] == keys[0] {
-                continue; // a pole's triangle without area
+                continue; // a degenerate triangle at a pole
             }
             for i in 0..3 {
                 *edges.entry((keys[i], keys[(i + 1) % 3])).or_default() += 1;

@@ -1,20 +1,20 @@
-//! Puts a scene together.
+//! Helpers that assemble a scene.
 use super::shapes::Shape;
 use crate::scene::animation::rest_worlds;
 use crate::scene::{Animation, Camera, Channel, Instance, Interpolation, Local, Material, Mesh, Node, Property, Scene};
 use glam::{Affine3A, DAffine3, Quat, Vec3, Vec4};
 
-/// A scene being made.
+/// A scene under construction.
 pub(super) struct Stage {
     pub scene: Scene,
 }
 
-/// A matte material of an albedo.
+/// A matte material with an albedo.
 pub(super) fn matte(name: &str, colour: [f32; 3]) -> Material {
     dielectric(name, colour, 0.9)
 }
 
-/// A material that is no metal.
+/// A dielectric material.
 pub(super) fn dielectric(name: &str, colour: [f32; 3], roughness: f32) -> Material {
     Material {
         name: name.to_owned(),
@@ -25,22 +25,22 @@ pub(super) fn dielectric(name: &str, colour: [f32; 3], roughness: f32) -> Materi
     }
 }
 
-/// A metal of this reflectance at normal incidence.
+/// A metal, with its reflectance at normal incidence.
 pub(super) fn metal(name: &str, colour: [f32; 3], roughness: f32) -> Material {
     Material { metalness: 1.0, ..dielectric(name, colour, roughness) }
 }
 
-/// A place, turned around y.
+/// A translation and a rotation about y.
 pub(super) fn at(x: f32, y: f32, z: f32, turn_degrees: f32) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_rotation_y(turn_degrees.to_radians()), Vec3::new(x, y, z))
 }
 
-/// A place, turned around y and scaled.
+/// A translation, a rotation about y, and a scale.
 pub(super) fn scaled(x: f32, y: f32, z: f32, turn_degrees: f32, scale: f32) -> Affine3A {
     at(x, y, z, turn_degrees) * Affine3A::from_scale(Vec3::splat(scale))
 }
 
-/// A shape with everything that a mesh has.
+/// Completes a shape to a mesh, with all vertex tables.
 pub(super) fn finish(name: &str, shape: Shape) -> Mesh {
     let mut mesh = shape.mesh;
     mesh.name = name.to_owned();
@@ -71,19 +71,19 @@ impl Stage {
         self.scene.instances.push(Instance::fixed(name, mesh, material, world_from_object));
     }
 
-    /// A mesh that is shown once.
+    /// Adds a mesh with one instance.
     pub fn add(&mut self, name: &str, shape: Shape, material: u32, world_from_object: Affine3A) {
         let mesh = self.mesh(name, shape);
         self.put(mesh, material, world_from_object);
     }
 
-    /// A camera from numbers that are known to make one.
+    /// Adds a camera; the numbers must be valid.
     pub fn camera(&mut self, name: &str, eye: [f32; 3], target: [f32; 3], fov_degrees: f32) {
         let camera = Camera::look_at(name, Vec3::from(eye), Vec3::from(target), Vec3::Y, fov_degrees.to_radians());
         self.scene.cameras.extend(camera.map(|c| Camera { near: 0.05, ..c }));
     }
 
-    /// Begins an animation, to which channels are added.
+    /// Adds an animation without channels.
     pub fn animation(&mut self, name: &str) {
         self.scene.animations.push(Animation { name: name.to_owned(), ..Animation::default() });
     }
@@ -93,12 +93,12 @@ impl Stage {
         self.scene.nodes.len() as u32 - 1
     }
 
-    /// World from node, in the rest pose.
+    /// World-from-node transform in the rest pose.
     pub fn world(&self, node: u32) -> DAffine3 {
         rest_worlds(&self.scene.nodes[..=node as usize])[node as usize]
     }
 
-    /// Adds a channel, from times in seconds and values, to the last animation.
+    /// Adds a channel to the last animation; `times` are in seconds.
     pub fn channel(
         &mut self,
         node: u32,
@@ -112,7 +112,7 @@ impl Stage {
         }
     }
 
-    /// Shows a mesh at a node.
+    /// Adds an instance of a mesh at a node.
     pub fn put_on(&mut self, mesh: u32, material: u32, node: u32) {
         self.put(mesh, material, Affine3A::IDENTITY);
         let world_from_object = self.world(node);
@@ -121,7 +121,7 @@ impl Stage {
         }
     }
 
-    /// A mesh that is shown once, at a node.
+    /// Adds a mesh with one instance at a node.
     pub fn hang(&mut self, name: &str, shape: Shape, material: u32, node: u32) {
         let mesh = self.mesh(name, shape);
         self.put_on(mesh, material, node);

@@ -8,22 +8,22 @@ use image::{DynamicImage, ImageDecoder};
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-/// Largest file that is read, bytes.
+/// Largest file, bytes.
 const MAX_FILE: u64 = 1 << 32;
-/// Greatest width and height, texels.
+/// Largest width and height, texels.
 const MAX_EDGE: u64 = 16384;
-/// Most texels: 2 GiB on the device.
+/// Largest number of texels: 2 GiB on the device.
 const MAX_TEXELS: u64 = 1 << 27;
-/// How files begin: Radiance's `#?RADIANCE` or `#?RGBE`, and OpenEXR's magic number.
+/// First bytes of files: `#?RADIANCE` or `#?RGBE` for Radiance, and the magic number of OpenEXR.
 const RADIANCE: &[u8] = b"#?";
 const OPEN_EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 
 impl Environment {
-    /// Reads an environment map from a Radiance HDR or OpenEXR file, whichever its first bytes say. Scale 1, not turned. An alpha
+    /// Reads an environment map from a Radiance HDR or OpenEXR file, as its first bytes decide. Scale 1, no turn. An alpha
     /// channel is ignored.
     ///
     /// # Errors
-    /// [`SceneError::Environment`], with the first pixel that is not finite or is negative, or what else is wrong with the file;
+    /// [`SceneError::Environment`], for the first pixel that is negative or not finite, or for another fault of the file;
     /// [`SceneError::Read`], [`SceneError::TooLarge`].
     pub fn load(path: &Path) -> Result<Self, SceneError> {
         let bytes = read(path)?;
@@ -46,11 +46,11 @@ fn read(path: &Path) -> Result<Vec<u8>, SceneError> {
     Ok(bytes)
 }
 
-/// Decodes a file whose first bytes say what it is.
+/// Decodes a file, whose format the first bytes tell.
 pub(super) fn decode(name: String, bytes: &[u8]) -> Result<Environment, EnvironmentError> {
     let failed = |e: image::ImageError| EnvironmentError::Image(e.to_string());
     if bytes.starts_with(RADIANCE) {
-        // Not strict: many writers take liberties with the header, which says nothing that is needed here.
+        // Not strict: many writers deviate in parts of the header that are not needed here.
         texels(name, HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(failed)?)
     } else if bytes.starts_with(OPEN_EXR) {
         texels(name, OpenExrDecoder::new(Cursor::new(bytes)).map_err(failed)?)

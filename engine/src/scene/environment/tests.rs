@@ -1,4 +1,4 @@
-//! Directions, blends, harmonics and files.
+//! Directions, interpolation, spherical harmonics and files.
 use super::*;
 use crate::scene::SceneError;
 use image::{ImageFormat, Rgb32FImage, Rgba32FImage};
@@ -34,7 +34,7 @@ fn the_middle_is_ahead_and_the_top_is_up() {
     ] {
         assert!(e.direction(uv).abs_diff_eq(wanted, 1e-6), "{uv}: {}", e.direction(uv));
     }
-    // A quarter turn, counter-clockwise from above: what was ahead is to the left.
+    // A quarter turn counter-clockwise as seen from above: what was ahead is now to the left.
     e.turn = FRAC_PI_2;
     assert!(e.direction(Vec2::splat(0.5)).abs_diff_eq(Vec3::NEG_X, 1e-6));
     assert!(e.uv(Vec3::NEG_X).abs_diff_eq(Vec2::splat(0.5), 1e-6));
@@ -62,8 +62,8 @@ fn radiance_is_that_of_texels_and_blends_between_them() {
         (2.5, 1.5, Vec3::new(2.0, 1.0, 1.0)),
         (3.0, 1.5, Vec3::new(2.5, 1.0, 1.0)),
         (2.5, 2.0, Vec3::new(2.0, 1.5, 1.0)),
-        (8.0, 1.5, Vec3::new(3.5, 1.0, 1.0)), // across the seam: half of 7 and of 0
-        (2.5, 0.1, Vec3::new(2.0, 0.0, 1.0)), // no further than the first row
+        (8.0, 1.5, Vec3::new(3.5, 1.0, 1.0)), // across the seam: the mean of 7 and 0
+        (2.5, 0.1, Vec3::new(2.0, 0.0, 1.0)), // constant beyond the first row
         (2.5, 3.9, Vec3::new(2.0, 3.0, 1.0)),
     ] {
         assert!(at(u, v).abs_diff_eq(2.0 * wanted, 1e-4), "({u}, {v}): {}", at(u, v));
@@ -72,7 +72,7 @@ fn radiance_is_that_of_texels_and_blends_between_them() {
 
 #[test]
 fn the_harmonics_of_plain_light_are_exact() {
-    // The same light everywhere: pi times it on every surface.
+    // Under uniform radiance, every surface receives pi times it.
     let c = Environment { scale: 3.0, ..made(2, 1, |_, _| Vec3::new(1.0, 2.0, 4.0)) }.irradiance_sh();
     let wanted = Vec3::new(1.0, 2.0, 4.0) * 3.0 * PI as f32 / 0.282_095;
     assert!(((c[0] - wanted) / wanted).abs().max_element() < 1e-5, "{}", c[0]);
@@ -82,7 +82,7 @@ fn the_harmonics_of_plain_light_are_exact() {
 #[test]
 fn the_harmonics_agree_with_brute_force() {
     for (width, height, turn) in [(4, 2, 0.0), (16, 8, 1.1), (300, 150, -0.6)] {
-        // A smooth sky with a broad bright part, and a darker ground.
+        // A smooth sky with a bright area, and a darker ground.
         let base = made(width, height, |_, _| Vec3::ONE);
         let texel = |x: u32, y: u32| {
             let uv = Vec2::new((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
@@ -134,7 +134,7 @@ fn exr(bad: Option<f32>) -> Vec<u8> {
 
 fn hdr() -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
-    // Numbers that 8 bits of mantissa hold.
+    // Numbers that need only 8 bits of mantissa.
     let texel = |x: u32, y: u32| image::Rgb([x as f32 * 1024.0, y as f32 * 0.5 + 512.0, 2048.0]);
     Rgb32FImage::from_fn(9, 4, texel).write_to(&mut bytes, ImageFormat::Hdr).unwrap();
     bytes.into_inner()
@@ -150,7 +150,7 @@ fn files_are_read_texel_by_texel() {
     let wanted: Vec<Vec3> = (0..8).map(|i| Vec3::new((i % 4) as f32 * 1000.5, (i / 4) as f32 * 0.125, 7.0)).collect();
     assert_eq!(e.radiance[..], wanted[..]);
 
-    // The name says nothing, and both first words are taken.
+    // The file name does not matter, and both magic words are accepted.
     let rgbe = [b"#?RGBE", &hdr()[10..]].concat();
     for bytes in [hdr(), rgbe] {
         let path = folder.path().join("dusk.exr");
@@ -159,7 +159,7 @@ fn files_are_read_texel_by_texel() {
         assert_eq!((e.width, e.height), (9, 4));
         for (i, texel) in e.radiance.iter().enumerate() {
             let wanted = Vec3::new((i % 9) as f32 * 1024.0, (i / 9) as f32 * 0.5 + 512.0, 2048.0);
-            // A shared exponent: eight bits below the greatest number.
+            // A shared exponent: each component has eight bits, relative to the largest.
             assert!((*texel - wanted).abs().max_element() <= wanted.max_element() / 128.0, "{i}: {texel} not {wanted}");
         }
     }
@@ -193,7 +193,7 @@ fn faulty_files_are_named() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the bytes: an error, or a map that holds together.
+    /// Any bytes give an error or a valid map.
     #[test]
     fn no_bytes_make_it_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6), cut in 0_usize..40, is_exr in any::<bool>()) {
         let mut bytes = if is_exr { exr(None) } else { hdr() };

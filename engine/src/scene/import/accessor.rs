@@ -1,19 +1,19 @@
-//! Accessors: typed views of the buffers, every byte range checked.
+//! Accessors: typed views of the buffers, with every byte range checked.
 use super::refer;
 use crate::scene::error::Fault;
 use gltf::json;
 use json::accessor::{ComponentType, Type};
 use json::validation::Checked;
 
-/// The parsed text with the bytes of its buffers.
+/// The parsed JSON with the bytes of its buffers.
 pub(super) struct Data<'a> {
     pub root: &'a json::Root,
     buffers: &'a [Vec<u8>],
-    /// KHR_mesh_quantization is in use.
+    /// Whether KHR_mesh_quantization is in use.
     quantised: bool,
 }
 
-/// Which component types an attribute may have.
+/// The component types that an attribute may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Allowed {
     /// `f32`; with KHR_mesh_quantization also 8 and 16 bit integers, normalised or not.
@@ -54,7 +54,7 @@ impl Allowed {
     }
 }
 
-/// A checked table of elements: `count` of them, `stride` bytes apart.
+/// A checked table of `count` elements, `stride` bytes apart.
 struct Table<'a> {
     bytes: &'a [u8],
     stride: usize,
@@ -85,7 +85,7 @@ impl<'a> Data<'a> {
         )
     }
 
-    /// How many elements an accessor says that it has.
+    /// Number of elements that an accessor declares.
     pub fn count(&self, index: usize) -> Result<u64, Fault> {
         Ok(refer(&self.root.accessors, index, "accessor")?.count.0)
     }
@@ -104,7 +104,7 @@ impl<'a> Data<'a> {
         if stride < size || stride > 252.max(size) {
             return Err(Fault::Stride { accessor, size, stride });
         }
-        // The last element needs its own size only, not the whole stride.
+        // The last element needs only its own size, not the whole stride.
         let length = match count {
             0 => Some(0),
             n => (n - 1).checked_mul(stride as u64).and_then(|l| l.checked_add(size as u64)),
@@ -120,7 +120,7 @@ impl<'a> Data<'a> {
             })
     }
 
-    /// The component type of an accessor after a check of its shape.
+    /// The component type of an accessor, after checking its shape.
     fn component(&self, index: usize, shape: Type, wanted: &'static str) -> Result<ComponentType, Fault> {
         let accessor = refer(&self.root.accessors, index, "accessor")?;
         match (accessor.component_type, accessor.type_) {
@@ -133,12 +133,12 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Whether an accessor holds vectors of four.
+    /// Whether an accessor holds four-component vectors.
     pub fn is_vec4(&self, index: usize) -> bool {
         self.root.accessors.get(index).is_some_and(|a| a.type_ == Checked::Valid(Type::Vec4))
     }
 
-    /// Vectors of `N` numbers, as floats, all finite.
+    /// Vectors of `N` components as floats, all finite.
     pub fn vectors<const N: usize>(&self, index: usize, allowed: Allowed) -> Result<Vec<[f32; N]>, Fault> {
         let (shape, wanted) = match N {
             1 => (Type::Scalar, "SCALAR"),
@@ -187,7 +187,7 @@ impl<'a> Data<'a> {
         Ok(self.integers::<1>(index, component)?.into_flattened())
     }
 
-    /// Four joints for each vertex.
+    /// Four joint indices for each vertex.
     pub fn joints(&self, index: usize) -> Result<Vec<[u32; 4]>, Fault> {
         const WANTED: &str = "VEC4 of u8 or u16, not normalised";
         let component = self.component(index, Type::Vec4, WANTED)?;
@@ -199,7 +199,7 @@ impl<'a> Data<'a> {
         self.integers(index, component)
     }
 
-    /// Unsigned integers of an accessor whose shape was checked.
+    /// Unsigned integers of an accessor whose shape has been checked.
     fn integers<const N: usize>(&self, index: usize, component: ComponentType) -> Result<Vec<[u32; N]>, Fault> {
         let accessor = &self.root.accessors[index];
         let read =
@@ -217,7 +217,7 @@ impl<'a> Data<'a> {
         Ok(all)
     }
 
-    /// Calls `set` for each element that a sparse accessor replaces; its place is below the accessor's count.
+    /// Calls `set` for each element that a sparse accessor replaces. Its index is below the accessor's count.
     fn sparse(&self, index: usize, size: usize, mut set: impl FnMut(usize, &[u8])) -> Result<(), Fault> {
         let accessor = &self.root.accessors[index];
         let Some(sparse) = &accessor.sparse else { return Ok(()) };
@@ -251,7 +251,7 @@ fn head<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
 }
 
-/// A number as a float; normalised integers as glTF 2.0, section 3.6.2.2 has it.
+/// A component as a float; normalised integers are converted as in glTF 2.0, section 3.6.2.2.
 fn number(bytes: &[u8], component: ComponentType, normalised: bool) -> f32 {
     let (value, greatest) = match component {
         ComponentType::I8 => (bytes[0] as i8 as f32, 127.0),
@@ -264,7 +264,7 @@ fn number(bytes: &[u8], component: ComponentType, normalised: bool) -> f32 {
     if normalised { (value / greatest).max(-1.0) } else { value }
 }
 
-/// An unsigned integer; components of other types do not come here.
+/// A component as an unsigned integer; it must have such a type.
 fn integer(bytes: &[u8], component: ComponentType) -> u32 {
     match component.size() {
         1 => bytes[0] as u32,

@@ -9,7 +9,7 @@ use json::animation::{Interpolation as JsonInterpolation, Property as JsonProper
 use json::validation::Checked;
 use std::collections::HashSet;
 
-/// What is left out of one animation, said once with a count.
+/// Counts of the channels of one animation that are ignored, for one notice each.
 #[derive(Default)]
 struct Ignored {
     outside: usize,
@@ -19,7 +19,7 @@ struct Ignored {
     shapeless: usize,
 }
 
-/// Reads every animation that moves something in the scene.
+/// Reads every animation that changes anything in the scene.
 pub(super) fn read(data: &Data, placed: &Placed, notices: &mut Vec<String>) -> Import<Vec<Animation>> {
     let mut numbers = 0_u64;
     let mut animations = Vec::new();
@@ -143,7 +143,7 @@ fn channel(
         Property::Rotation => {
             let rotations = data.vectors::<4>(output, Allowed::Unit).of(output_at)?;
             let none = |q: &[f32; 4]| glam::Vec4::from(*q).as_dvec4().length() < 1e-6;
-            // Tangents may be zero.
+            // Tangents may be zero, but values may not.
             let values = rotations.iter().skip(usize::from(parts == 3)).step_by(parts as usize);
             if let Some(at) = values.into_iter().position(none) {
                 let got = format!("{:?} at key {at}", [0.0; 4]);

@@ -1,4 +1,4 @@
-//! Containers, URIs and files: everything that reads bytes.
+//! Reading files: containers, URIs and buffers.
 use super::{Import, Of};
 use crate::files::open_regular;
 use crate::scene::SceneError;
@@ -7,12 +7,12 @@ use gltf::json;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Largest file that is read, bytes.
+/// Largest file, bytes.
 const MAX_FILE: u64 = 1 << 32;
-/// Most bytes of all buffers together.
+/// Largest sum of all buffers, bytes.
 const MAX_BUFFERS: u64 = 1 << 33;
 
-/// Reads a scene file: its text, parsed, and the binary chunk of a .glb.
+/// Reads a scene file: its parsed JSON, and the binary chunk of a .glb.
 pub(super) fn open(path: &Path, notices: &mut Vec<String>) -> Result<(json::Root, Option<Vec<u8>>), SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let (file, size) = open_regular(path).map_err(read)?;
@@ -33,8 +33,8 @@ pub(super) fn open(path: &Path, notices: &mut Vec<String>) -> Result<(json::Root
     Ok((root, bin.map(<[u8]>::to_vec)))
 }
 
-/// Parses the text. The `gltf` crate demands a node of every channel of an animation, where glTF lets extensions leave it out:
-/// a text that does not parse is parsed again without such channels.
+/// Parses the JSON. The `gltf` crate requires every animation channel to have a node, although glTF lets extensions omit it. If
+/// parsing fails, it is repeated without such channels.
 fn parse(text: &[u8], notices: &mut Vec<String>) -> Result<json::Root, json::Error> {
     let error = match json::deserialize::from_slice(text) {
         Ok(root) => return Ok(root),
@@ -55,7 +55,7 @@ fn parse(text: &[u8], notices: &mut Vec<String>) -> Result<json::Root, json::Err
     json::deserialize::from_value(root)
 }
 
-/// The text and the binary chunk of a .glb (glTF 2.0 specification, section 4).
+/// The JSON and the binary chunk of a .glb (glTF 2.0 specification, section 4).
 fn split_glb<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>), SceneError> {
     let cut =
         |what, wanted: u64, got: usize| SceneError::Truncated { path: path.to_owned(), what, wanted, got: got as u64 };
@@ -85,11 +85,11 @@ fn split_glb<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [
             (b"JSON", None) => text = Some(chunk),
             (_, None) => return Err(refuse("the first chunk is not JSON".to_owned())),
             (b"BIN\0", _) if bin.is_none() => bin = Some(chunk),
-            // Chunks of other kinds are to be ignored.
+            // The specification requires that chunks of other types are ignored.
             _ => {}
         }
         at += 8 + size as usize;
-        // Chunks start on multiples of four bytes; writers that forget the padding are forgiven at the end of the file.
+        // Chunks start at multiples of four bytes. Missing padding at the end of the file is accepted.
         at = at.next_multiple_of(4).min(bytes.len().max(at));
     }
     match text {
@@ -123,7 +123,7 @@ pub(super) fn buffers(root: &json::Root, mut bin: Option<Vec<u8>>, folder: &Path
     Ok(all)
 }
 
-/// The bytes behind a URI: a data URI, or a file in the scene's folder, of which at most `limit` bytes are read.
+/// The bytes behind a URI: a data URI, or a file in the scene's folder. At most `limit` bytes of a file are read.
 pub(super) fn fetch(uri: &str, folder: &Path, limit: Option<u64>) -> Result<Vec<u8>, Fault> {
     if let Some(data) = uri.strip_prefix("data:") {
         let refuse = |reason: &str| Fault::Uri { uri: shorten(uri), reason: reason.to_owned() };
@@ -145,7 +145,7 @@ pub(super) fn fetch(uri: &str, folder: &Path, limit: Option<u64>) -> Result<Vec<
     Ok(bytes)
 }
 
-/// The file that a relative URI names. It must lie in the scene's folder, links followed.
+/// The path of a relative URI. It must be inside the scene's folder after resolving symbolic links.
 fn resolve(uri: &str, folder: &Path) -> Result<PathBuf, Fault> {
     let refuse = |reason: &str| Fault::Uri { uri: shorten(uri), reason: reason.to_owned() };
     let name = percent_decode(uri).ok_or_else(|| refuse("its percent encoding is faulty"))?;
@@ -197,7 +197,7 @@ fn percent_decode(text: &str) -> Option<String> {
     String::from_utf8(out).ok()
 }
 
-/// RFC 4648 base64, the standard alphabet; padding may be left out.
+/// Decodes base64 (RFC 4648, standard alphabet); padding is optional.
 fn base64(text: &str) -> Option<Vec<u8>> {
     let text = text.trim_end_matches('=');
     let mut out = Vec::with_capacity(text.len() / 4 * 3 + 3);
@@ -219,7 +219,7 @@ fn base64(text: &str) -> Option<Vec<u8>> {
             bits &= (1 << held) - 1;
         }
     }
-    // One letter alone holds no byte.
+    // A single remaining letter does not make a byte.
     (text.len() % 4 != 1).then_some(out)
 }
 

@@ -1,4 +1,4 @@
-//! glTF primitives to meshes.
+//! Converts glTF primitives to meshes.
 use super::accessor::{Allowed, Data};
 use super::nodes::target_count;
 use super::{Import, MAX_DELTAS, MAX_INDICES, MAX_INFLUENCES, MAX_VERTICES, Of, label, refer, skin};
@@ -8,11 +8,11 @@ use glam::{Vec2, Vec3, Vec4};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// A primitive that was read.
+/// A primitive that has been read.
 pub(super) struct Read {
     /// Its triangles, if it has any.
     pub mesh: Option<Mesh>,
-    /// Its material; `None` is glTF's default one.
+    /// Index of its material; `None` is the default material of glTF.
     pub material: Option<usize>,
     pub notices: Vec<String>,
 }
@@ -25,7 +25,7 @@ fn place(mesh: usize, primitive: usize, part: &str) -> String {
     format!("mesh {mesh} primitive {primitive}{}{part}", if part.is_empty() { "" } else { " " })
 }
 
-/// The accessors of joints and weights, at most two sets. One without the other is a fault.
+/// The accessors of joints and weights, at most two sets. It is a fault if a set has only one of the two.
 fn joint_sets(primitive: &Primitive) -> Result<Vec<(usize, usize)>, Fault> {
     let mut sets = Vec::new();
     for (set, names) in (0..).zip([["JOINTS_0", "WEIGHTS_0"], ["JOINTS_1", "WEIGHTS_1"]]) {
@@ -39,8 +39,8 @@ fn joint_sets(primitive: &Primitive) -> Result<Vec<(usize, usize)>, Fault> {
     Ok(sets)
 }
 
-/// Adds up vertices, indices, influences and morph deltas before any is read. A primitive may count for up to three vertices
-/// per index (flat normals), and for three indices per index (strips). `skinned` tells which meshes of the file need joints.
+/// Sums up vertices, indices, influences and morph deltas, before any is read, and checks the limits. A primitive may count up to three
+/// vertices per index (flat normals) and three indices per index (strips). `skinned` tells which meshes of the file need joints.
 pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)], skinned: &[bool]) -> Import<()> {
     let (mut vertices, mut indices, mut influences, mut deltas) = (0_u64, 0_u64, 0_u64, 0_u64);
     for (m, p) in primitives {
@@ -86,8 +86,8 @@ pub(super) fn check_budget(data: &Data, primitives: &[(usize, usize)], skinned: 
     Ok(())
 }
 
-/// Reads a primitive; `normal_uv` tells which coordinates the normal map of a material uses, `skinned` whether joints are
-/// read. Both indices must be in range.
+/// Reads a primitive. `normal_uv` is the set of texture coordinates that the normal map of each material uses; `skinned` tells
+/// whether joints are read. Both indices must be in range.
 pub(super) fn read(
     data: &Data,
     m: usize,
@@ -204,7 +204,7 @@ fn influences(data: &Data, m: usize, p: usize, count: usize, notices: &mut Vec<S
     Ok(influences)
 }
 
-/// Morph targets; deltas of normals and of tangents only where the file has what they are added to.
+/// Reads morph targets. Deltas of normals or tangents are read only if the primitive has those attributes.
 fn targets(data: &Data, m: usize, p: usize, count: usize, [normals, tangents]: [bool; 2]) -> Import<Vec<MorphTarget>> {
     let mut all = Vec::new();
     for (t, from) in data.root.meshes[m].primitives[p].targets.iter().flatten().enumerate() {
@@ -237,7 +237,7 @@ fn vectors<const N: usize, V: From<[f32; N]>>(
     Ok(data.vectors::<N>(accessor, allowed)?.into_iter().map(V::from).collect())
 }
 
-/// Three indices per triangle; those of a strip or fan that name a vertex twice are left out.
+/// Three indices per triangle. Degenerate triangles of strips and fans are left out.
 fn triangles(mode: Mode, corners: Vec<u32>) -> Result<Vec<u32>, Fault> {
     let whole = |t: &[u32; 3]| t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
     match mode {

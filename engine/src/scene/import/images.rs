@@ -1,4 +1,4 @@
-//! PNG and JPEG images to textures.
+//! Decodes PNG and JPEG images to textures.
 use super::accessor::Data;
 use super::material::Request;
 use super::{Import, Of, file, label};
@@ -10,14 +10,14 @@ use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Greatest width and height of an image, texels.
+/// Largest width and height of an image, texels.
 const MAX_EDGE: u32 = 16384;
-/// Most texels of all textures together: 2 GiB, and a third more with mips.
+/// Largest number of texels of all textures: 2 GiB, plus a third for mips.
 const MAX_TEXELS: u64 = 1 << 29;
-/// Most memory that decoding one image may take, bytes.
+/// Memory limit for decoding one image, bytes.
 const MAX_DECODE: u64 = 1 << 32;
 
-/// Decodes the images, in parallel, after their sizes were found to be sane.
+/// Decodes the images in parallel, after checking their sizes.
 pub(super) fn decode(data: &Data, folder: &Path, requests: &[Request]) -> Import<Vec<Texture>> {
     let mut total = 0;
     let mut sources = Vec::with_capacity(requests.len());
@@ -45,7 +45,7 @@ pub(super) fn decode(data: &Data, folder: &Path, requests: &[Request]) -> Import
         .collect()
 }
 
-/// The encoded bytes. The index was checked when the materials were read.
+/// The encoded bytes of an image. The index was checked when the materials were read.
 fn source<'a>(data: &Data<'a>, folder: &Path, image: usize) -> Result<Cow<'a, [u8]>, Fault> {
     let image = &data.root.images[image];
     match (&image.uri, image.buffer_view) {
@@ -59,7 +59,7 @@ fn failed(error: image::ImageError) -> Fault {
     Fault::Image(error.to_string())
 }
 
-/// A decoder whose image is known to be of a sane size.
+/// A decoder for an image whose size has been checked.
 fn open(bytes: &[u8]) -> Result<impl ImageDecoder + '_, Fault> {
     let format = image::guess_format(bytes).ok().filter(|f| matches!(f, ImageFormat::Png | ImageFormat::Jpeg));
     let Some(format) = format else {

@@ -1,4 +1,4 @@
-//! What lies over and under the surface of a material: KHR_materials_transmission, ior, specular, volume and clearcoat.
+//! Material extensions around the base surface: KHR_materials_transmission, ior, specular, volume and clearcoat.
 use super::material::{Slot, finite, unit};
 use crate::scene::error::Fault;
 use crate::scene::{ColourSpace, Material};
@@ -8,10 +8,10 @@ use json::extensions::material::{Material as Extensions, Specular, Volume};
 use json::texture::Info;
 use serde::Deserialize;
 
-/// The `gltf` crate has no type for it.
+/// The `gltf` crate has no type for this extension.
 pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
 
-/// Factors in their ranges, and the textures that go with them.
+/// Factors, clamped to their ranges, and the textures that multiply them.
 pub(super) struct Layers<'a> {
     pub transmission: f32,
     pub ior: f32,
@@ -26,7 +26,7 @@ pub(super) struct Layers<'a> {
     transmission_texture: Option<&'a Info>,
 }
 
-/// KHR_materials_clearcoat as the file has it.
+/// KHR_materials_clearcoat as in the file.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Clearcoat {
@@ -43,7 +43,7 @@ pub(super) struct Clearcoat {
 }
 
 impl<'a> Layers<'a> {
-    /// Reads the five extensions of one material; without them, what glTF takes for their absence.
+    /// Reads the five extensions of a material; for missing ones, the default values of glTF.
     pub fn read(from: Option<&'a Extensions>, name: &str, notices: &mut Vec<String>) -> Result<Self, Fault> {
         let none = Material::default();
         let mut layers = Self {
@@ -81,7 +81,7 @@ impl<'a> Layers<'a> {
 
     fn specular(&mut self, from: &'a Specular, name: &str, notices: &mut Vec<String>) -> Result<(), Fault> {
         self.specular = unit(from.specular_factor.0, "specularFactor", name, notices)?;
-        // A colour may be brighter than white: the reflectance that comes of it is limited to 1 where it is used.
+        // Colours above white are allowed; shaders limit the resulting reflectance to 1.
         for (to, c) in self.specular_colour.as_mut().iter_mut().zip(from.specular_color_factor.0) {
             let value = finite(c, "specularColorFactor")?;
             if value < 0.0 {
@@ -103,7 +103,7 @@ impl<'a> Layers<'a> {
         for (to, c) in self.attenuation_colour.as_mut().iter_mut().zip(from.attenuation_color.0) {
             *to = unit(c, "attenuationColor", name, notices)?;
         }
-        // Beyond the greatest number there is no attenuation, which is what the absence of a distance means.
+        // An infinite distance means no attenuation, as does a missing one.
         let distance = from.attenuation_distance.0;
         if distance.is_nan() || distance <= 0.0 {
             let (what, wanted) = ("attenuationDistance", "a number above 0");
@@ -131,8 +131,7 @@ impl<'a> Layers<'a> {
     }
 }
 
-/// An index of refraction: at least 1. The 0 of KHR_materials_ior, which stands for a dielectric that reflects everything, has no
-/// refraction to show.
+/// An index of refraction, at least 1. KHR_materials_ior uses 0 for a dielectric that reflects everything, which is not supported.
 fn ior(value: f32, name: &str, notices: &mut Vec<String>) -> Result<f32, Fault> {
     let value = finite(value, "ior")?;
     if value == 0.0 {

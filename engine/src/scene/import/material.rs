@@ -1,4 +1,4 @@
-//! Materials, samplers, and which images they need in which colour space.
+//! Reads materials and samplers, and collects the images that they need, with their colour spaces.
 use super::layers::Layers;
 use super::{Import, Of, label, refer};
 use crate::scene::error::Fault;
@@ -11,13 +11,13 @@ use json::texture::{MagFilter, MinFilter, WrappingMode};
 use json::validation::Checked;
 use std::collections::HashMap;
 
-/// An image that a material needs: what becomes one texture.
+/// An image in a colour space, which becomes one texture.
 pub(super) struct Request {
     pub image: usize,
     pub colour_space: ColourSpace,
 }
 
-/// What was read. `requests[i]` is to become texture `i`.
+/// All materials of the file. `requests[i]` becomes texture `i`.
 #[derive(Default)]
 pub(super) struct Materials {
     pub materials: Vec<Material>,
@@ -25,7 +25,7 @@ pub(super) struct Materials {
     pub requests: Vec<Request>,
 }
 
-/// Where the bytes of an image lie: images that share them are one.
+/// Identifies the bytes of an image, so that images with the same bytes become one texture.
 #[derive(PartialEq, Eq, Hash)]
 enum Source<'a> {
     Uri(&'a str),
@@ -41,7 +41,7 @@ struct Reader<'a> {
     notices: &'a mut Vec<String>,
 }
 
-/// A reference to a texture, whichever of glTF's three structs it came in.
+/// A reference to a texture, from any of the three structs that glTF has for it.
 pub(super) struct Slot<'a> {
     element: &'static str,
     texture: usize,
@@ -51,7 +51,7 @@ pub(super) struct Slot<'a> {
 }
 
 impl<'a> Slot<'a> {
-    /// What a material refers to with the plain struct.
+    /// A reference through the plain struct.
     pub fn of(element: &'static str, info: Option<&'a json::texture::Info>, colour_space: ColourSpace) -> Option<Self> {
         info.map(|info| Self {
             element,
@@ -95,7 +95,7 @@ pub(super) fn read(root: &json::Root, notices: &mut Vec<String>) -> Import<Mater
     Ok(out)
 }
 
-/// A factor that must lie in 0 to 1: outside it is moved in, with a notice.
+/// A factor, clamped to 0 to 1 with a notice.
 pub(super) fn unit(value: f32, what: &'static str, name: &str, notices: &mut Vec<String>) -> Result<f32, Fault> {
     let value = finite(value, what)?;
     if !(0.0..=1.0).contains(&value) {
@@ -144,7 +144,7 @@ impl<'a> Reader<'a> {
             }
         };
 
-        // The crate has no typed KHR_texture_transform for these two.
+        // The `gltf` crate has no typed KHR_texture_transform for these two.
         let normal_transform = from
             .normal_texture
             .as_ref()
@@ -217,7 +217,7 @@ impl<'a> Reader<'a> {
         let element = || format!("material {material} {}", slot.element);
         let root = self.root;
         let texture = refer(&root.textures, slot.texture, "texture").of(element)?;
-        // The parser stands this number for a texture whose source an extension holds.
+        // The parser uses this index for a texture whose source is in an extension.
         if texture.source.value() == u32::MAX as usize {
             self.notices.push(format!("texture {} has no PNG or JPEG image: ignored", slot.texture));
             return Ok(None);
@@ -263,7 +263,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// KHR_texture_transform of a struct whose extensions are not typed.
+/// Reads KHR_texture_transform of a struct whose extensions are not typed.
 fn transform(others: Option<&serde_json::Map<String, json::Value>>) -> Option<Result<TextureTransform, Fault>> {
     let value = others?.get("KHR_texture_transform")?;
     Some(json::deserialize::from_value(value.clone()).map_err(|e| Fault::Value {
@@ -273,7 +273,7 @@ fn transform(others: Option<&serde_json::Map<String, json::Value>>) -> Option<Re
     }))
 }
 
-/// Offset * rotation * scale. The angle is counter-clockwise as one looks at the image, whose v runs down.
+/// Offset * rotation * scale. The rotation is counter-clockwise in the image, where v points down.
 fn rows(t: &TextureTransform) -> [Vec3; 2] {
     let ([ox, oy], [sx, sy], (s, c)) = (t.offset.0, t.scale.0, t.rotation.0.sin_cos());
     [Vec3::new(c * sx, s * sy, ox), Vec3::new(-s * sx, c * sy, oy)]
@@ -320,7 +320,7 @@ mod tests {
         };
         let [u, v] = rows(&t);
         let at = |x: f32, y: f32| [u.dot(Vec3::new(x, y, 1.0)), v.dot(Vec3::new(x, y, 1.0))];
-        // A quarter turn counter-clockwise takes u, to the right, to -v, up.
+        // A quarter turn counter-clockwise maps u (right) to -v (up).
         for (got, wanted) in [(at(0.0, 0.0), [0.1, 0.2]), (at(1.0, 0.0), [0.1, -1.8]), (at(0.0, 1.0), [3.1, 0.2])] {
             assert!((got[0] - wanted[0]).abs() < 1e-5 && (got[1] - wanted[1]).abs() < 1e-5, "{got:?} {wanted:?}");
         }

@@ -1,6 +1,6 @@
-//! glTF 2.0 import (.gltf, .glb). The file is untrusted: sizes are checked before memory is taken, and nothing is indexed
-//! that was not checked. The `gltf` crate parses the text; its own validation is not used, because it knows no
-//! KHR_mesh_quantization and does not look at the data.
+//! glTF 2.0 import (.gltf, .glb). Files are untrusted: sizes are checked before memory is allocated, and every index is checked
+//! before use. The `gltf` crate parses the JSON. Its own validation is not used, since it does not support KHR_mesh_quantization
+//! and does not check the data.
 use super::coverage::preserve_coverage;
 use super::error::Fault;
 use super::{Scene, SceneError};
@@ -22,7 +22,7 @@ mod tests;
 
 use accessor::Data;
 
-/// Extensions that are carried out.
+/// Extensions that are supported.
 const SUPPORTED: [&str; 10] = [
     "KHR_lights_punctual",
     layers::CLEARCOAT,
@@ -35,24 +35,24 @@ const SUPPORTED: [&str; 10] = [
     "KHR_mesh_quantization",
     "KHR_texture_transform",
 ];
-/// Most vertices of all meshes together (72 bytes each).
+/// Largest number of vertices of all meshes (72 bytes each).
 const MAX_VERTICES: u64 = 1 << 26;
-/// Most indices of all meshes together (4 bytes each).
+/// Largest number of indices of all meshes (4 bytes each).
 const MAX_INDICES: u64 = 1 << 28;
-/// Most instances.
+/// Largest number of instances.
 const MAX_INSTANCES: u64 = 1 << 22;
-/// Most influences of joints on vertices (8 bytes each).
+/// Largest number of joint influences of all vertices (8 bytes each).
 const MAX_INFLUENCES: u64 = 1 << 28;
-/// Most vectors of all morph targets together (12 bytes each).
+/// Largest number of delta vectors of all morph targets (12 bytes each).
 const MAX_DELTAS: u64 = 1 << 27;
-/// Most numbers in the keys of all animations together, times and values (4 bytes each).
+/// Largest number of values and times in the keys of all animations (4 bytes each).
 const MAX_KEY_NUMBERS: u64 = 1 << 27;
-/// Most joints of one skin: vertices name them with 16 bits.
+/// Largest number of joints of a skin, since vertices refer to them with 16 bits.
 const MAX_SKIN_JOINTS: usize = 1 << 16;
-/// Most joints and morph weights of all instances together, each with those of its own (96 and 4 bytes in a pose).
+/// Largest number of joints and morph weights of all instances (96 and 4 bytes each in a pose).
 const MAX_POSED: u64 = 1 << 23;
 
-/// A fault and the element that has it; the file's name is added at the door.
+/// A fault with the element that has it; [`load`] adds the path of the file.
 #[derive(Debug)]
 struct At {
     element: String,
@@ -61,7 +61,7 @@ struct At {
 
 type Import<T> = Result<T, At>;
 
-/// Names the element of a fault.
+/// Adds the element to a fault.
 trait Of<T> {
     fn of(self, element: impl FnOnce() -> String) -> Import<T>;
 }
@@ -72,21 +72,21 @@ impl<T> Of<T> for Result<T, Fault> {
     }
 }
 
-/// `table[index]`, or a fault that names the kind of element.
+/// `table[index]`, or a fault with the kind of element.
 fn refer<'a, T>(table: &'a [T], index: usize, what: &'static str) -> Result<&'a T, Fault> {
     table.get(index).ok_or(Fault::Reference { what, index, count: table.len() })
 }
 
-/// A name from a file, fit for a line of text: no control characters and not too long.
+/// A name from a file, made printable: without control characters, and shortened.
 fn label(name: Option<&str>, fallback: impl FnOnce() -> String) -> String {
     let text: String = name.unwrap_or_default().chars().filter(|c| !c.is_control()).take(80).collect();
     if text.trim().is_empty() { fallback() } else { text }
 }
 
-/// Reads a glTF 2.0 scene. What it lacks (lights, cameras) is left to [`supply_missing`](super::supply_missing).
+/// Loads a glTF 2.0 scene. Missing lights and cameras are left to [`supply_missing`](super::supply_missing).
 ///
 /// # Errors
-/// [`SceneError`], naming the file and the element that is at fault.
+/// [`SceneError`], with the file and the element.
 pub fn load(path: &Path) -> Result<Scene, SceneError> {
     let mut notices = Vec::new();
     let (root, bin) = file::open(path, &mut notices)?;
@@ -134,7 +134,7 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
     let mut materials = material::read(root, &mut notices)?;
     let textures = images::decode(&data, folder, &materials.requests)?;
 
-    // Primitives that are shown, each once, in the order of the file.
+    // The primitives that are shown, each once, in the order of the file.
     let mut wanted: Vec<usize> = placed.shown.iter().map(|shown| shown.mesh).collect();
     wanted.sort_unstable();
     wanted.dedup();

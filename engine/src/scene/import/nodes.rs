@@ -1,4 +1,4 @@
-//! The node hierarchy: instances, lights and cameras in the world.
+//! Reads the node hierarchy: instances, lights and cameras, in world space.
 use super::{Import, MAX_INSTANCES, MAX_POSED, Of, label, refer};
 use crate::scene::camera::{MIN_FOV, NEAR_RANGE};
 use crate::scene::error::Fault;
@@ -11,9 +11,9 @@ use json::extensions::scene::khr_lights_punctual::{Light as JsonLight, Type as L
 use json::validation::Checked;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Deepest level of nested nodes.
+/// Largest nesting depth of nodes.
 const MAX_DEPTH: usize = 1024;
-/// World coordinates above this, metres, would overflow when squared on the GPU.
+/// Largest world coordinate, metres; squares of larger ones would overflow on the GPU.
 const MAX_COORDINATE: f64 = crate::ray::COORDINATE_LIMIT as f64;
 
 /// A node that shows a mesh.
@@ -24,11 +24,11 @@ pub(super) struct Shown {
     world: DAffine3,
 }
 
-/// What the nodes of the scene hold.
+/// Everything that is attached to the nodes of the scene.
 #[derive(Default)]
 pub(super) struct Placed {
     pub nodes: Vec<Node>,
-    /// The place in `nodes` of each node of the file; `None` for those outside the scene.
+    /// Index in `nodes` of each node of the file; `None` for nodes outside the scene.
     pub places: Vec<Option<u32>>,
     pub shown: Vec<Shown>,
     pub lights: Vec<Light>,
@@ -37,7 +37,7 @@ pub(super) struct Placed {
     pub camera_nodes: Vec<Option<u32>>,
 }
 
-/// Walks the default scene (else the first, else all nodes without a parent), parents first, in the order of the file.
+/// Visits the default scene (or else the first, or else all root nodes), parents first, in the order of the file.
 pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Placed> {
     let parents = check_tree(root)?;
     let roots: Vec<usize> = match root.scene.map(|s| s.value()).or((!root.scenes.is_empty()).then_some(0)) {
@@ -108,7 +108,7 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
     Ok(placed)
 }
 
-/// The parent of every node, after a check that the nodes form trees.
+/// The parent of every node, after checking that the nodes form trees.
 fn check_tree(root: &json::Root) -> Import<Vec<Option<usize>>> {
     let mut parents: Vec<Option<usize>> = vec![None; root.nodes.len()];
     for (i, node) in root.nodes.iter().enumerate() {
@@ -124,7 +124,7 @@ fn check_tree(root: &json::Root) -> Import<Vec<Option<usize>>> {
             }
         }
     }
-    // With one parent each, what cannot be reached from a node without one lies on, or below, a cycle.
+    // Every node has at most one parent, so a node that no root reaches is on a cycle or below one.
     let mut reached = vec![false; root.nodes.len()];
     let mut stack: Vec<usize> = (0..root.nodes.len()).filter(|n| parents[*n].is_none()).collect();
     while let Some(i) = stack.pop() {
@@ -161,7 +161,7 @@ fn local(node: &json::Node) -> Result<Local, Fault> {
     finite(&scale, "scale")?;
     finite(&rotation, "rotation")?;
     let rotation = DQuat::from_array(rotation.map(f64::from));
-    // Files round: only a quaternion without a direction is refused.
+    // Files have rounding errors, so only a quaternion close to zero is refused.
     if rotation.length() < 1e-6 {
         return Err(Fault::Value { what: "rotation", got: rotation.to_string(), wanted: "a unit quaternion" });
     }
@@ -201,7 +201,7 @@ fn camera_at(
     Ok(Some(Camera { name, world_from_camera, vertical_fov: lens.yfov, near: lens.znear }))
 }
 
-/// KHR_lights_punctual: the light shines along the node's -z; scale does not change its strength.
+/// A light of KHR_lights_punctual, which shines along the node's -z. Scale does not affect its intensity.
 fn light_at(from: &JsonLight, world: &DAffine3) -> Result<Light, Fault> {
     let strength = Vec3::from(from.color) * from.intensity;
     if !(strength.is_finite() && strength.min_element() >= 0.0) {
@@ -232,7 +232,7 @@ fn light_at(from: &JsonLight, world: &DAffine3) -> Result<Light, Fault> {
                 return Err(Fault::Value { what: "the cone", got, wanted: "0 <= inner <= outer <= pi / 2" });
             }
             let outer = outer.min(FRAC_PI_2);
-            // A hard edge is a very narrow soft one: its width is divided by.
+            // A cone with a hard edge gets a very narrow soft one, because shaders divide by its width.
             let inner = inner.min(outer * 0.999);
             Ok(Light::Spot { position, direction: direction()?, intensity: strength, range: from.range, inner, outer })
         }
@@ -242,7 +242,7 @@ fn light_at(from: &JsonLight, world: &DAffine3) -> Result<Light, Fault> {
     }
 }
 
-/// How many morph targets a mesh of the file has.
+/// Number of morph targets of a mesh of the file.
 pub(super) fn target_count(mesh: &json::Mesh) -> usize {
     mesh.primitives.first().and_then(|p| p.targets.as_ref()).map_or(0, Vec::len)
 }
@@ -268,7 +268,7 @@ pub(super) fn check_weights(root: &json::Root, placed: &Placed) -> Import<()> {
     Ok(())
 }
 
-/// Nodes that some animation moves, themselves or through an ancestor.
+/// Whether each node is animated, directly or through an ancestor.
 fn moving(scene: &Scene) -> Vec<bool> {
     let mut moving = vec![false; scene.nodes.len()];
     let channels = scene.animations.iter().flat_map(|a| &a.channels);
@@ -281,8 +281,8 @@ fn moving(scene: &Scene) -> Vec<bool> {
     moving
 }
 
-/// Adds an instance for every primitive of every node that shows a mesh; `find` gives mesh and material of a primitive that
-/// was kept, `skins` the places of the skins.
+/// Adds an instance for every primitive of every node that shows a mesh. `find` returns the mesh and material of a primitive that
+/// was kept; `skins` are the indices of the skins in the scene.
 pub(super) fn place(
     root: &json::Root,
     placed: &Placed,
@@ -314,7 +314,7 @@ pub(super) fn place(
         let skin = shown.skin.and_then(|s| skins[s]);
         let rounded = single(&shown.world);
         let singular = rounded.matrix3.determinant() == 0.0 || !rounded.inverse().is_finite();
-        // What moves may have an inverse in other poses. A skin takes no notice of its node.
+        // The transform of an animated node may be invertible in other poses, and a skinned mesh ignores its node's transform.
         let unfit = singular && !node.is_some_and(|n| moving[n as usize]);
         if unfit && skin.is_none() {
             notices.push(format!("node {} ({name}) has a singular transform: skipped", shown.node));
@@ -352,7 +352,7 @@ fn in_range(world: &DAffine3, [lo, hi]: [Vec3; 2]) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Checks where what deforms is in the rest pose.
+/// Checks the bounds of deforming instances in the rest pose.
 pub(super) fn check_rest(scene: &Scene) -> Import<()> {
     let pose = Animator::still(scene).pose(0.0);
     for ((instance, world), bounds) in scene.instances.iter().zip(&pose.instances).zip(&pose.bounds) {

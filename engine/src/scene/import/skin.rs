@@ -1,4 +1,4 @@
-//! Skins, and what the vertices of a primitive follow.
+//! Reads skins, and the joint influences of vertices.
 use super::accessor::{Allowed, Data};
 use super::nodes::Placed;
 use super::{Import, MAX_SKIN_JOINTS, Of, label, refer};
@@ -6,11 +6,11 @@ use crate::scene::error::Fault;
 use crate::scene::{Influence, Skin};
 use glam::{DAffine3, DMat3, DMat4, Vec4};
 
-/// How far the last row of an inverse bind matrix may be from (0, 0, 0, 1): files round.
+/// Tolerance for the last row of an inverse bind matrix, (0, 0, 0, 1), because files have rounding errors.
 const ROW_TOLERANCE: f32 = 1e-4;
 
-/// Reads every skin that a node of the scene shows a mesh with. Gives the place in the scene of each skin of the file; a skin
-/// whose joints are not all in the scene has none.
+/// Reads every skin that a node of the scene uses. Returns the index in the scene of each skin of the file; `None` for a skin
+/// with a joint outside the scene.
 pub(super) fn read(
     data: &Data,
     placed: &Placed,
@@ -70,7 +70,7 @@ fn matrices(data: &Data, accessor: usize, count: usize) -> Result<Vec<DAffine3>,
     if got > MAX_SKIN_JOINTS as u64 {
         return Err(Fault::Limit { what: "matrices", got, limit: MAX_SKIN_JOINTS as u64 });
     }
-    // There may be more than joints.
+    // The accessor may have more matrices than joints.
     if got < count as u64 {
         return Err(Fault::Count { accessor, got, wanted: count as u64 });
     }
@@ -87,8 +87,8 @@ fn matrices(data: &Data, accessor: usize, count: usize) -> Result<Vec<DAffine3>,
     matrices[..count].iter().map(affine).collect()
 }
 
-/// Reads one or two sets of joints and weights, `count` vertices each. The weights of a vertex are made to sum to 1; one that
-/// has none follows its first joint. Also gives how many of those there were.
+/// Reads one or two sets of joints and weights for `count` vertices, and scales the weights of each vertex to sum to 1. A vertex
+/// without weights follows its first joint; the number of those is returned as well.
 pub(super) fn influences(
     data: &Data,
     sets: &[(usize, usize)],
@@ -113,7 +113,7 @@ pub(super) fn influences(
                     let (what, got) = ("a weight", weights[k].to_string());
                     return Err(Fault::Value { what, got, wanted: "at least 0" }).of(|| at(weights_name));
                 }
-                // The joint of a part without weight may be anything.
+                // The joint of an influence without weight may be anything.
                 let used = weights[k] > 0.0 || (set == 0 && k == 0);
                 all[vertex * per_vertex + 4 * set + k] =
                     Influence { joint: if used { joints[k] } else { 0 }, weight: weights[k] };

@@ -1,4 +1,4 @@
-//! Good and bad files, made here.
+//! Valid and invalid files, generated here.
 use super::*;
 use crate::scene::{AlphaMode, ColourSpace, Light, supply_missing};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -17,7 +17,7 @@ fn png() -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// Two triangles with everything: 4 positions, normals, coordinates, 6 indices, and an image.
+/// Two triangles with every kind of data: 4 positions, normals, texture coordinates, 6 indices, and an image.
 fn good() -> (Value, Vec<u8>) {
     let mut bin = Vec::new();
     for v in [[0.0_f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]] {
@@ -105,7 +105,7 @@ fn load_json(root: &Value, bin: &[u8]) -> Result<Scene, SceneError> {
     load_bytes(&glb(root, bin))
 }
 
-/// The message for a good file with one value set; `Value::Null` takes the value away.
+/// The error message for the valid file with one value replaced; `Value::Null` removes the value.
 fn message(pointer: &str, value: Value) -> String {
     let (mut root, bin) = good();
     set(&mut root, pointer, value);
@@ -142,7 +142,7 @@ fn a_good_file_is_read_whole() {
     assert_eq!((material.metalness, material.roughness, material.double_sided), (0.25, 0.5, true));
     assert_eq!(material.alpha, AlphaMode::Mask(0.3));
     assert_eq!(material.normal_texture.unwrap().rows[0], Vec3::X * 2.0);
-    // One image in two colour spaces is two textures, not three.
+    // One image in two colour spaces makes two textures, not three.
     assert_eq!(material.base_colour_texture.unwrap().texture, material.emission_texture.unwrap().texture);
     assert_eq!(scene.textures.len(), 2);
     assert_eq!(scene.textures[0].colour_space, ColourSpace::Srgb);
@@ -281,7 +281,7 @@ fn absurd_numbers_of_instances_and_vertices_are_refused() {
     root["meshes"][0]["primitives"] = (0..2000).map(|_| primitive.clone()).collect();
     let got = load_json(&root, &bin).unwrap_err().to_string();
     assert!(got.contains("6000000 instances"), "{got}");
-    // Many primitives that share one accessor without bytes.
+    // Many primitives that share one accessor without data.
     root["accessors"][0] = json!({ "componentType": 5126, "count": 1 << 24, "type": "VEC3" });
     let got = load_json(&root, &bin).unwrap_err().to_string();
     assert!(got.contains("mesh 0 primitive 4: 67108") || got.contains("vertices, the limit is 67108864"), "{got}");
@@ -303,7 +303,7 @@ fn strips_fans_and_other_modes() {
         let primitive = &mut root["meshes"][0]["primitives"][0];
         primitive["mode"] = json!(mode);
         primitive.as_object_mut().unwrap().remove("indices");
-        // Mirrored coordinates would double vertices.
+        // Mirrored texture coordinates would duplicate vertices.
         primitive["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
         assert_eq!(load_json(&root, &bin).unwrap().meshes[0].indices, indices, "mode {mode}");
     }
@@ -347,7 +347,7 @@ fn quantised_and_sparse_attributes_are_read() {
         views.push(v);
         views.len() - 1
     };
-    // i16 normalised positions, 8 bytes apart.
+    // Normalised i16 positions, 8 bytes apart.
     let positions: Vec<u8> = [[0_i16, 0, 0], [32767, 0, 0], [32767, -32768, 0], [0, 32767, 0]]
         .iter()
         .flat_map(|v| [v[0], v[1], v[2], 99].into_iter().flat_map(i16::to_le_bytes))
@@ -468,7 +468,7 @@ fn external_files_and_data_uris_are_read() {
     std::fs::write(&path, root.to_string()).unwrap();
     let scene = load(&path).unwrap();
     assert_eq!((scene.name.as_str(), scene.textures[0].size), ("s", [2, 1]));
-    // A huge image in a small file: refused by its header.
+    // A huge image in a small file is refused by its header.
     let mut bytes = png();
     bytes[16..20].copy_from_slice(&20_000_u32.to_be_bytes());
     std::fs::write(folder.path().join("sub/a.png"), bytes).unwrap();
@@ -479,14 +479,14 @@ fn external_files_and_data_uris_are_read() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 1500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the bytes: an error, or a scene whose every index is in range.
+    /// Any bytes give an error or a scene with valid indices.
     #[test]
     fn no_bytes_make_it_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6), cut in 0_usize..40, digits in any::<bool>()) {
         let (root, bin) = good();
         let mut bytes = glb(&root, &bin);
         for (at, to) in changes {
             let at = at.index(bytes.len());
-            // Digits for digits keep the text a text, and reach further.
+            // Replacing digits by digits keeps the JSON valid and gets further.
             bytes[at] = if digits && bytes[at].is_ascii_digit() { b'0' + to % 10 } else { to };
         }
         let keep = if cut > 20 { bytes.len() * cut / 40 } else { bytes.len() };

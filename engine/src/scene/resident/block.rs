@@ -1,4 +1,4 @@
-//! Tables in one piece of memory, and their way to the device.
+//! Tables in one block of memory, and their upload to the device.
 use super::ResidentError;
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use crate::graph::execute::{Executor, Imports};
@@ -6,7 +6,7 @@ use crate::graph::{Access, BufferDesc, Extent, Queue, Record};
 use bytemuck::Pod;
 use std::sync::Arc;
 
-/// Tables that will lie one after another in one buffer, each aligned to 16 bytes.
+/// Tables for one buffer, one after another, each aligned to 16 bytes.
 #[derive(Default)]
 pub(super) struct Block(pub Vec<u8>);
 

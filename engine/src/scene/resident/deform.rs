@@ -1,4 +1,4 @@
-//! Skinned and morphing meshes on the device: every instance that deforms has vertices of its own, made anew each frame.
+//! Skinned and morphing meshes on the device. Every deforming instance has vertices of its own, recomputed each frame.
 use super::block::Block;
 use super::{Geometry, ResidentError};
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, Staging};
@@ -12,29 +12,29 @@ use magpie_shaders::scene::VertexAttributes;
 use magpie_shaders::{ACCELERATION_DEFORM_COMP, Address};
 use std::sync::Arc;
 
-/// Workgroups in one direction that every device has.
+/// Workgroups per dimension that every Vulkan device supports (`maxComputeWorkGroupCount`).
 const MOST_GROUPS: u32 = 65535;
 
-/// Every instance that deforms.
+/// All deforming instances.
 pub(super) struct Deformation {
     kernel: Kernel,
-    /// Vertices as they are now.
+    /// Deformed vertices of the current pose.
     memory: Arc<Buffer>,
-    /// What vertices are made from.
+    /// Inputs of the deformation: influences, morph deltas, and the tables of instances and workgroups.
     sources: Arc<Buffer>,
     deformers: Address,
     jobs: Address,
     job_count: u32,
     staging: Staging,
     pub meshes: Vec<Deforming>,
-    /// The device has vertices of some pose.
+    /// Whether the device has the vertices of any pose.
     made: bool,
 }
 
-/// An instance that deforms, as a mesh of its own.
+/// A deforming instance, with its own vertex tables.
 pub(super) struct Deforming {
     pub instance: usize,
-    /// The mesh that it comes from.
+    /// Index of the mesh that it deforms.
     pub mesh: usize,
     pub positions: Address,
     pub previous_positions: Address,
@@ -42,7 +42,7 @@ pub(super) struct Deforming {
 }
 
 impl Deformation {
-    /// Uploads what vertices are made from; `None` where nothing deforms.
+    /// Uploads the inputs of the deformation; `None` if nothing deforms.
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
@@ -54,7 +54,7 @@ impl Deformation {
         if instances.is_empty() {
             return Ok(None);
         }
-        // Vertices to come.
+        // Allocate the deformed vertices.
         let (mut bytes, mut places) = (0_u64, Vec::new());
         for &instance in &instances {
             let count = scene.meshes[scene.instances[instance].mesh as usize].positions.len() as u64;
@@ -76,7 +76,7 @@ impl Deformation {
             })
             .collect();
 
-        // What they are made from; instances of one mesh share it. Addresses follow once the base is known.
+        // Collect the inputs; instances of one mesh share them. Their addresses are known once the buffer is allocated.
         let mut block = Block::default();
         let mut shared: Vec<Option<[u64; 2]>> = vec![None; scene.meshes.len()];
         for deforming in &meshes {
@@ -134,17 +134,17 @@ impl Deformation {
         }))
     }
 
-    /// What the device has is unknown: the next frame makes all vertices.
+    /// Discards the state of the device: the next frame recomputes all vertices.
     pub fn forget(&mut self) {
         self.made = false;
     }
 
-    /// Bytes on the device.
+    /// Size on the device, bytes.
     pub fn bytes(&self) -> u64 {
         self.memory.bytes() + self.sources.bytes()
     }
 
-    /// Adds the pass that makes the vertices of a pose, where they may have changed. Says whether it did.
+    /// Adds the pass that computes the vertices of a pose, if they may have changed. Returns whether it did.
     pub fn declare(
         &mut self,
         g: &mut FrameGraph,
@@ -201,7 +201,7 @@ fn influences(mesh: &Mesh) -> Vec<Influence> {
     mesh.influences.iter().map(|i| Influence { joint: i.joint, weight: i.weight }).collect()
 }
 
-/// Every vertex of the first target, then of the next; zeros where a target leaves an attribute alone.
+/// Deltas of every vertex for the first target, then for the next; zero where a target does not change an attribute.
 fn deltas(mesh: &Mesh) -> Vec<MorphDelta> {
     let count = mesh.positions.len();
     let of = |table: &[glam::Vec3], i: usize| table.get(i).copied().unwrap_or_default().to_array();

@@ -1,22 +1,22 @@
-//! Meshes with less detail, for rays only.
+//! Simplified meshes for ray tracing.
 use crate::scene::Mesh;
 
-/// Meshes with fewer triangles are left as they are.
+/// Meshes with fewer triangles are not simplified.
 const LEAST: usize = 64;
 
-/// Furthest that a surface moves, of the diagonal of its mesh. A mesh that cannot be made coarser within that keeps more triangles.
+/// Largest deviation of a simplified surface, as a fraction of the mesh's diagonal. A mesh that exceeds it keeps more triangles.
 const FURTHEST: f32 = 0.01;
 
-/// A mesh as rays see it: other triangles over the same vertices.
+/// A simplified mesh: other triangles over the same vertices.
 pub(super) struct Reduced {
-    /// Three per triangle.
+    /// Three indices per triangle.
     pub indices: Vec<u32>,
-    /// How far the surface moved, in object space. An estimate of the quadric error metric (Garland and Heckbert 1997), which `meshopt`
-    /// simplifies by.
+    /// Estimated deviation from the original surface, object space, by the quadric error metric (Garland and Heckbert 1997), with
+    /// which `meshopt` simplifies.
     pub deviation: f32,
 }
 
-/// The mesh with `detail` of its triangles, 0 to 1; `None` where it stays what it is.
+/// The mesh with a fraction `detail` of its triangles, 0 to 1; `None` if it is not simplified.
 pub(super) fn reduce(mesh: &Mesh, detail: f32) -> Option<Reduced> {
     let triangles = mesh.indices.len() / 3;
     if detail >= 1.0 || triangles < LEAST {
@@ -30,7 +30,7 @@ pub(super) fn reduce(mesh: &Mesh, detail: f32) -> Option<Reduced> {
     let mut deviation = 0.0;
     let options = meshopt::SimplifyOptions::ErrorAbsolute;
     let indices = meshopt::simplify(&mesh.indices, &vertices, wanted, furthest, options, Some(&mut deviation));
-    // Nothing is left of a mesh that is smaller than the error allows.
+    // A mesh smaller than the error limit may be simplified to nothing.
     (!indices.is_empty() && indices.len() < mesh.indices.len()).then_some(Reduced { indices, deviation })
 }
 
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// A bumpy square of `n` by `n` cells.
+    /// A bumpy grid of `n` by `n` cells.
     fn sheet(n: u32) -> Mesh {
         let at = |i: u32| (i % (n + 1), i / (n + 1));
         let positions = (0..(n + 1) * (n + 1)).map(|i| {

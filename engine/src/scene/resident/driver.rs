@@ -1,4 +1,4 @@
-//! The driver's acceleration structures over a scene: a bottom level per mesh, shared by its instances, and one top level.
+//! Acceleration structures built by the driver: one bottom level per mesh, shared by its instances, and one top level.
 use super::deform::{Deformation, Deforming};
 use super::policy::Seen;
 use super::software::Frame;
@@ -16,12 +16,12 @@ use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
 use std::sync::Arc;
 
-/// Meshes that are built together before they are compacted: it bounds what is there uncompacted.
+/// Number of meshes that are built before they are compacted, which limits the memory of uncompacted structures.
 const BATCH: usize = 64;
 
-/// Both levels.
+/// Bottom levels and top level.
 pub(super) struct Driver {
-    /// One per mesh, then one per instance that deforms.
+    /// One per mesh, then one per deforming instance.
     bottom: Vec<Arc<Accel>>,
     deforming: Vec<Deformable>,
     top: Top,
@@ -32,7 +32,7 @@ struct Deformable {
     accel: Arc<Accel>,
     desc: AccelDesc,
     sizes: AccelSizes,
-    /// It was built, and can be refitted.
+    /// Whether it has been built, so that it can be refitted.
     made: bool,
 }
 
@@ -73,13 +73,13 @@ impl Driver {
         self.top.accel.address()
     }
 
-    /// What the device has is unknown: the next frame builds.
+    /// Discards the state of the device: the next frame builds instead of refitting.
     pub fn forget(&mut self) {
         self.deforming.iter_mut().for_each(|d| d.made = false);
         self.top.built = None;
     }
 
-    /// Brings the top level into a frame, with the passes that bring both levels up to date.
+    /// Imports the top level into a frame, with the passes that update both levels.
     pub fn declare(
         &mut self,
         g: &mut FrameGraph,
@@ -108,7 +108,7 @@ impl Driver {
         let traced = frame.seen.iter().enumerate().filter(|(_, seen)| seen.traced);
         let entry = |(index, seen): (usize, &Seen)| {
             let instance = instance(index);
-            // One whose transform is singular has no inside to trace.
+            // Instances with a singular transform are not traced.
             (instance.object_from_world != [[0.0; 4]; 3])
                 .then(|| top_instance(&instance, index as u32, self.bottom[seen.mesh].address()))
         };
@@ -117,7 +117,7 @@ impl Driver {
     }
 }
 
-/// Declares that a pass refits a structure or builds it anew, in `room` bytes of working memory, and records it.
+/// Declares a refit or a build of a structure in a pass, with `room` bytes of scratch memory, and returns the closure that records it.
 fn update<K: AccelKind>(
     p: &mut PassBuilder<'_>,
     target: WriteHandle<K>,
@@ -136,7 +136,7 @@ fn update<K: AccelKind>(
     })
 }
 
-/// Room for the bottom level of a deforming instance, built for being refitted.
+/// Allocates the bottom level of a deforming instance, which allows refits.
 fn deformable(gpu: &Gpu, geometry: &Geometry<'_>, deforming: &Deforming) -> Result<Deformable, ResidentError> {
     let mesh = &geometry.scene.meshes[deforming.mesh];
     let (vertices, triangles) = (mesh.positions.len() as u32, (mesh.indices.len() / 3) as u32);
@@ -148,7 +148,7 @@ fn deformable(gpu: &Gpu, geometry: &Geometry<'_>, deforming: &Deforming) -> Resu
     Ok(Deformable { accel, desc, sizes, made: false })
 }
 
-/// Meshes that keep their shape are built for fast rays, and to be compacted.
+/// Meshes that keep their shape are built for fast traversal, and for compaction if `compact`.
 fn bottom_desc(geometry: &Geometry<'_>, mesh: usize, compact: bool) -> AccelDesc {
     let of = &geometry.scene.meshes[mesh];
     if let Some(boxes) = geometry.meshes[mesh].boxes {
@@ -161,7 +161,7 @@ fn bottom_desc(geometry: &Geometry<'_>, mesh: usize, compact: bool) -> AccelDesc
     AccelDesc { geometry, fast_build: false, update: false, compact }
 }
 
-/// A few meshes whose bottom levels are built in one frame.
+/// A batch of meshes whose bottom levels are built in one frame.
 struct Build<'a> {
     gpu: &'a Gpu,
     geometry: &'a Geometry<'a>,
@@ -170,7 +170,7 @@ struct Build<'a> {
 }
 
 impl Build<'_> {
-    /// One pass per mesh. They need nothing of each other, but take turns in the same working memory.
+    /// Builds with one pass per mesh. The passes are independent, but their scratch memory is aliased.
     fn build(
         &self,
         executor: &mut Executor,
@@ -204,7 +204,7 @@ impl Build<'_> {
         Ok(accels)
     }
 
-    /// Asks how small they can be, and copies each into that.
+    /// Reads the compacted sizes back, and compacts each structure into a new one of that size.
     fn compact(
         &self,
         executor: &mut Executor,
@@ -223,7 +223,7 @@ impl Build<'_> {
             sources.push(source);
         }
         let target = g.import_buffer("sizes", BufferDesc::new(bytes), Access::HostRead, imports.buffer(&answers));
-        let sizes = queries.clone(); // the frame lets go of its own before the device is done
+        let sizes = queries.clone(); // keeps the pool alive: the frame drops its clone before the device is done
         let asked = g.pass("acceleration.measure", Queue::Graphics, |p| {
             let sources: Vec<_> = sources.iter().map(|s| p.build_input(*s)).collect();
             let (asked, to) = p.copy_to(target);
@@ -253,12 +253,12 @@ impl Build<'_> {
     }
 }
 
-/// Time of all passes on the device.
+/// Sum of the device times of all passes, milliseconds.
 fn milliseconds(executed: &Executed) -> f64 {
     executed.sample.passes.iter().filter_map(|p| p.gpu_ns).sum::<u64>() as f64 * 1e-6
 }
 
-/// Structures of these sizes, side by side in one buffer.
+/// Allocates structures of these sizes side by side in one buffer.
 fn allocate(gpu: &Gpu, name: &str, sizes: &[u64]) -> Result<Vec<Arc<Accel>>, ResidentError> {
     let room: u64 = sizes.iter().map(|s| s.next_multiple_of(Accel::ALIGN)).sum();
     let memory = Arc::new(Buffer::new(gpu, name, room, BufferMemory::Device, BufferUse::Storage)?);
@@ -271,13 +271,13 @@ fn allocate(gpu: &Gpu, name: &str, sizes: &[u64]) -> Result<Vec<Arc<Accel>>, Res
     Ok(sizes.iter().map(&mut place).collect::<Result<_, _>>()?)
 }
 
-/// The top level, with room for every instance.
+/// The top level, with room for all instances.
 struct Top {
     accel: Arc<Accel>,
     desc: AccelDesc,
     sizes: AccelSizes,
     staging: Staging,
-    /// Indices of the instances that were in it when it was built; none before.
+    /// Indices of the instances in the last build; `None` before the first.
     built: Option<Vec<u32>>,
 }
 
@@ -307,7 +307,7 @@ impl Top {
         }
         let table = table();
         let count = table.len() as u32;
-        // A refit wants the very same instances: the bottom levels behind them may not change.
+        // A refit must have exactly the same instances, because their bottom levels may not change.
         let indices: Vec<u32> = table.iter().map(|i| i.index()).collect();
         let refit = self.built.as_ref() == Some(&indices) && frame.policy.refits(frame.number);
         self.built = Some(indices);
@@ -330,9 +330,9 @@ impl Top {
     }
 }
 
-/// An instance as the driver wants it.
+/// An instance in the format of the driver's top level.
 fn top_instance(instance: &shared::Instance, index: u32, bottom: Address) -> AccelInstance {
-    // No flag for the winding: what the driver takes for clockwise in left-handed coordinates is counter-clockwise in ours.
+    // No winding flag: Vulkan's default front face, clockwise in a left-handed system, is counter-clockwise in a right-handed one.
     let mut flags = 0;
     if instance.flags & shared::INSTANCE_DOUBLE_SIDED != 0 {
         flags |= AccelInstance::DOUBLE_SIDED;

@@ -1,4 +1,4 @@
-//! The table by which effects choose emissive triangles and spheres, on the device only while one of them asks for it.
+//! The alias table of emissive triangles and spheres, on the device only while an effect asks for it.
 use super::block::Block;
 use super::{ResidentError, ResidentScene};
 use crate::gpu::{Buffer, BufferUse, Gpu};
@@ -8,15 +8,15 @@ use crate::scene::odds::Emitters;
 use magpie_shaders::reference::LightTables;
 use std::sync::Arc;
 
-/// What emits.
+/// The emitters of a scene.
 pub(super) struct Emission {
     odds: Option<Emitters>,
-    /// [`LightTables`], of which only `near` and `emitters` are there, and these two.
+    /// [`LightTables`] with only `near` and `emitters` set, followed by these two tables.
     pub buffer: Option<Arc<Buffer>>,
 }
 
 impl Emission {
-    /// Nothing on the device yet.
+    /// Computes the table, without uploading it.
     pub fn new(scene: &Scene) -> Self {
         Self { odds: Emitters::new(scene), buffer: None }
     }
@@ -27,11 +27,11 @@ impl Emission {
 }
 
 impl ResidentScene {
-    /// Says whether the frames to come want [`SceneHandles::emitters`](super::SceneHandles::emitters): the table goes to the device, or is
-    /// dropped. Where nothing emits there is none in any case.
+    /// Says whether the next frames need [`SceneHandles::emitters`](super::SceneHandles::emitters): uploads the table or frees
+    /// it. Without emissive meshes there is never a table.
     ///
     /// # Errors
-    /// Exhausted memory, or a lost device.
+    /// Out of memory, or device loss.
     pub fn want_emitters(&mut self, gpu: &Gpu, wanted: bool) -> Result<(), ResidentError> {
         let emission = &mut self.emission;
         let Some(odds) = emission.odds.as_ref().filter(|_| wanted) else {

@@ -1,17 +1,17 @@
-//! What rays see of a scene, and how its acceleration structures are kept up to date.
+//! Which instances rays see, and how the acceleration structures are updated.
 use crate::measure::Acceleration;
 use crate::ray::Bounds;
 use crate::scene::Camera;
 use glam::{Affine3A, DVec3, Vec3};
 
-/// How the acceleration structures follow a scene that moves, and what is left out of them.
+/// How acceleration structures follow a changing scene, and which instances they leave out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Policy {
-    /// Frames between two rebuilds of a deforming mesh's tree; between them it is refitted. 0 never rebuilds.
+    /// Number of frames between rebuilds of a deforming mesh's bottom level, which is refitted in between. 0 never rebuilds.
     pub rebuild_every: u32,
-    /// The top level is refitted and rebuilt likewise, instead of being built anew every frame in which something moved.
+    /// Whether the top level is refitted between rebuilds too, instead of being rebuilt in every frame in which something moved.
     pub refit_top: bool,
-    /// What rays do not see.
+    /// Which instances are culled from ray tracing.
     pub culling: Culling,
 }
 
@@ -22,44 +22,44 @@ impl Default for Policy {
 }
 
 impl Policy {
-    /// Whether the top level is refitted in a frame.
+    /// Whether the top level is refitted in this frame, rather than rebuilt.
     pub(super) fn refits(&self, frame: u64) -> bool {
         self.refit_top && (self.rebuild_every == 0 || !frame.is_multiple_of(u64::from(self.rebuild_every)))
     }
 
-    /// Whether a deforming mesh is rebuilt in a frame; they take turns.
+    /// Whether the bottom level of a deforming mesh is rebuilt in this frame. Meshes take turns.
     pub(super) fn rebuilds(&self, frame: u64, mesh: usize) -> bool {
         self.rebuild_every > 0 && (frame + mesh as u64).is_multiple_of(u64::from(self.rebuild_every))
     }
 }
 
-/// Instances that rays do not see, to save the time of tracing them. All off by default: shadows and reflections of what is left out
-/// are missing.
+/// Culls instances from ray tracing, to save time. All off by default, because culled instances have no shadows and no reflections.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Culling {
-    /// Those further from the eye than this, metres; 0 leaves none out.
+    /// Culls instances further from the camera than this, metres; 0 is off.
     pub distance: f32,
-    /// Those outside of the view frustum with its half angles times this, at least 1, and not around the eye; 0 leaves none out.
+    /// Culls instances outside a cone around the view frustum, enlarged by this factor on the half angle, at least 1. Instances
+    /// that contain the camera are kept; 0 is off.
     pub frustum: f32,
-    /// Those that the eye sees under a smaller solid angle than this, steradians; 0 leaves none out.
+    /// Culls instances whose solid angle from the camera is smaller than this, steradians; 0 is off.
     pub solid_angle: f32,
 }
 
-/// An instance as the top level wants it.
+/// An instance as the top level needs it.
 pub(super) struct Seen {
-    /// Index into the meshes, deforming ones after all others.
+    /// Index into the meshes, with those of deforming instances after all others.
     pub mesh: usize,
     pub world_from_object: Affine3A,
     pub traced: bool,
 }
 
 impl Culling {
-    /// Nothing is left out.
+    /// Whether nothing is culled.
     pub fn is_off(&self) -> bool {
         *self == Self::default()
     }
 
-    /// Decides about a box in the world, `bounds` and the camera counted from the same `origin`.
+    /// Decides whether an instance with this bounding box is traced, and counts the decision. `bounds` are relative to `origin`, metres.
     pub(super) fn decide(&self, bounds: &Bounds, camera: &Camera, origin: DVec3, counts: &mut Acceleration) -> bool {
         let eye = (camera.eye() - origin).as_vec3();
         let nearest = eye.clamp(bounds.min, bounds.max);
@@ -79,8 +79,8 @@ impl Culling {
         false
     }
 
-    /// Whether a sphere touches the cone around the frustum, its half angle times the factor. The cone holds the corners of a frame
-    /// twice as wide as it is high.
+    /// Whether a sphere touches the cone around the frustum, with its half angle enlarged. The cone contains the corners of a
+    /// frame of aspect ratio 2.
     fn in_cone(&self, towards: Vec3, radius: f32, camera: &Camera) -> bool {
         let half = (0.5 * camera.vertical_fov).tan() * 5.0_f32.sqrt();
         let widest = half.atan() * self.frustum;
@@ -91,13 +91,13 @@ impl Culling {
     }
 }
 
-/// Solid angle of a sphere, steradians; all around for one that holds the eye.
+/// Solid angle of a sphere, steradians; 4 pi if it contains the camera.
 fn solid_angle(distance: f32, radius: f32) -> f32 {
     let sine = (radius / distance.max(radius)).min(1.0);
     if distance <= radius {
         return 4.0 * std::f32::consts::PI;
     }
-    // 2 pi (1 - cos), without the difference of near numbers.
+    // 2 pi (1 - cos), without cancellation.
     let cosine = (1.0 - sine * sine).sqrt();
     2.0 * std::f32::consts::PI * sine * sine / (1.0 + cosine)
 }

@@ -1,4 +1,4 @@
-//! The trees that Magpie's own walk reads. The host builds them; the device refits those of deforming meshes.
+//! BVHs for tracing in software. The host builds them; the device refits those of deforming meshes.
 use super::block::Block;
 use super::deform::{Deformation, Deforming};
 use super::detail::Reduced;
@@ -16,23 +16,23 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What a walk reads beside the top level: trees of meshes that keep their shape, and of those that deform.
+/// Bottom levels that a traversal reads beside the top level: those of meshes that keep their shape, and those of deforming ones.
 pub(super) type Bottom = [Option<Handle<GraphBuffer>>; 2];
 
-/// Both levels.
+/// Bottom levels and top level.
 pub(super) struct Software {
-    /// Bottom levels of meshes that keep their shape.
+    /// Bottom levels of the meshes that keep their shape.
     bottom: Arc<Buffer>,
-    /// Nodes and leaves of each mesh, then of each that deforms.
+    /// Addresses of the nodes and leaves of each mesh, then of each deforming instance.
     pub meshes: Vec<(Address, Address)>,
-    /// Box and stack need of each, likewise.
+    /// Bounding box and traversal stack of each, in the same order.
     known: Vec<(Bounds, u32)>,
     top: Top,
     deforming: Option<Trees>,
 }
 
 impl Software {
-    /// Builds the bottom levels on every core.
+    /// Builds the bottom levels on all cores.
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
@@ -64,17 +64,17 @@ impl Software {
         Ok(Self { bottom, meshes, known, top, deforming })
     }
 
-    /// What the device has is unknown: the next frame builds the top level, and refits what deforms.
+    /// Discards the state of the device: the next frame rebuilds the top level.
     pub fn forget(&mut self) {
         self.top.tree = None;
     }
 
-    /// Nodes of the top level, and its instances.
+    /// Addresses of the top level's nodes and instances.
     pub fn top(&self) -> (Address, Address) {
         (self.top.memory.address(), self.top.memory.address().offset(self.top.instances))
     }
 
-    /// Brings the trees into a frame, with the passes that bring them up to date. Gives the top level, and what else a walk reads.
+    /// Imports the BVHs into a frame, with the passes that update them. Returns the top level and the bottom levels.
     pub fn declare(
         &mut self,
         g: &mut FrameGraph,
@@ -96,7 +96,7 @@ impl Software {
         let place = |(index, seen): (usize, &Seen)| {
             let (bounds, stack) = self.known[seen.mesh];
             let bounds = frame.pose.bounds[index].map_or(bounds, |[min, max]| Bounds { min, max });
-            // What rays are not to see is a box of nothing.
+            // An instance that is culled from ray tracing gets an empty box.
             let bounds = if seen.traced { bounds } else { Bounds::EMPTY };
             Placement { world_from_object: seen.world_from_object, bounds, stack }
         };
@@ -105,13 +105,13 @@ impl Software {
         Ok((tlas, [Some(bottom), deforming]))
     }
 
-    /// Milliseconds that the host took for the newest top level.
+    /// Host time of the last top-level build or refit, milliseconds.
     pub fn top_ms(&self) -> f64 {
         self.top.milliseconds
     }
 }
 
-/// The tree of a mesh as rays see it.
+/// The bottom level of a mesh, simplified if it has less detail for rays.
 fn tree((mesh, reduced): (&Mesh, &Option<Reduced>)) -> Result<MeshBvh, crate::ray::RayError> {
     let built = if mesh.spheres.is_empty() {
         MeshBvh::build(&mesh.positions, reduced.as_ref().map_or(&mesh.indices, |r| &r.indices))
@@ -121,27 +121,27 @@ fn tree((mesh, reduced): (&Mesh, &Option<Reduced>)) -> Result<MeshBvh, crate::ra
     built.map_err(|e| e.in_mesh(&mesh.name))
 }
 
-/// What a frame wants of the acceleration structures.
+/// What a frame needs of the acceleration structures.
 pub(super) struct Frame<'a> {
     pub policy: &'a Policy,
-    /// Every instance.
+    /// All instances, in the order of the scene.
     pub seen: &'a [Seen],
     pub pose: &'a Pose,
-    /// Instances have moved, or are seen that were not.
+    /// Whether instances have moved, or are culled differently than before.
     pub moved: bool,
-    /// Deforming meshes have changed: their vertices.
+    /// The deformed vertices, if they have changed.
     pub deformed: Option<Handle<GraphBuffer>>,
     pub indices: Handle<GraphBuffer>,
-    /// Root of the scene's tables.
+    /// Address of the scene's root table.
     pub root: Address,
-    /// Counts frames.
+    /// Number of the frame.
     pub number: u64,
 }
 
-/// The top level.
+/// The top level, on the host and on the device.
 struct Top {
     memory: Arc<Buffer>,
-    /// Where the instances lie behind the nodes.
+    /// Offset of the instances, which follow the nodes.
     instances: u64,
     staging: Staging,
     tree: Option<SceneBvh>,
@@ -150,7 +150,7 @@ struct Top {
 
 impl Top {
     fn new(gpu: &Gpu, count: usize) -> Result<Self, GpuError> {
-        // A wide tree has fewer nodes than leaves, but for the one of an empty scene.
+        // A wide BVH has fewer nodes than leaves, except that an empty scene has one node.
         let instances = (count.max(1) * size_of::<BvhNode>()) as u64;
         let bytes = instances + (count.max(1) * size_of::<BvhInstance>()) as u64;
         let memory = Arc::new(Buffer::new(gpu, "top level", bytes, BufferMemory::Device, BufferUse::Storage)?);
@@ -168,7 +168,7 @@ impl Top {
         if self.tree.is_some() && !frame.moved && frame.deformed.is_none() {
             return Ok(g.import_tlas("scene.tlas", Access::Trace, memory));
         }
-        // On the host.
+        // Build or refit on the host.
         let start = Instant::now();
         let placements = placements();
         let tree = match self.tree.take() {
@@ -180,7 +180,7 @@ impl Top {
         };
         self.milliseconds = start.elapsed().as_secs_f64() * 1e3;
 
-        // To the device.
+        // Copy to the device.
         let nodes: &[u8] = bytemuck::cast_slice(&tree.nodes);
         let instances: &[u8] = bytemuck::cast_slice(&tree.instances);
         let (node_bytes, instance_bytes, at) = (nodes.len() as u64, instances.len() as u64, self.instances);
@@ -203,33 +203,33 @@ impl Top {
     }
 }
 
-/// The trees of deforming meshes: refitted every frame on the device, rebuilt now and then on the host.
+/// BVHs of deforming meshes: refitted every frame on the device, and rebuilt from time to time on the host.
 struct Trees {
     memory: Arc<Buffer>,
     kernel: Kernel,
     jobs: Address,
     list: Vec<Tree>,
-    /// The meshes, to rebuild from.
+    /// The meshes, for rebuilds.
     meshes: Vec<Mesh>,
     stagings: Vec<Staging>,
     made: bool,
 }
 
-/// The tree of one deforming instance, in its own piece of the memory.
+/// The BVH of one deforming instance, in its own range of the memory.
 struct Tree {
     instance: usize,
     /// Index into [`Trees::meshes`].
     source: usize,
     bounds: Bounds,
     stack: u32,
-    /// Nodes that there is room for.
+    /// Number of nodes that the range has room for.
     room: usize,
-    /// Begin of the piece, and its job in the table, bytes.
+    /// Offset of the range, and of its job in the table, bytes.
     place: (u64, u64),
     job: RefitJob,
 }
 
-/// Levels of a tree at most: it would be refused for its stack long before.
+/// Limit on the levels of a BVH; one that deep would be refused earlier because of its stack.
 const MOST_LEVELS: usize = 256;
 
 impl Trees {
@@ -247,7 +247,7 @@ impl Trees {
             .par_iter()
             .map(|d| posed_tree(&scene.meshes[d.mesh], d.instance, pose))
             .collect::<Result<_, _>>()?;
-        // Pieces with room for trees of other shapes, then the jobs.
+        // Each range has room for a BVH of another topology; the job table follows.
         let mut bytes = 0_u64;
         let pieces: Vec<(u64, usize)> = built
             .iter()
@@ -309,7 +309,7 @@ impl Trees {
         let Some(deformed) = frame.deformed else { return Ok(memory.read()) };
         let was_made = std::mem::replace(&mut self.made, true);
 
-        // Trees whose turn it is get the shape that suits the mesh as it is now.
+        // Rebuild the BVHs whose turn it is, for the mesh in its current pose.
         for (index, tree) in self.list.iter_mut().enumerate() {
             if !was_made || !frame.policy.rebuilds(frame.number, index) {
                 continue;
@@ -337,7 +337,7 @@ impl Trees {
             });
         }
 
-        // All are fitted to the vertices.
+        // Refit all of them to the vertices.
         let (kernel, groups) = (self.kernel, [self.list.len() as u32, 1, 1]);
         let params = RefitParams { jobs: self.jobs };
         let memory = g.pass("acceleration.refit", Queue::Graphics, |p| {
@@ -355,7 +355,7 @@ fn posed_tree(mesh: &Mesh, instance: usize, pose: &Pose) -> Result<MeshBvh, Resi
 }
 
 impl Tree {
-    /// The tree as it lies in its piece of the memory; notes how many levels it has.
+    /// The BVH in the layout of its range; updates the number of levels.
     fn pack(&mut self, tree: &MeshBvh) -> Vec<u8> {
         let piece = Piece::new(self.room, tree.primitives.len());
         let levels = tree.levels();
@@ -369,7 +369,7 @@ impl Tree {
     }
 }
 
-/// Where the tables of one tree lie in its piece, bytes; nodes come first.
+/// Offsets of the tables of one BVH in its range, bytes; nodes come first.
 struct Piece {
     primitives: u64,
     boxes: u64,

@@ -1,4 +1,4 @@
-//! What may change from frame to frame: where instances and lights are. The device has it in one buffer, behind the scene's root.
+//! The part of the scene that may change every frame: transforms of instances and lights, in one buffer behind the scene's root table.
 use super::block::Block;
 use super::rounding::{Shape, rounding};
 use super::tables::{light, rows};
@@ -12,36 +12,37 @@ use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
 use std::sync::Arc;
 
-/// Which moment a frame shows, and from where numbers are counted.
+/// The time that a frame shows, and the origin of its coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// Seconds since the scene began.
+    /// Scene time, seconds; animations loop.
     pub time: f64,
-    /// The world point that is the origin on the device: near the eye, so that what is near keeps its digits. Metres.
+    /// The world point that is the origin on the device, metres. It should be near the camera, to keep precision there; see
+    /// [`FloatingOrigin`](crate::scene::FloatingOrigin).
     pub origin: DVec3,
-    /// This frame has nothing to do with the one before: nothing moves in it.
+    /// Whether this frame is unrelated to the previous one. Instances then have no motion in it.
     pub cut: bool,
 }
 
-/// Where everything is, in the frame at hand and one frame before.
+/// Transforms in the current and in the previous frame.
 pub(super) struct State {
     animator: Animator,
     pub pose: Pose,
     previous: Vec<DAffine3>,
-    /// Of each instance, the count of moments at which it moved or changed its shape last.
+    /// For each instance, the number of the call to [`Self::go`] at which it last moved or changed its shape.
     pub changed: Vec<u64>,
     moments: u64,
-    /// Of each light, whether it moved with the newest moment.
+    /// For each light, whether it moved in the last call to [`Self::go`].
     moved_lights: Vec<bool>,
     pub origin: DVec3,
-    /// What the strength of each light is multiplied with.
+    /// Factor on the intensity of each light.
     factors: Vec<f32>,
-    /// What the device has is not what the frame needs.
+    /// Whether the tables on the device are out of date.
     stale: bool,
     root: shared::Scene,
-    /// Mesh, material, mask and flags of each instance.
+    /// The constant fields of each instance: mesh, material, mask and flags.
     fixed: Vec<shared::Instance>,
-    /// Those of the mesh of each, where it does not deform.
+    /// Extent of each instance's mesh, for instances that do not deform.
     shapes: Vec<Shape>,
     pub memory: Arc<Buffer>,
     staging: Staging,
@@ -50,7 +51,7 @@ pub(super) struct State {
 }
 
 impl State {
-    /// Room for the tables. `root` lacks the addresses that are made here.
+    /// Allocates the tables. The addresses in `root` that point to them are filled in here.
     pub fn new(
         gpu: &Gpu,
         animator: Animator,
@@ -88,17 +89,17 @@ impl State {
         })
     }
 
-    /// Address of the root.
+    /// Address of the root table.
     pub fn root(&self) -> Address {
         self.memory.address()
     }
 
-    /// Whether anything ever moves.
+    /// Whether the scene is animated.
     pub fn is_animated(&self) -> bool {
         self.animator.is_animated()
     }
 
-    /// Goes to another moment. Says whether what rays see has changed.
+    /// Moves the scene to another time and origin. Returns whether anything changed for ray tracing.
     pub fn go(&mut self, moment: &Moment) -> bool {
         let shifted = self.origin != moment.origin;
         self.origin = moment.origin;
@@ -106,7 +107,7 @@ impl State {
         if !self.animator.is_animated() {
             return shifted;
         }
-        // What moves is written anew even where it pauses: then nothing is in motion.
+        // An animated scene is always written, even if it pauses, so that the previous transforms become equal to the current ones.
         self.stale = true;
         let pose = self.animator.pose(moment.time);
         let before = std::mem::replace(&mut self.pose, pose);
@@ -118,25 +119,26 @@ impl State {
                 *changed = self.moments;
             }
         }
-        self.moved_lights = before.lights.iter().zip(&now.lights).map(|(before, now)| before != now).collect();
+        let moved = |(before, now): (&crate::scene::Light, &crate::scene::Light)| !moment.cut && before != now;
+        self.moved_lights = before.lights.iter().zip(&now.lights).map(moved).collect();
         let before = before.instances;
         let changed = before != self.pose.instances;
         self.previous = if moment.cut { self.pose.instances.clone() } else { before };
         shifted || changed
     }
 
-    /// A light as shaders read it.
+    /// A light in the format of shaders.
     pub fn light(&self, index: usize) -> shared::Light {
         let placed = light(&self.pose.lights[index], self.origin);
         shared::Light { intensity: placed.intensity.map(|x| x * self.factors[index]), ..placed }
     }
 
-    /// Whether a light is not where it was in the moment before.
+    /// Whether a light moved in the last call to [`Self::go`].
     pub fn light_moved(&self, index: usize) -> bool {
         self.moved_lights.get(index).copied().unwrap_or(false)
     }
 
-    /// Multiplies the strength of a light, from the next frame on. Nothing where there is no such light.
+    /// Scales the intensity of a light by a factor, from the next frame on. Ignored if the light does not exist.
     pub fn dim(&mut self, light: usize, factor: f32) {
         if let Some(known) = self.factors.get_mut(light) {
             self.stale |= *known != factor;
@@ -144,20 +146,20 @@ impl State {
         }
     }
 
-    /// What the device has is unknown: the tables are written with the next frame.
+    /// Discards the state of the device: the next frame writes the tables.
     pub fn forget(&mut self) {
         self.stale = true;
     }
 
-    /// World from object of an instance, counted from the origin.
+    /// World-from-object transform of an instance, relative to the origin.
     pub fn placed(&self, instance: usize) -> Affine3A {
         single(&shift(&self.pose.instances[instance], self.origin))
     }
 
-    /// An instance as shaders read it.
+    /// An instance in the format of shaders.
     pub fn instance(&self, index: usize) -> shared::Instance {
         let world_from_object = self.placed(index);
-        // One whose transform is singular has no inside to trace.
+        // Instances with a singular transform are not traced.
         let inverse = object_from_world(&world_from_object).unwrap_or(Affine3A::ZERO);
         let shape = self.shapes[index];
         let shape = self.pose.bounds[index].map_or(shape, |[min, max]| Shape { bounds: Bounds { min, max }, ..shape });
@@ -170,7 +172,7 @@ impl State {
         }
     }
 
-    /// Brings the tables into a frame; where they have changed, with a pass that copies them.
+    /// Imports the tables into a frame, with a pass that copies them if they have changed.
     pub fn declare(&mut self, g: &mut FrameGraph, imports: &mut Imports) -> Result<Handle<GraphBuffer>, GpuError> {
         let bytes = self.memory.bytes();
         let state =
@@ -198,7 +200,7 @@ impl State {
     }
 }
 
-/// A transform counted from another origin.
+/// A transform relative to another origin.
 pub(super) fn shift(world: &DAffine3, origin: DVec3) -> DAffine3 {
     DAffine3 { matrix3: world.matrix3, translation: world.translation - origin }
 }

@@ -1,4 +1,4 @@
-//! The scene's tables in the layout that shaders read.
+//! The scene's tables in the layout of the shaders.
 use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
 use crate::graph::Draw;
@@ -28,7 +28,7 @@ pub(super) fn rows(m: &Affine3A) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|r| [a.x_axis[r], a.y_axis[r], a.z_axis[r], t[r]])
 }
 
-/// The part of an instance that never changes.
+/// The constant fields of an instance.
 pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> shared::Instance {
     let material = &scene.materials[instance.material as usize];
     let is_spheres = !scene.meshes[instance.mesh as usize].spheres.is_empty();
@@ -45,8 +45,8 @@ pub(super) fn instance(scene: &Scene, instance: &Instance, mesh: usize) -> share
     shared::Instance { mesh: mesh as u32, material: instance.material, mask, flags, ..Default::default() }
 }
 
-/// The corners of a box, bit 0, 1, 2 of each for the further side in x, y, z. They run counter-clockwise as seen from inside, so that
-/// where back faces are left out those behind what is in the box are drawn.
+/// The triangles of a box; bits 0, 1 and 2 of a corner select the far side in x, y and z. They are counter-clockwise as seen from
+/// inside, so that back-face culling keeps the far faces of the box.
 const BOX: [u32; 36] = [
     0, 2, 6, 0, 6, 4, // -x
     1, 5, 7, 1, 7, 3, // +x
@@ -56,18 +56,18 @@ const BOX: [u32; 36] = [
     4, 6, 7, 4, 7, 5, // +z
 ];
 
-/// How many indices the raster draws.
+/// Number of indices for rasterisation.
 pub(super) fn raster_index_count(mesh: &Mesh) -> usize {
     mesh.indices.len() + mesh.spheres.len() * BOX.len()
 }
 
-/// Indices that the raster draws: those of the triangles, or a box of eight corners around each sphere.
+/// Indices for rasterisation: the triangles, or a box with eight corners around each sphere.
 pub(super) fn raster_indices(mesh: &Mesh) -> Vec<u32> {
     let boxes = (0..mesh.spheres.len() as u32).flat_map(|sphere| BOX.map(|corner| 8 * sphere + corner));
     mesh.indices.iter().copied().chain(boxes).collect()
 }
 
-/// Adds a mesh's positions, attributes and boxes; gives where they begin, the boxes of triangles at zero.
+/// Adds a mesh's positions, attributes and boxes, and returns their offsets. Only spheres have boxes; the offset is 0 otherwise.
 pub(super) fn add_vertices(block: &mut Block, mesh: &Mesh) -> [u64; 3] {
     if mesh.spheres.is_empty() {
         return [block.add(&mesh.positions), block.add(&attributes(mesh)), 0];
@@ -81,7 +81,7 @@ pub(super) fn add_vertices(block: &mut Block, mesh: &Mesh) -> [u64; 3] {
         })
         .collect();
     let spheres = block.add(&spheres);
-    // A place of zero says that there are none.
+    // An offset of 0 means that there are none.
     [spheres, spheres, block.add(&boxes)]
 }
 
@@ -165,7 +165,7 @@ pub(super) fn materials(
     Ok((materials, layers))
 }
 
-/// A light, its place counted from `origin`.
+/// A light in the format of shaders, with its position relative to `origin`.
 pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
     let place = |p: &DVec3| (*p - origin).as_vec3().to_array();
     match light {
@@ -184,7 +184,7 @@ pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
             ..Default::default()
         },
         Light::Spot { position, direction, intensity, range, inner, outer } => {
-            // KHR_lights_punctual: both folded into one multiply-add; equal angles give a hard edge.
+            // KHR_lights_punctual: the cone attenuation as one multiply-add; equal angles give a hard edge.
             let cone_scale = 1.0 / (inner.cos() - outer.cos()).max(1e-3);
             shared::Light {
                 kind: shared::LIGHT_SPOT,
@@ -224,7 +224,7 @@ pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
     }
 }
 
-/// Which lights cast shadows: those from afar first, then lamps by power.
+/// Indices of the lights that cast shadows: directional lights first, then local lights by decreasing luminous intensity on the axis.
 pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
     let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
     let power = |l: &Light| match l {
@@ -234,13 +234,13 @@ pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
         Light::Rectangle { half_u, half_v, radiance, .. } => {
             luminance(*radiance) * half_u.cross(*half_v).length() * 4.0
         }
-        // As strong straight ahead as a point of this radiant intensity.
+        // Intensity on the axis.
         Light::Disc { radius, radiance, .. } | Light::Sphere { radius, radiance, .. } => {
             luminance(*radiance) * PI * radius * radius
         }
     };
     let mut ranked: Vec<u32> = (0..lights.len() as u32).filter(|i| power(&lights[*i as usize]) > 0.0).collect();
-    // Equal ones stay in the order of the scene.
+    // The sort is stable, so equal lights stay in the order of the scene.
     ranked.sort_by(|a, b| power(&lights[*b as usize]).total_cmp(&power(&lights[*a as usize])));
     ranked.truncate(MOST_CASTERS as usize);
     ranked
@@ -255,7 +255,7 @@ pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
             let (mesh, material) = (&scene.meshes[i.mesh as usize], &scene.materials[i.material as usize]);
             let spheres = !mesh.spheres.is_empty();
             let mirrored = i.world_from_object.matrix3.determinant() < 0.0;
-            // Of the box around a sphere one side is drawn, whichever sides the sphere has.
+            // Only one side of the box around a sphere is drawn, even if the sphere is double-sided.
             let cull = match (material.double_sided && !spheres, mirrored) {
                 (true, _) => Cull::None,
                 (false, false) => Cull::Back,

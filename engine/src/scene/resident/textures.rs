@@ -25,7 +25,7 @@ pub(super) fn upload_textures(
     scene.textures.iter().map(one).collect()
 }
 
-/// The image of an environment map in 32-bit floats, with an alpha of 1, and the sky that shaders read.
+/// Uploads an environment map as 32-bit floats with alpha 1, and returns it with the sky struct for shaders.
 pub(super) fn upload_environment(
     gpu: &Gpu,
     executor: &mut Executor,
@@ -42,7 +42,7 @@ pub(super) fn upload_environment(
     Ok((image, sky))
 }
 
-/// An image that shaders sample, with its mips.
+/// Uploads an image with its mips, for sampling.
 fn upload(
     gpu: &Gpu,
     executor: &mut Executor,

@@ -1,4 +1,4 @@
-//! What outlives the frame, as bars: histories, kept buffers, and what the caller brought.
+//! Resources that outlive the frame, as bars: histories, kept buffers, and imports of the caller.
 
 use super::{
     super::{
@@ -11,7 +11,7 @@ use super::{
 
 /// Height of a row, pixels.
 const ROW: f64 = 22.0;
-/// Width of a letter of a name, pixels.
+/// Average width of a letter of a name, pixels.
 const LETTER: f64 = 6.6;
 
 /// Draws a row for each import that is used.

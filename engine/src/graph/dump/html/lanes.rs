@@ -1,4 +1,4 @@
-//! Passes on the lanes of their queues, batch by batch, with what waits for what.
+//! Passes on one lane per queue, batch by batch, with the waits between batches.
 
 use super::{
     super::{
@@ -16,16 +16,16 @@ use super::{
     style,
 };
 
-/// Height of a lane and of what is in it, pixels.
+/// Height of a lane and of the parts inside it, pixels.
 const LANE: f64 = 72.0;
 const EMPTY: f64 = 26.0;
 const GAP: f64 = 10.0;
 const BATCH: f64 = 60.0;
 const PASS: f64 = 30.0;
 
-/// Where the lanes are.
+/// Positions of the lanes.
 struct Lanes {
-    /// Each queue with the top and the height of its lane.
+    /// Each queue with the top and the height of its lane, pixels.
     queues: Vec<(Queue, f64, f64)>,
 }
 
@@ -117,7 +117,7 @@ enum Place {
     End,
 }
 
-/// Barriers in one place, as a mark with their number.
+/// The barriers of one place, as a mark with their number.
 fn marks(dump: &Dump<'_>, sheet: &mut Sheet, span: Span, (x, y): (f64, f64), place: Place) {
     if span.is_empty() {
         return;
@@ -139,7 +139,7 @@ fn marks(dump: &Dump<'_>, sheet: &mut Sheet, span: Span, (x, y): (f64, f64), pla
     sheet.text((x, y + 3.4), "class=\"count\"", &span.len().to_string());
 }
 
-/// Waits of batches for each other, and of the end of the frame for the queues beside the one for graphics.
+/// Arrows for the waits between batches, and for the wait of the graphics queue for the other queues at the end of the frame.
 fn draw_waits(plan: &Plan, lanes: &Lanes, sheet: &mut Sheet) {
     for (number, batch) in plan.batches.iter().enumerate() {
         for &wait in &plan.waits[batch.waits.range()] {
@@ -161,7 +161,7 @@ fn draw_waits(plan: &Plan, lanes: &Lanes, sheet: &mut Sheet) {
     }
 }
 
-/// From the end of a batch to a column of another lane.
+/// An arrow from the end of a batch to a column on another lane.
 fn arrow(lanes: &Lanes, sheet: &mut Sheet, from: &Batch, to: (Queue, u32), (class, told): (&str, &str)) {
     let inset = (LANE - BATCH) / 2.0;
     let (from_top, to_top) = (lanes.top_of(from.queue), lanes.top_of(to.0));

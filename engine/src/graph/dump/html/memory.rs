@@ -1,4 +1,4 @@
-//! Transients as rectangles: across, from their first pass to their last; up, the bytes of the heap that they lie in.
+//! Transients as rectangles: from the first to the last pass horizontally, over the bytes of the heap vertically.
 
 use super::{
     super::{
@@ -14,10 +14,10 @@ use super::{
     style,
 };
 
-/// Height that all heaps share, and that each has at least, pixels.
+/// Height of all heaps together, and least height of each, pixels.
 const HEIGHT: f64 = 380.0;
 const LEAST: f64 = 90.0;
-/// Width of a letter in a rectangle, pixels.
+/// Average width of a letter in a rectangle, pixels.
 const LETTER: f64 = 6.4;
 
 /// Draws a panel for each heap.
@@ -32,7 +32,7 @@ pub(super) fn draw(dump: &Dump<'_>, sheet: &mut Sheet) {
 struct Placed<'p> {
     transient: &'p Transient,
     life: Lifetime,
-    /// Its bytes are held for the whole frame.
+    /// Its bytes are reserved for the whole frame.
     held: bool,
 }
 
@@ -79,7 +79,7 @@ fn draw_heap(dump: &Dump<'_>, sheet: &mut Sheet, heap: u32, all: u64) {
     sheet.area(frame, "class=\"frame\" pointer-events=\"none\"", "");
     let y = up(bound);
     sheet.draw(&format!("<path class=\"bound\" d=\"M0 {y:.1}H{:.1}\"/>", sheet.across()));
-    // Above the line, unless the panel ends there.
+    // The label is above the line, unless the panel ends there.
     let text_y = if y - top < 18.0 { y + 15.0 } else { y - 5.0 };
     let told = format!("lower bound {}", bytes(bound));
     sheet.text((sheet.across().min(ROOM) - 6.0, text_y), "class=\"boundtext\" text-anchor=\"end\"", &told);
@@ -103,7 +103,7 @@ fn draw_transient(dump: &Dump<'_>, sheet: &mut Sheet, one: &Placed<'_>, up: &imp
     let area = Area { x, y, width: sheet.left(life.last as usize + 1) - 1.0 - x, height: bottom - y };
     sheet.area(area, &format!("class=\"life\" rx=\"2\" fill=\"{fill}\""), &told);
 
-    // The full name, else its own, else what fits of that; nothing where that says nothing.
+    // The full name if it fits, else the local name, else its beginning; nothing if too little of it fits.
     let own = declaration.text(decl.name);
     let letters = |length: f64| ((length - 6.0) / LETTER).max(0.0) as usize;
     let centre = (area.x + area.width / 2.0, y + area.height / 2.0);
@@ -123,7 +123,7 @@ fn draw_transient(dump: &Dump<'_>, sheet: &mut Sheet, one: &Placed<'_>, up: &imp
     }
 }
 
-/// What shows where the pointer rests.
+/// Tooltip of a transient.
 fn told(dump: &Dump<'_>, one: &Placed<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
     let t = one.transient;
@@ -148,10 +148,10 @@ fn told(dump: &Dump<'_>, one: &Placed<'_>) -> String {
     told.join("\n")
 }
 
-/// The most bytes alive at one time: on each queue by itself, and of what several queues use, all.
+/// Largest number of bytes alive at one time: per queue, plus everything that several queues use.
 fn least(placed: &[Placed<'_>], positions: u32) -> u64 {
     let most_on = |queue: Queue| {
-        // What begins adds, what ended before takes away.
+        // A transient adds its bytes at its first pass and removes them after its last.
         let mut change = vec![0_i128; positions as usize + 1];
         let here = placed.iter().filter(|p| p.transient.sharing == Sharing::Alone(queue));
         for Placed { transient, life, .. } in here {
@@ -168,13 +168,13 @@ fn least(placed: &[Placed<'_>], positions: u32) -> u64 {
     Queue::ALL.into_iter().map(most_on).sum::<u64>() + shared.map(|p| p.transient.bytes).sum::<u64>()
 }
 
-/// Round numbers of bytes up an axis of so many pixels, and its end.
+/// Round tick values for a byte axis of `height` pixels, and the end of the axis.
 fn ticks(most: u64, height: f64) -> Vec<u64> {
     let wanted = (height / 60.0).max(1.0);
     let rough = (most as f64 / wanted).max(1.0);
     let power = 10_f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= rough).unwrap_or(rough) as u64;
-    // The one before the end goes where it would touch it.
+    // The last tick before the end is left out if its label would touch the end's.
     let clear = most.saturating_sub(step * 2 / 5);
     let mut ticks: Vec<u64> = (0..).map(|i| i * step).take_while(|t| *t <= clear && *t < most).collect();
     ticks.push(most);

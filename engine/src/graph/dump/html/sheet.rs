@@ -1,23 +1,23 @@
-//! The drawing: two sheets of one height, names on the left that stay where they are, and columns, one per pass, that scroll.
+//! The drawing surface: a fixed sheet with names on the left, and a scrolling sheet with one column per pass.
 
 use std::fmt::Write;
 
 use super::{super::Dump, escape};
 
-/// Width of the names, pixels.
+/// Width of the sheet with the names, pixels.
 pub(super) const NAMES: f64 = 184.0;
-/// Room beside the columns for marks on their edges, pixels.
+/// Margin beside the columns for marks on their edges, pixels.
 const EDGE: f64 = 8.0;
-/// Width that the columns share where there are few, pixels: with the names and margins that of a laptop.
+/// Width that the columns fill when there are few of them, pixels. With names and margins, the page then fills a laptop screen.
 pub(super) const ROOM: f64 = 1138.0;
 /// Narrowest and widest column, pixels.
 const COLUMN: (f64, f64) = (32.0, 126.0);
-/// Width of a letter of the names of passes, of their full height, pixels.
+/// Average width of a letter of the passes' names, pixels.
 const LETTER: f64 = 6.1;
-/// Letters of a pass's name that are shown; the rest shows where the pointer rests.
+/// Letters of a pass's name that are shown; the tooltip has all of it.
 const LONGEST: usize = 40;
 
-/// Where something is drawn, pixels.
+/// A rectangle, pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Area {
     pub x: f64,
@@ -33,22 +33,22 @@ impl Area {
     }
 }
 
-/// Both sheets while they are drawn, from top to bottom.
+/// Both sheets. They are drawn from top to bottom.
 pub(super) struct Sheet {
     names: String,
     columns: String,
-    /// Behind everything, once the height is known.
+    /// Elements behind everything else, drawn once the height is known.
     behind: String,
     /// Width of a column, pixels.
     column: f64,
     count: usize,
     width: f64,
-    /// Where the next panel begins, pixels.
+    /// Top of the next panel, pixels.
     pub y: f64,
 }
 
 impl Sheet {
-    /// The names of the passes over their columns. The column after the last is the end of the frame.
+    /// Draws the names of the passes over their columns. A further column stands for the end of the frame.
     pub fn new(dump: &Dump<'_>) -> Self {
         let plan = dump.plan;
         let count = plan.order.len() + 1;
@@ -56,7 +56,7 @@ impl Sheet {
         let name = |index: &u32| shortened(dump.declaration.pass_name(*index), LONGEST);
         let names: Vec<String> = plan.order.iter().map(name).chain(["end".to_owned()]).collect();
         let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(0) as f64 * LETTER;
-        // Where names do not fit side by side, they climb.
+        // Names that do not fit side by side are drawn diagonally.
         let climbs = longest > column - 8.0;
         let slope = 0.707;
         let (top, beyond) = if climbs { (longest * slope + 22.0, longest * slope) } else { (30.0, 8.0) };
@@ -95,23 +95,23 @@ impl Sheet {
         self.count as f64 * self.column
     }
 
-    /// Adds to the columns.
+    /// Appends markup to the columns.
     pub fn draw(&mut self, markup: &str) {
         writeln!(self.columns, "{markup}").unwrap_or_default();
     }
 
-    /// A rectangle in the columns that tells something.
+    /// A rectangle in the columns, with a tooltip.
     pub fn area(&mut self, area: Area, attributes: &str, told: &str) {
         let told = if told.is_empty() { String::new() } else { format!("<title>{}</title>", escape(told)) };
         self.draw(&format!("<rect {} {attributes}>{told}</rect>", area.attributes()));
     }
 
-    /// Text in the columns. The pointer goes through it to what lies behind.
+    /// Text in the columns. It takes no pointer events, so that the tooltip behind it shows.
     pub fn text(&mut self, (x, y): (f64, f64), attributes: &str, text: &str) {
         self.draw(&format!("<text x=\"{x:.1}\" y=\"{y:.1}\" {attributes}>{}</text>", escape(text)));
     }
 
-    /// A name on the left, right-aligned, with more to tell.
+    /// A right-aligned name on the left, with a tooltip.
     pub fn name(&mut self, y: f64, class: &str, text: &str, told: &str) {
         let told = if told.is_empty() { String::new() } else { format!("<title>{}</title>", escape(told)) };
         let x = NAMES - 12.0;
@@ -129,7 +129,7 @@ impl Sheet {
         self.y += 26.0;
     }
 
-    /// Lines between columns over a range of heights, behind all else.
+    /// Vertical lines between columns over a range of heights, behind everything else.
     pub fn grid(&mut self, top: f64, bottom: f64) {
         for position in 0..=self.count {
             let x = self.left(position);
@@ -150,7 +150,7 @@ impl Sheet {
     }
 }
 
-/// A text of at most so many letters.
+/// The text, cut to at most `letters` letters.
 pub(super) fn shortened(text: &str, letters: usize) -> String {
     if text.chars().count() <= letters {
         return text.to_owned();

@@ -1,12 +1,12 @@
-//! Colours and type. The fills are Paul Tol's light scheme, made for labels in black and for all kinds of colour vision
-//! (Tol, "Colour schemes", SRON technical note, 2021); marks also differ in shape.
+//! Colours and type. The fills are Paul Tol's light scheme, which suits black labels and all kinds of colour vision (Tol, "Colour
+//! schemes", SRON technical note, 2021); marks also differ in shape.
 
 use super::{
     super::super::{declaration::Declaration, plan::Plan},
     escape,
 };
 
-/// Fills of stages, in the order in which these are declared.
+/// Fills of stages, by the order of their declaration.
 const FILLS: [&str; 8] = ["#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#99ddff", "#44bb99", "#bbcc33", "#aaaa00"];
 
 pub(super) const STYLE: &str = "\
@@ -40,7 +40,7 @@ pub(super) fn fill(declaration: &Declaration, stage: &str) -> &'static str {
     at.map_or("#dddddd", |at| FILLS[at % FILLS.len()])
 }
 
-/// The stages, in the order in which they are declared: the same colours in every plan of a frame.
+/// The stages in the order of their declaration, so that a frame has the same colours in every plan.
 fn stages(declaration: &Declaration) -> Vec<&str> {
     let mut stages: Vec<&str> = Vec::new();
     for pass in 0..declaration.passes.len() as u32 {
@@ -52,7 +52,7 @@ fn stages(declaration: &Declaration) -> Vec<&str> {
     stages
 }
 
-/// What the colours and marks mean.
+/// Legend of the colours and marks.
 pub(super) fn legend(declaration: &Declaration, plan: &Plan) -> String {
     let runs = |stage: &&&str| plan.order.iter().any(|&p| declaration.stage(p) == **stage);
     let stages: String = stages(declaration)

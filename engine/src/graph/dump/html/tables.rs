@@ -1,4 +1,4 @@
-//! What is told in figures: what the graph gained, what is left out, and every transient.
+//! Tables: the graph's savings, culled passes, and every transient.
 
 use super::{
     super::{
@@ -9,7 +9,7 @@ use super::{
     escape,
 };
 
-/// The figures at the head of the page.
+/// The savings, at the top of the page.
 pub(super) fn gains(gains: &Gains) -> String {
     let memory = |name: &str, of: u64, note: &str| {
         let percent = 100.0 * gains.share(of);
@@ -53,7 +53,7 @@ pub(super) fn gains(gains: &Gains) -> String {
     format!("<section aria-label=\"What the graph gained\"><dl>{}</dl></section>", all.concat())
 }
 
-/// The passes that are left out, and why.
+/// The culled passes, and why each is left out.
 pub(super) fn left_out(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
     if plan.culled.is_empty() {
@@ -67,7 +67,7 @@ pub(super) fn left_out(dump: &Dump<'_>) -> String {
     format!("<h2>Left out</h2><table><tr><th>Pass</th><th>Why</th></tr>\n{rows}</table>")
 }
 
-/// Every transient in a table, folded.
+/// A table of every transient, folded.
 pub(super) fn transients(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
     let words = Words(declaration);

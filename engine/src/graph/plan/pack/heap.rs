@@ -1,10 +1,10 @@
-//! A heap with a free list, for the sweep through time.
+//! A free-list allocator, for the sweep through time.
 
 use super::align_up;
 
 /// No block.
 const NONE: u32 = u32::MAX;
-/// Free blocks of similar size that are looked at before one of them is taken.
+/// Number of free blocks of a bin that are compared before one is taken.
 const LOOKED_AT: usize = 16;
 
 /// A part of the heap, free or taken.
@@ -12,24 +12,24 @@ const LOOKED_AT: usize = 16;
 struct Block {
     offset: u64,
     size: u64,
-    /// Neighbours in memory. In a spare slot `above` is the next spare one.
+    /// Indices of the neighbours in memory. In an unused entry, `above` is the next unused one.
     below: u32,
     above: u32,
-    /// Neighbours in the list of its bin, while it is free.
+    /// Indices of the neighbours in the free list of its bin.
     previous: u32,
     next: u32,
     free: bool,
 }
 
-/// Blocks from the bottom to the top of the heap, the free ones in bins by size, eight to each power of two, as in TLSF (Masmano
-/// et al., "TLSF: a new dynamic memory allocator for real-time systems", 2004): every call costs the same.
+/// Blocks from the bottom to the top of the heap. Free ones are in bins by size, eight per power of two, as in TLSF (Masmano et
+/// al., "TLSF: a new dynamic memory allocator for real-time systems", 2004), so every call takes constant time.
 pub(super) struct Heap {
     blocks: Vec<Block>,
-    /// First slot of `blocks` that is not in use.
+    /// First unused entry of `blocks`.
     spare: u32,
-    /// Block at the end of the heap.
+    /// Index of the last block in memory.
     top: u32,
-    /// Where it ends.
+    /// Size of the heap, bytes.
     pub(super) bytes: u64,
     /// First block of each bin.
     bins: [u32; 512],
@@ -42,7 +42,7 @@ impl Heap {
         Self { blocks: Vec::with_capacity(64), spare: NONE, top: NONE, bytes: 0, bins: [NONE; 512], filled: [0; 8] }
     }
 
-    /// Bin of a size above zero: its leading one and the three bits after it.
+    /// Bin of a size above zero, from its leading one and the three bits after it.
     fn bin(size: u64) -> usize {
         let leading = size.leading_zeros();
         let fraction = (size << leading) >> 60 & 7;
@@ -54,7 +54,7 @@ impl Heap {
         self.blocks[id as usize].offset
     }
 
-    /// First bin from `bin` on that is not empty.
+    /// The first bin from `bin` on that is not empty.
     fn next_bin(&self, bin: usize) -> Option<usize> {
         let mut word = bin / 64;
         let mut bits = self.filled.get(word)? & (u64::MAX << (bin % 64));
@@ -65,7 +65,7 @@ impl Heap {
         Some(word * 64 + bits.trailing_zeros() as usize)
     }
 
-    /// A slot for a block.
+    /// Stores a block, in an unused entry if there is one.
     fn block(&mut self, block: Block) -> u32 {
         if self.spare == NONE {
             self.blocks.push(block);
@@ -77,7 +77,7 @@ impl Heap {
         id
     }
 
-    /// Lists a block as free.
+    /// Adds a block to the free list.
     fn put(&mut self, id: u32) {
         let bin = Self::bin(self.blocks[id as usize].size);
         let next = std::mem::replace(&mut self.bins[bin], id);
@@ -89,7 +89,7 @@ impl Heap {
         self.filled[bin / 64] |= 1 << (bin % 64);
     }
 
-    /// Takes a block off the list of free ones.
+    /// Removes a block from the free list.
     fn pick(&mut self, id: u32) {
         let Block { size, previous, next, .. } = self.blocks[id as usize];
         self.blocks[id as usize].free = false;
@@ -107,7 +107,7 @@ impl Heap {
         }
     }
 
-    /// The free block that is least too large, of those looked at, and the aligned offset in it.
+    /// The free block that wastes least, of those compared, and the aligned offset in it.
     fn best(&self, size: u64, align: u64) -> Option<(u32, u64)> {
         let mut bin = Self::bin(size);
         loop {
@@ -133,7 +133,7 @@ impl Heap {
         }
     }
 
-    /// A block of this size; none where the heap would grow beyond 64 bits.
+    /// Allocates a block of this size; `None` if the heap would exceed 64 bits.
     pub(super) fn take(&mut self, size: u64, align: u64) -> Option<u32> {
         let (id, offset) = match self.best(size, align) {
             Some((id, offset)) => {
@@ -167,7 +167,7 @@ impl Heap {
         Some(id)
     }
 
-    /// Makes the heap larger: a block at its top, with what was free there, and the aligned offset in it.
+    /// Grows the heap by a block at the top, including what was free there. Returns the block and the aligned offset in it.
     fn grow(&mut self, size: u64, align: u64) -> Option<(u32, u64)> {
         let free = self.top != NONE && self.blocks[self.top as usize].free;
         let start = if free { self.blocks[self.top as usize].offset } else { self.bytes };
@@ -188,7 +188,7 @@ impl Heap {
         Some((self.top, offset))
     }
 
-    /// Frees a block and joins it with free neighbours.
+    /// Frees a block and merges it with free neighbours.
     pub(super) fn release(&mut self, id: u32) {
         let Block { mut offset, mut size, mut below, mut above, .. } = self.blocks[id as usize];
         if below != NONE && self.blocks[below as usize].free {
@@ -217,7 +217,7 @@ impl Heap {
         self.put(id);
     }
 
-    /// Keeps the slot of a block for another.
+    /// Makes the entry of a block available again.
     fn drop_block(&mut self, id: u32) {
         self.blocks[id as usize].above = self.spare;
         self.spare = id;

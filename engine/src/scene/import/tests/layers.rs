@@ -1,4 +1,4 @@
-//! Transmission, index of refraction, reflection, volume and clear coat.
+//! Transmission, index of refraction, specular, volume and clear coat.
 use super::*;
 
 fn layered() -> (Value, Vec<u8>) {
@@ -35,7 +35,7 @@ fn layers_are_read_whole() {
     assert_eq!((m.attenuation_distance, m.attenuation_colour), (2.0, Vec3::new(0.25, 0.5, 1.0)));
     assert_eq!((m.clearcoat, m.clearcoat_roughness), (0.5, 0.125));
     assert!(m.is_layered());
-    // Beer and Lambert: e^(-absorption * distance) is the colour.
+    // Beer-Lambert law: e^(-absorption * distance) is the attenuation colour.
     let left = (-m.absorption() * 2.0).map(f32::exp);
     assert!(left.abs_diff_eq(m.attenuation_colour, 1e-6), "{left}");
     let [transmission, coat] = [m.transmission_texture, m.clearcoat_texture].map(Option::unwrap);
@@ -46,7 +46,7 @@ fn layers_are_read_whole() {
     assert_eq!((strength.rows[0].z, strength.uv_set, colour.uv_set), (0.25, 0, 1));
     assert_eq!(strength.texture, transmission.texture);
     assert_eq!(scene.textures[colour.texture as usize].colour_space, ColourSpace::Srgb);
-    // One image, linear: shared with the normal map.
+    // One image in linear colour space, shared with the normal map.
     for used in [transmission, coat, rough] {
         assert_eq!(used.texture, m.normal_texture.unwrap().texture);
         assert_eq!(scene.textures[used.texture as usize].colour_space, ColourSpace::Linear);
@@ -60,7 +60,7 @@ fn without_the_extensions_there_are_no_layers() {
     let (root, bin) = good();
     let m = load_json(&root, &bin).unwrap().materials.remove(0);
     assert!(!m.is_layered() && m.absorption() == Vec3::ZERO);
-    // Present, but empty.
+    // Extensions that are present but empty.
     let (mut root, bin) = layered();
     for (_, extension) in root["materials"][0]["extensions"].as_object_mut().unwrap() {
         *extension = json!({});
@@ -69,7 +69,7 @@ fn without_the_extensions_there_are_no_layers() {
     assert!(!scene.materials[0].is_layered() && scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
-/// A material that reflects in its own way has a layer by that alone; a texture of strength is enough.
+/// A material with its own specular reflection counts as layered; a strength texture suffices.
 #[test]
 fn a_reflection_alone_makes_a_layer() {
     for (extension, own) in [

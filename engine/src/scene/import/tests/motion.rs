@@ -1,11 +1,11 @@
-//! A file that is animated, skinned and morphing, and the ways in which it can be wrong.
+//! An animated file with a skin and morph targets, and the ways in which it can be invalid.
 use super::{glb, load_bytes, load_json, set};
 use crate::scene::{Animator, Interpolation, Light, Local, Property, Scene, deform, supply_missing};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-/// The binary chunk, its views and accessors, as they grow.
+/// A binary chunk under construction, with its views and accessors.
 #[derive(Default)]
 struct File {
     bin: Vec<u8>,
@@ -55,8 +55,8 @@ const TURNS: usize = 11;
 const SHAPES: usize = 12;
 const SIZES: usize = 13;
 
-/// A square that two joints bend and two targets change. The upper joint turns and moves, and carries a light; the weights
-/// and the scale of the node that shows the square change.
+/// A square that two joints and two morph targets deform. The upper joint is animated and carries a light; the weights and the
+/// scale of the node that shows the square are animated too.
 fn moving() -> (Value, Vec<u8>) {
     let mut f = File::default();
     let square = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0];
@@ -76,7 +76,7 @@ fn moving() -> (Value, Vec<u8>) {
         .flat_map(|w| w.to_le_bytes())
         .collect();
     assert_eq!(f.accessor(5123, "VEC4", 4, &weights), WEIGHTS_1);
-    // A sparse target: only vertex 2 moves.
+    // A sparse target that moves only vertex 2.
     let (place, value) =
         (f.view(&[2, 0]), f.view(&[0_f32, 0.0, 2.0].iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<_>>()));
     f.accessors.push(json!({ "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
@@ -155,7 +155,7 @@ fn changed(changes: &[(&str, Value)]) -> Result<Scene, crate::scene::SceneError>
 fn everything_that_moves_is_read() {
     let scene = changed(&[]).unwrap();
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-    // Parents before children, in the order of the walk; what is not in the scene is left out.
+    // Parents before children, in the order of the traversal, without nodes outside the scene.
     let nodes: Vec<_> = scene.nodes.iter().map(|n| (n.name.as_str(), n.parent)).collect();
     assert_eq!(nodes, [("root", None), ("shown", Some(0)), ("lower", Some(0)), ("upper", Some(2)), ("stiff", None)]);
     assert!(matches!(scene.nodes[4].local, Local::Matrix(m) if m == DAffine3::from_translation(DVec3::Z * 4.0)));
@@ -173,7 +173,7 @@ fn everything_that_moves_is_read() {
     let part =
         |vertex: usize, k: usize| (mesh.influences[8 * vertex + k].joint, mesh.influences[8 * vertex + k].weight);
     assert_eq!((part(0, 0), part(0, 1)), ((0, 1.0), (0, 0.0)), "a joint without weight may be any");
-    // 0.8 + 0.2 + 1 of both sets.
+    // The weights of both sets sum to 0.8 + 0.2 + 1.
     assert_eq!((part(2, 0), part(2, 1), part(2, 4)), ((1, 0.4), (0, 0.1), (0, 0.5)));
     assert_eq!((part(3, 0), part(3, 4)), ((1, 0.0), (1, 1.0)));
     assert_eq!(mesh.targets[0].positions, [Vec3::ZERO, Vec3::ZERO, Vec3::Z * 2.0, Vec3::ZERO]);
@@ -199,7 +199,7 @@ fn a_pose_of_the_file_by_hand() {
     let scene = changed(&[]).unwrap();
     let animator = Animator::new(&scene);
     assert!(animator.moves(0) && animator.changes(0) && animator.deforms(1) && !animator.changes(1));
-    // Half way: the upper joint 2 m up and turned by 90 degrees, the node scaled by 1.5.
+    // Halfway: the upper joint is 2 m up and turned by 90 degrees, and the node is scaled by 1.5.
     let pose = animator.pose(1.0);
     assert_eq!(pose.weights, [vec![0.0, 1.0], vec![0.0, 1.0]]);
     assert!(pose.instances[0].abs_diff_eq(
@@ -208,15 +208,16 @@ fn a_pose_of_the_file_by_hand() {
     ));
     let got = deform(&scene.meshes[0], &pose.joints[0], &pose.weights[0]).positions;
     let world: Vec<_> = got.iter().map(|p| pose.instances[0].transform_point3(p.as_dvec3()).as_vec3()).collect();
-    // The second target moves all by 1 in x first. Vertex 3, (1, 1, 0), follows the upper joint: (1, 0, 0) from it, so (0, 1, 0)
-    // when it is turned, 2 m up and 5 to the side. Vertex 2, (2, 1, 0), does so by 0.4: 0.6 (7, 1, 0) + 0.4 (5, 4, 0).
+    // The second target first moves everything by 1 in x. Vertex 3, (1, 1, 0), follows the upper joint: it is (1, 0, 0) from the
+    // joint, hence (0, 1, 0) after the turn, plus 2 m up and 5 to the side. Vertex 2, (2, 1, 0), follows it by 0.4: 0.6 (7, 1, 0)
+    // + 0.4 (5, 4, 0).
     let wanted = [[6.0, 0.0, 0.0], [7.0, 0.0, 0.0], [6.2, 2.2, 0.0], [5.0, 3.0, 0.0]];
     for (got, wanted) in world.iter().zip(wanted) {
         assert!(got.abs_diff_eq(wanted.into(), 1e-4), "{got} {wanted:?}");
     }
     let Light::Point { position, .. } = pose.lights[0] else { panic!() };
     assert!(position.abs_diff_eq(DVec3::new(5.0, 2.0, 0.0), 1e-5) && pose.cameras[0].eye() == position);
-    // Before the first key it waits, and the file's own transform counts where there is no channel.
+    // Before the first key it holds that key's value, and properties without a channel keep the transform of the file.
     assert_eq!(animator.pose(0.2), animator.pose(0.5));
 }
 
@@ -280,7 +281,7 @@ fn every_fault_of_what_moves_is_named() {
             assert!(got.contains(part), "{pointer} = {value}: {got}, wanted {part:?}");
         }
     }
-    // Sizes that agree with one another and are too large all the same.
+    // Sizes that are consistent but too large.
     let sizes = [json!(1_u64 << 27), json!(1_u64 << 27)];
     let got = changed(&[(&accessor(TIMES, "count"), sizes[0].clone()), (&accessor(MOVES, "count"), sizes[1].clone())]);
     let got = got.unwrap_err().to_string();
@@ -317,7 +318,7 @@ fn faulty_numbers_of_what_moves_are_named() {
         let got = load_json(&root, &bin).map(|s| panic!("{wanted}: {:?}", s.warnings)).unwrap_err().to_string();
         assert!(got.contains(wanted), "{got}, wanted {wanted}");
     }
-    // A negative weight, as floats can have it.
+    // A negative weight, which float accessors can hold.
     let (mut root, mut bin) = moving();
     let start = bin.len();
     bin.extend([-0.5_f32; 16].iter().flat_map(|x| x.to_le_bytes()));
@@ -361,13 +362,13 @@ fn what_cannot_be_carried_out_is_said() {
     let scene =
         warned(&[(primitive, json!({ "POSITION": 0 }))], "shown with a skin, but has no joints: follows its node");
     assert!(scene.instances[0].skin.is_none());
-    // Flat normals: every table is spread, and deltas of normals that are not the file's are dropped.
+    // Flat normals: every table is expanded, and deltas of normals are dropped because the file has no normals.
     assert_eq!((scene.meshes[0].positions.len(), scene.meshes[0].targets[0].positions.len()), (6, 6));
     assert!(scene.meshes[0].targets[1].normals.is_empty());
     let four = json!({ "POSITION": 0, "NORMAL": 1, "JOINTS_0": JOINTS, "WEIGHTS_0": WEIGHTS });
     let scene = warned(&[(primitive, four)], "WEIGHTS_0: 1 vertices without weights follow their first joint");
     assert_eq!((scene.meshes[0].influences[12].joint, scene.meshes[0].influences[12].weight), (1, 1.0));
-    // A skin takes no notice of a node that is singular, and neither does what moves.
+    // A skinned mesh ignores a singular node, and an animated node may be singular.
     let scene = changed(&[
         ("/nodes/1/scale", json!([0, 1, 1])),
         ("/animations/0/channels/3", json!({ "sampler": 2, "target": { "node": 1, "path": "weights" } })),
@@ -390,7 +391,7 @@ fn a_skin_may_have_no_matrices() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the bytes: an error, or a scene whose every index is in range, and that can be posed at any time.
+    /// Any bytes give an error, or a scene with valid indices that can be posed at any time.
     #[test]
     fn no_bytes_that_move_make_it_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6), digits in any::<bool>(), time in -10.0_f64..10.0) {
         let (root, bin) = moving();
