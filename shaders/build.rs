@@ -89,7 +89,7 @@ fn build() -> Result<()> {
     }
     let _ = writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{listed}];");
     fs::write(out.join("shaders.rs"), code)?;
-    // For tests/layout.rs.
+    // Included by tests/layout.rs.
     fs::write(out.join("layouts.rs"), format!("&[\n{layouts}]\n"))?;
     Ok(())
 }
