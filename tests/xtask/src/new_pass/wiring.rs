@@ -1,18 +1,18 @@
-//! What a new effect adds to files that stand already.
+//! Insertions into existing files that a new effect needs.
 //!
-//! Nothing is parsed: each insertion names an *anchor*, a piece of text that stands in its file exactly once, and goes directly
-//! before or behind it. Every slot is built in beside `post`, the last one of the frame, so most anchors are lines of `post`.
-//! Indentation, the order of lists and line breaks are left to rustfmt.
+//! Nothing is parsed: each insertion names an *anchor*, a text that occurs in its file exactly once, and is placed directly before or after
+//! it. New slots are placed next to `post`, the last one of the frame, so most anchors are lines of `post`. Indentation, the order of lists
+//! and line breaks are left to rustfmt.
 
 use super::name::Name;
 use anyhow::{Result, bail};
 
-/// Where an insertion goes.
+/// Where an insertion goes, relative to its anchor.
 #[derive(Clone, Copy, Debug)]
 pub enum Place {
-    /// Ends where the anchor begins.
+    /// Directly before the anchor.
     Before,
-    /// Begins where the anchor ends.
+    /// Directly after the anchor.
     Behind,
 }
 use Place::{Before, Behind};
@@ -20,13 +20,13 @@ use Place::{Before, Behind};
 /// One insertion.
 #[derive(Clone, Copy, Debug)]
 pub struct Insertion {
-    /// The file, from the root.
+    /// Path of the file from the root.
     pub file: &'static str,
-    /// Before or behind the anchor.
+    /// Before or after the anchor.
     pub place: Place,
-    /// Text that stands in the file once.
+    /// Text that occurs in the file exactly once.
     pub anchor: &'static str,
-    /// What goes in, with `new_pass` for the name.
+    /// The text to insert, with `new_pass` as the name.
     pub text: &'static str,
 }
 
@@ -39,7 +39,7 @@ const STAGES: &str = "passes/src/stages.rs";
 const SLOTS: &str = "passes/src/slots.rs";
 const FRAME: &str = "passes/src/frame.rs";
 
-/// Every insertion, those of one file together.
+/// All insertions, those of one file together.
 pub const WIRING: &[Insertion] = &[
     insert("shaders/src/lib.rs", Before, "pub mod post;", "pub mod new_pass;\n"),
     insert("passes/src/lib.rs", Before, "mod post;", "mod new_pass;\n"),
@@ -75,7 +75,7 @@ pub const WIRING: &[Insertion] = &[
 ];
 
 impl Insertion {
-    /// `content` of the file with the text for `name` in its place.
+    /// `content` of the file with the text for `name` inserted.
     pub fn apply(&self, content: &str, name: &Name) -> Result<String> {
         let places: Vec<usize> = content.match_indices(self.anchor).map(|(at, _)| at).collect();
         let [at] = places[..] else {
