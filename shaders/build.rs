@@ -91,7 +91,7 @@ fn build() -> Result<()> {
     let _ = writeln!(code, "/// Every shader of the crate.\npub static ALL: &[&Shader] = &[{listed}];");
     fs::write(out.join("shaders.rs"), code)?;
     fs::write(out.join("modules.rs"), modules)?;
-    // For tests/layout.rs.
+    // Included by tests/layout.rs.
     fs::write(out.join("layouts.rs"), format!("&[\n{layouts}]\n"))?;
     Ok(())
 }

@@ -27,7 +27,7 @@ use crate::{
     session,
 };
 
-/// How far a prediction may be from what rendering it comes to before it is said, as a share.
+/// Relative difference between a prediction and its rendered value above which a warning is printed.
 const OFF: f64 = 0.15;
 
 impl From<AccuracyError> for Failure {
@@ -68,7 +68,7 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
     let scene = session::load_scene(scene_name, Some(&arguments.environment), arguments.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
-    // Two runs would time each other, and both would add their rows.
+    // Two runs at once would disturb each other's timings and both append rows.
     let _lock = Lock::take("--out", &out, &format!("accuracy {}", scene_name.display()))?;
     let gpu = open(arguments.device.as_ref())?;
     let options = Options {
@@ -97,7 +97,7 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
         log::info!("part {index} of {count} is done; `magpie accuracy merge` makes the report of all parts");
         return Ok(());
     }
-    // Whatever the folder was begun with.
+    // The metric of the command line replaces the one stored in the folder.
     folder.run.judge = options.judge;
     write(folder, &out)
 }
@@ -158,7 +158,7 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     choose(arguments, &mut tuner, goal.zip(output), Some(&mut render))
 }
 
-/// Chooses for one goal, or for every step of the ladder, and writes what was chosen.
+/// Chooses for one goal, or for every budget of the ladder, and writes the chosen configurations.
 fn choose(
     arguments: &TuneArguments,
     tuner: &mut Tuner<'_>,
@@ -195,7 +195,7 @@ fn choose(
     console::print(&text)
 }
 
-/// Says where a rendered choice is not what it was predicted to be, or far from the truth's brightness.
+/// Warns where a rendered choice misses its prediction, or its brightness is far from that of the reference image.
 fn warn(choice: &Choice) {
     let Some(found) = choice.found else { return };
     let off = |predicted: f64, found: f64| 100.0 * (predicted / found - 1.0);

@@ -108,7 +108,7 @@ pub struct RenderArguments {
     /// Light from all around.
     #[command(flatten)]
     pub environment: EnvironmentArguments,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
     /// Width and height of the picture, pixels
@@ -143,7 +143,7 @@ pub struct RenderArguments {
     /// How rays are traced
     #[arg(long, value_enum, default_value_t = Rays::Auto)]
     pub rays: Rays,
-    /// Leave ways to trace turned off that the device has, as if it had not: to try what happens elsewhere
+    /// Treat these ways to trace rays as missing, even if the device has them: to try what happens elsewhere
     #[arg(long, value_enum, value_name = "WAYS", value_delimiter = ',')]
     pub without_rays: Vec<DriverRays>,
     /// Write the times of every pass
@@ -176,7 +176,7 @@ pub struct RenderArguments {
     pub print_config: bool,
 }
 
-/// What a scene is given that lacks it.
+/// What is added to a scene without a camera or light of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Supply {
     /// Nothing: without a camera of its own or one of --camera, a scene cannot be shown.
@@ -188,7 +188,7 @@ pub enum Supply {
 }
 
 impl Supply {
-    /// As the engine names it.
+    /// Converts to the engine's type.
     pub fn wanted(self) -> magpie::scene::Supply {
         match self {
             Self::None => magpie::scene::Supply::Nothing,
@@ -228,9 +228,9 @@ fn switches(text: &str) -> Result<Switches, String> {
 /// Width and height, pixels, each from 1 to 16384.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Extent {
-    /// Pixels.
+    /// Width, pixels.
     pub width: u32,
-    /// Pixels.
+    /// Height, pixels.
     pub height: u32,
 }
 
@@ -247,7 +247,7 @@ impl FromStr for Extent {
     }
 }
 
-/// One output of one pass.
+/// One output of one pass, written `PASS:OUTPUT`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ViewName {
     /// Full name of the pass, such as `shadows.trace`.
@@ -298,7 +298,7 @@ pub enum DriverRays {
 }
 
 impl DriverRays {
-    /// As the engine names it.
+    /// Converts to the engine's type.
     pub fn way(self) -> magpie::prelude::Rays {
         match self {
             Self::Query => magpie::prelude::Rays::Query,

@@ -20,7 +20,7 @@ use crate::{
     session,
 };
 
-/// What is to be done about a scene without a camera.
+/// Advice that ends the error for a scene without a camera.
 const NO_CAMERA: &str = "--supply camera adds one that frames it";
 
 impl From<BenchError> for Failure {
@@ -112,7 +112,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
-/// The folder of `--charts`.
+/// Creates the folder of `--charts`.
 fn make_folder(folder: &Path) -> Result<(), Failure> {
     let failed = |e| Failure::input(e).context(format!("--charts {}", folder.display()));
     std::fs::create_dir_all(folder).map_err(failed)

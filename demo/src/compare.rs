@@ -32,7 +32,7 @@ pub(crate) fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
     let pair = || format!("{} against {}", a.display(), b.display());
     let comparison = Comparison::of(&test, &reference).map_err(|e| Failure::input(e).context(pair()))?;
     if let Some(file) = diff {
-        // What one of them has beyond the display counts.
+        // HDR metrics apply if either image has values beyond the display range.
         let range = if test_range == DynamicRange::High { test_range } else { reference_range };
         let drawn = side_by_side(&test, &reference, range).map_err(|e| Failure::input(e).context(pair()))?;
         file.write(|out| write_png(out, &drawn))?;

@@ -10,7 +10,7 @@ use log::{Level, LevelFilter, Log, Metadata, Record};
 
 use crate::{args::Loudness, exit::Failure};
 
-/// Writes to standard output. A reader that went away, as `head` does, is no failure.
+/// Writes to standard output. A closed pipe, as with `head`, is not an error.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -27,7 +27,7 @@ pub(crate) fn complain(message: &str) {
 /// Writes a line to standard error, above the progress bar if one is drawn.
 fn say(line: &str) {
     let write = || {
-        // Nothing is left to be told when even stderr is gone.
+        // There is nowhere to report an error of stderr.
         let _ = writeln!(io::stderr().lock(), "{line}");
     };
     match &*BAR.lock().unwrap_or_else(PoisonError::into_inner) {
@@ -38,16 +38,16 @@ fn say(line: &str) {
 
 static BAR: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
-/// A progress bar on standard error; it is gone when this is dropped.
+/// A progress bar on standard error; cleared on drop.
 pub(crate) struct Progress(ProgressBar);
 
 impl Progress {
-    /// Shows nothing when told to be quiet or when standard error is no terminal.
+    /// Draws nothing with `--quiet` or when standard error is not a terminal.
     pub(crate) fn new(frames: u64, loudness: &Loudness) -> Self {
         Self::of(frames, "frames", loudness)
     }
 
-    /// The same, counting something else.
+    /// The same for `count` steps of something other than frames.
     pub(crate) fn of(count: u64, what: &str, loudness: &Loudness) -> Self {
         let target = if loudness.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
         let style = ProgressStyle::with_template(&format!("{{msg}} {{wide_bar}} {{pos}}/{{len}} {what}, {{eta}} left"));
@@ -58,17 +58,17 @@ impl Progress {
         Self(bar)
     }
 
-    /// One more frame is done.
+    /// Advances by one.
     pub(crate) fn step(&self) {
         self.advance(1);
     }
 
-    /// So many more are done.
+    /// Advances by `by`.
     pub(crate) fn advance(&self, by: u64) {
         self.0.inc(by);
     }
 
-    /// So much is done, of which so much was done by an earlier run and says nothing of the time that is left.
+    /// Shows `done`, of which `skipped` come from an earlier run and are left out of the estimate of the remaining time.
     pub(crate) fn show(&self, done: u64, skipped: u64, what: &str) {
         let before = self.0.position();
         if before < skipped && done <= skipped {
@@ -108,7 +108,7 @@ impl Log for Sink {
     fn flush(&self) {}
 }
 
-/// Sends the log to standard error. A program that uses this library with a log of its own keeps its own.
+/// Sends the log to standard error, unless the program that uses this library has installed a logger already.
 pub(crate) fn listen(loudness: &Loudness) {
     let level = match (loudness.quiet, loudness.verbose) {
         (true, _) => LevelFilter::Error,

@@ -10,37 +10,37 @@ use crate::console;
 /// A command that did not do what was asked.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
-    /// Arguments that make no sense, alone or together.
+    /// Wrong command-line usage.
     #[error("{0}")]
     Usage(String),
-    /// A file, name or value that was given is at fault.
+    /// A file, name or value that was given is invalid.
     #[error("{0:#}")]
     Input(anyhow::Error),
-    /// Nothing to render on.
+    /// No usable Vulkan device.
     #[error("{0:#}")]
     NoDevice(anyhow::Error),
-    /// It failed while running.
+    /// Any other error while running.
     #[error("{0:#}")]
     Run(anyhow::Error),
 }
 
 impl Failure {
-    /// A fault of what was given.
+    /// [`Failure::Input`] from any error.
     pub fn input(error: impl Error + Send + Sync + 'static) -> Self {
         Self::Input(anyhow::Error::new(error))
     }
 
-    /// A fault of what was given, in words.
+    /// [`Failure::Input`] with this message.
     pub fn bad(message: impl Into<String>) -> Self {
         Self::Input(anyhow::Error::msg(message.into()))
     }
 
-    /// A fault while running.
+    /// [`Failure::Run`] from any error.
     pub fn running(error: impl Error + Send + Sync + 'static) -> Self {
         Self::Run(anyhow::Error::new(error))
     }
 
-    /// Says what it was about: a file or an argument.
+    /// Adds the file or argument concerned to the message.
     #[must_use]
     pub fn context(self, what: impl Into<String>) -> Self {
         let what = what.into();
@@ -52,7 +52,7 @@ impl Failure {
         }
     }
 
-    /// Exit status.
+    /// The exit status: 1 while running, 2 for usage and input, 3 without a device.
     #[must_use]
     pub const fn status(&self) -> u8 {
         match self {
@@ -62,7 +62,7 @@ impl Failure {
         }
     }
 
-    /// The whole chain of causes in one line. A cause that its parent already quotes is not said twice.
+    /// The whole chain of causes in one line. A cause whose text its parent already contains is left out.
     #[must_use]
     pub fn message(&self) -> String {
         let error = match self {
@@ -122,9 +122,9 @@ impl From<GpuError> for Failure {
     }
 }
 
-/// Shows what clap has to say, which may be the help that was asked for, and gives the exit status.
+/// Prints clap's error or the help that was asked for, and returns the exit status.
 pub(crate) fn report_usage(error: &clap::Error, given: &[OsString]) -> u8 {
-    // Clap does not say which one it is.
+    // Clap does not say which argument is not UTF-8.
     let odd = given.iter().position(|argument| argument.to_str().is_none());
     if let (ErrorKind::InvalidUtf8, Some(at)) = (error.kind(), odd) {
         let line: Vec<_> = given[..=at].iter().map(|a| a.to_string_lossy()).collect();
@@ -132,7 +132,7 @@ pub(crate) fn report_usage(error: &clap::Error, given: &[OsString]) -> u8 {
         return 2;
     }
     if error.use_stderr() {
-        // Nothing is left to be told when even stderr is gone.
+        // There is nowhere to report an error of stderr.
         let _ = error.print();
         return 2;
     }

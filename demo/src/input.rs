@@ -1,4 +1,4 @@
-//! Files that are read, and names that are looked up.
+//! Reading text files, and looking up names.
 
 use std::{io::Read, path::Path};
 
@@ -9,10 +9,10 @@ use magpie::{
 
 use crate::exit::Failure;
 
-/// Greatest size of a text file that is read, bytes; a configuration takes a few thousand.
+/// Largest text file that is read, bytes; a configuration takes a few thousand.
 const MAX_TEXT: u64 = 1 << 20;
 
-/// Reads a text file: a regular one, not one that may never come or never end, such as a pipe or a device.
+/// Reads a text file. Pipes and devices are refused, as reading them may block or never end.
 pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
     let name = path.display();
     let mut bytes = Vec::new();
@@ -28,7 +28,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
     })
 }
 
-/// The configuration that a file and assignments ask for, each checked, with everything else filled in.
+/// Loads the configuration from a file and assignments, checks each, and fills in the defaults.
 pub(crate) fn configure(catalogue: &Catalogue, file: Option<&Path>, assignments: &[String]) -> Result<Config, Failure> {
     let mut config = Config::default();
     if let Some(path) = file {

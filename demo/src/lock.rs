@@ -1,4 +1,4 @@
-//! A folder that one run at a time writes to.
+//! A lock on a folder, so that one run at a time writes to it.
 
 use std::{
     fs::{self, File, TryLockError},
@@ -8,23 +8,23 @@ use std::{
 
 use crate::exit::Failure;
 
-/// Locked while a run writes to the folder; the system lets go of it when the program ends, however it ends.
+/// Name of the lock file, held locked while a run writes to the folder. The system releases it when the process ends.
 const NAME: &str = "magpie.lock";
 
-/// The right to write to a folder, until it is dropped.
+/// The lock on a folder, released on drop.
 #[derive(Debug)]
 pub(crate) struct Lock {
     place: PathBuf,
-    /// The folder was made for this run.
+    /// Whether this run created the folder.
     made: bool,
     _file: File,
 }
 
 impl Lock {
-    /// Takes the folder that `argument` names, which is made where there is none, for a run of `what`.
+    /// Locks the folder that `argument` names for a run of `what`, and creates it where there is none.
     ///
     /// # Errors
-    /// [`Failure::Input`] where another run has it, with what that is; where the folder cannot be written.
+    /// [`Failure::Input`] if another run holds the lock (the message names it), or the folder cannot be written.
     pub(crate) fn take(argument: &str, folder: &Path, what: &str) -> Result<Self, Failure> {
         let name = || format!("{argument} {}", folder.display());
         let failed = |error: io::Error| Failure::input(error).context(name());
@@ -35,7 +35,7 @@ impl Lock {
             let mut options = File::options();
             let file = options.create(true).truncate(false).read(true).write(true).open(&place).map_err(failed)?;
             match file.try_lock() {
-                // Whoever had it may have taken the file away between these two calls.
+                // The last holder may have removed the file between these two calls.
                 Ok(()) if is_at(&file, &place) => break file,
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
@@ -45,7 +45,7 @@ impl Lock {
                     let advice = "wait for it, or choose another folder";
                     return Err(Failure::bad(format!("{}: {holder} is writing to this folder: {advice}", name())));
                 }
-                // A file system without locks: two runs at once are the caller's to avoid.
+                // A file system without locks: avoiding two runs at once is left to the user.
                 Err(TryLockError::Error(error)) => {
                     log::warn!("{}: cannot be locked: {error}", name());
                     break file;
@@ -60,7 +60,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Nothing depends on it; a folder that was made for nothing goes as well, one that holds anything stays.
+        // Errors do not matter here. A folder that this run created is removed if it is still empty.
         let _ = fs::remove_file(&self.place);
         if let Some(folder) = self.place.parent().filter(|_| self.made) {
             let _ = fs::remove_dir(folder);
@@ -68,7 +68,7 @@ impl Drop for Lock {
     }
 }
 
-/// Whether an open file is the one that has this name.
+/// Whether the path still names the open file.
 fn is_at(file: &File, place: &Path) -> bool {
     #[cfg(unix)]
     {

@@ -1,7 +1,7 @@
-//! Files that are written: checked before the work begins, and put in place whole or not at all.
+//! Output files: checked before the work begins, and written whole or not at all.
 //!
-//! What is there already is treated as by `>` in a shell: the target of a link is written and the link stays, permissions stay, a file that
-//! is protected against writing is refused, and what is no file (a pipe, a device, `/dev/stdout`) is written to as it stands.
+//! Existing paths are treated as by `>` in a shell: links are followed and kept, permissions are kept, a file that is write-protected is
+//! refused, and anything that is not a regular file (a pipe, a device, `/dev/stdout`) is written to directly.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -14,11 +14,11 @@ use tempfile::{Builder, NamedTempFile};
 
 use crate::exit::Failure;
 
-/// A file that will be written.
+/// A checked path that will be written.
 #[derive(Debug)]
 pub(crate) struct Output {
     argument: &'static str,
-    /// As it was given.
+    /// As given on the command line.
     path: PathBuf,
     target: Target,
     ending: String,
@@ -27,29 +27,29 @@ pub(crate) struct Output {
 /// Where the bytes go.
 #[derive(Debug)]
 enum Target {
-    /// A regular file, there or to be, all links followed.
+    /// A regular file that exists or will be created, all links followed.
     File(PathBuf),
-    /// What stands there is no file: a pipe, a device.
+    /// Not a regular file: a pipe, a device.
     Stream,
-    /// What this program writes to already.
+    /// This process's own standard output.
     Stdout,
-    /// The same for messages.
+    /// This process's own standard error.
     Stderr,
 }
 
-/// Most links in a row, as in Linux.
+/// Symbolic links followed in a row, as in Linux; more are an error.
 const MOST_LINKS: usize = 40;
 
 impl Target {
     fn of(path: &Path) -> Result<Self, String> {
-        // Opened anew by name, a file to which they lead would be written from its beginning.
+        // Opening a redirected file again by name would overwrite it from its beginning.
         for (number, name, own) in [(1, "stdout", Self::Stdout), (2, "stderr", Self::Stderr)] {
             let names = [format!("/dev/{name}"), format!("/dev/fd/{number}"), format!("/proc/self/fd/{number}")];
             if names.iter().any(|n| path == Path::new(n)) {
                 return Ok(own);
             }
         }
-        // Where a link leads to nothing, the file that it names is made.
+        // For a dangling link, its target is created.
         let mut place = path.to_owned();
         let mut links = 0;
         while fs::symlink_metadata(&place).is_ok_and(|m| m.is_symlink()) {
@@ -77,8 +77,8 @@ impl Target {
 }
 
 impl Output {
-    /// Checks that `path` has one of these endings and that a file can be written there. What is there and is no file, such as `/dev/null`,
-    /// needs no ending: it gets the first of `endings`.
+    /// Checks that `path` has one of `endings` and that a file can be written there. An existing path that is not a regular file, such as
+    /// `/dev/null`, needs no ending and counts as the first of `endings`.
     pub(crate) fn plan(argument: &'static str, path: &Path, endings: &[&str]) -> Result<Self, Failure> {
         let refuse = |fault: String| Failure::bad(format!("{argument} {}: {fault}", path.display()));
         let target = Target::of(path);
@@ -98,13 +98,13 @@ impl Output {
             if !folder.is_dir() {
                 return Err(refuse(format!("the folder {} does not exist", folder.display())));
             }
-            // The only sure way to know whether a file can be made is to make one; dropped, it is gone.
+            // The only sure way to know whether a file can be created is to create one; it is removed on drop.
             temporary(place).map_err(|e| refuse(format!("the folder {} cannot be written: {e}", folder.display())))?;
         }
         Ok(output)
     }
 
-    /// The regular file that is written, links followed, for what is read again later.
+    /// The regular file that is written, links followed, for outputs that are read again later.
     pub(crate) fn file(&self) -> Result<&Path, Failure> {
         match &self.target {
             Target::File(place) => Ok(place),
@@ -112,12 +112,12 @@ impl Output {
         }
     }
 
-    /// Ending in lower case, without the dot.
+    /// File name extension in lower case, without the dot.
     pub(crate) fn ending(&self) -> &str {
         &self.ending
     }
 
-    /// Writes the file; when anything fails, the file that may have stood there before still does.
+    /// Writes the file. If anything fails, a file that stood there before is unchanged.
     pub(crate) fn write<E>(&self, write: impl FnOnce(&mut BufWriter<&mut File>) -> Result<(), E>) -> Result<(), Failure>
     where
         E: std::error::Error + Send + Sync + 'static,
@@ -136,7 +136,7 @@ impl Output {
                 keep_owner(place, part.path()).map_err(failed)?;
                 part.persist(place).map_err(|error| failed(error.error))?;
             }
-            // Not every format can be written from front to back: it is made whole first.
+            // Some formats seek while writing, so the file is written to a temporary one and copied.
             Target::Stream | Target::Stdout | Target::Stderr => {
                 let mut whole = tempfile::tempfile().map_err(failed)?;
                 fill(&mut whole)?;
@@ -156,7 +156,7 @@ impl Output {
         }
     }
 
-    /// Writes text.
+    /// [`Self::write`] for text.
     pub(crate) fn write_text(&self, text: &str) -> Result<(), Failure> {
         self.write(|file| file.write_all(text.as_bytes()))
     }
@@ -176,7 +176,7 @@ fn temporary(place: &Path) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // As any new file has it; the umask takes its part away.
+        // The permissions of any new file, before the umask.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder_of(place))
@@ -190,7 +190,7 @@ pub(crate) fn keep_owner(old: &Path, new: &Path) -> io::Result<()> {
         use std::os::unix::fs::{MetadataExt, chown};
         let now = fs::metadata(new)?;
         if (now.uid(), now.gid()) != (meta.uid(), meta.gid()) {
-            // Only the superuser gives files away; whoever else may write the file may own the new one.
+            // Only the superuser can give files away; otherwise the new file belongs to this user.
             let _ = chown(new, Some(meta.uid()), Some(meta.gid()));
         }
     }

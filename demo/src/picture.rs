@@ -1,4 +1,4 @@
-//! Pictures as files: PNG for what a display shows, EXR for radiance.
+//! Pictures as files: PNG for display values, EXR for radiance.
 
 use std::{
     fs::File,
@@ -16,37 +16,37 @@ use magpie::{
 };
 use magpie_accuracy::metrics::{DynamicRange, MetricError, Picture};
 
-/// Colour of a pixel that is not finite, where one would otherwise be hidden.
+/// Colour of non-finite pixels in a PNG.
 const NOT_FINITE: [u8; 3] = [255, 0, 255];
 
 /// Why a picture could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// The table of pixels does not fit the size.
+    /// The number of pixels is not width times height.
     #[error("wanted {wanted} pixels for {width}x{height}, got {got}")]
     Size {
-        /// Pixels.
+        /// Width, pixels.
         width: u32,
-        /// Pixels.
+        /// Height, pixels.
         height: u32,
         /// Width times height.
         wanted: usize,
-        /// Length of the table.
+        /// Pixels that were given.
         got: usize,
     },
-    /// The encoder, the decoder or the file failed.
+    /// Encoding, decoding or file access failed.
     #[error(transparent)]
     Encode(#[from] ImageError),
     /// The file cannot be opened.
     #[error("cannot be read: {0}")]
     Open(#[from] std::io::Error),
-    /// The path leads to something else.
+    /// The path is not a regular file.
     #[error("wanted a file, this is none")]
     NoFile,
-    /// The contents are of another kind.
+    /// The contents are neither PNG nor EXR.
     #[error("wanted a PNG or an EXR, got {0}")]
     Kind(String),
-    /// The numbers are no picture.
+    /// The pixels are refused by the metrics.
     #[error(transparent)]
     Picture(#[from] MetricError),
 }
@@ -56,8 +56,7 @@ fn check_size(width: u32, height: u32, got: usize) -> Result<(), PictureError> {
     if wanted == got { Ok(()) } else { Err(PictureError::Size { width, height, wanted, got }) }
 }
 
-/// Writes an 8-bit PNG without alpha, since pictures are opaque: a display image as it is, any other made visible. A pixel
-/// that is not finite is magenta.
+/// Writes an opaque 8-bit PNG: a display image as it is, any other made visible. Non-finite pixels are magenta.
 ///
 /// # Errors
 /// [`PictureError`].
@@ -75,8 +74,8 @@ pub fn write_png(out: &mut impl Write, pixels: &Pixels) -> Result<(), PictureErr
     Ok(PngEncoder::new(out).write_image(&rgb, width, height, ExtendedColorType::Rgb8)?)
 }
 
-/// Writes the numbers as they are as a 32-bit float EXR, NaN and infinities included: four channels where the image has four,
-/// else red, green and blue.
+/// Writes the values unchanged as a 32-bit float EXR, NaN and infinities included: four channels where the image has four, else red, green
+/// and blue.
 ///
 /// # Errors
 /// [`PictureError`].
@@ -92,8 +91,8 @@ pub fn write_exr(out: &mut (impl Write + Seek), pixels: &Pixels) -> Result<(), P
     Ok(OpenExrEncoder::new(out).write_image(&bytes, width, height, kind)?)
 }
 
-/// Reads a picture to compare, by its contents and not by its name: a PNG of 8 or 16 bits, sRGB-decoded, or an EXR with its 32-bit
-/// floats as they are. Grey becomes three equal channels; alpha is left out.
+/// Reads a picture to compare; its format is taken from the contents, not the name. PNG: 8 or 16 bits, sRGB-decoded. EXR: 32-bit floats
+/// unchanged. Grey becomes three equal channels; alpha is dropped.
 ///
 /// # Errors
 /// [`PictureError`], also where a pixel is not finite.
@@ -101,7 +100,7 @@ pub fn read_picture(path: &Path) -> Result<(Picture, DynamicRange), PictureError
     if !std::fs::metadata(path)?.is_file() {
         return Err(PictureError::NoFile);
     }
-    // Not `ImageReader::open`, which believes the name where the contents say nothing.
+    // `ImageReader::open` would fall back on the file name where the contents are not recognised.
     let reader = ImageReader::new(BufReader::new(File::open(path)?)).with_guessed_format()?;
     let range = match reader.format() {
         Some(ImageFormat::Png) => DynamicRange::Display,
@@ -181,7 +180,7 @@ mod tests {
     fn what_was_written_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let values = [[0.5, -3.0, 1e9, 1.0], [0.25, 0.0, 1.5, 0.0]];
-        // The name says nothing.
+        // The name does not match the contents.
         let path = folder.path().join("a.png");
         write_exr(&mut File::create(&path).unwrap(), &floats(2, 1, &values)).unwrap();
         let (picture, range) = read_picture(&path).unwrap();
@@ -194,7 +193,7 @@ mod tests {
         let (picture, range) = read_picture(&path).unwrap();
         assert_eq!((&picture, range), (&Picture::from_pixels(&pixels).unwrap(), DynamicRange::Display));
 
-        // Of 16 bits, and grey: 0x8000 is a display's half.
+        // 16-bit grey: 0x8000 is half of the display range.
         image::ImageBuffer::<image::Luma<u16>, _>::from_raw(1, 1, vec![0x8000_u16]).unwrap().save(&path).unwrap();
         let [r, g, b] = read_picture(&path).unwrap().0.pixels[0];
         assert!(r == g && g == b && (r - srgb_decode(0x8000 as f32 / 65535.0)).abs() < 1e-6, "{r} {g} {b}");

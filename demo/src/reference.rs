@@ -17,11 +17,11 @@ use crate::{
     picture, session,
 };
 
-/// Samples between two looks at the clock, and how long a run that is stopped may lose.
+/// Samples per batch, and the interval at which the estimate is saved.
 const STEP: u32 = 16;
 const SAVE_EVERY: Duration = Duration::from_secs(30);
 
-/// Traces the truth, goes on where an earlier run stopped, and writes what it has come to.
+/// Traces the reference image, continues where an earlier run stopped, and writes the result.
 ///
 /// # Errors
 /// [`Failure`] of the kind that gives the right exit status.
@@ -57,7 +57,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     };
     let subject = options.subject(&scene, &camera);
 
-    // What earlier runs have found.
+    // The estimate of earlier runs.
     let mut begun = Estimate::new(extent.width, extent.height);
     let earlier = out.exists() && !arguments.restart;
     for path in earlier.then_some(out).into_iter().chain(arguments.merge.iter().map(PathBuf::as_path)) {
@@ -114,7 +114,7 @@ fn save(estimate: &Estimate, path: &Path, subject: &str) -> Result<(), Failure> 
     restored.map_err(|error| Failure::running(error).context("--out"))
 }
 
-/// What came out, in one line.
+/// The result in one line.
 fn summary(estimate: &Estimate, name: &str) -> String {
     let pixels = estimate.mean.len() as f64;
     let mean = estimate.mean.iter().copied().sum::<glam::DVec3>() / pixels;

@@ -22,7 +22,7 @@ use crate::{
     session::{self, Options, Session},
 };
 
-/// Findings that are told one by one; the rest is counted.
+/// Findings that are printed in full; the rest is counted.
 const FINDINGS_SHOWN: usize = 20;
 
 /// Every file that a run writes.
@@ -59,8 +59,7 @@ impl Outputs {
     }
 }
 
-/// Renders the frames and writes what was asked for. Whatever can be wrong with the arguments and files is found before a
-/// device is opened.
+/// Renders the frames and writes what was asked for. Arguments and files are checked before a device is opened.
 ///
 /// # Errors
 /// [`Failure`] of the kind that gives the right exit status.
@@ -151,7 +150,7 @@ fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, co
     }
 }
 
-/// What the outputs are made from.
+/// The last frame, from which the outputs are written.
 struct LastFrame {
     images: Option<ReadBack>,
     declaration: Arc<Declaration>,
@@ -192,7 +191,7 @@ fn write_outputs(
     Ok(())
 }
 
-/// Any finding of `--check` is an error.
+/// Prints the findings of `--check` and fails if there are any.
 fn tell_findings(findings: &[String]) -> Result<(), Failure> {
     for finding in findings.iter().take(FINDINGS_SHOWN) {
         console::complain(finding);

@@ -30,13 +30,13 @@ pub(crate) fn devices() -> Result<Vec<DeviceReport>, Failure> {
     Ok(magpie::gpu::devices()?)
 }
 
-/// Names of the built-in scenes, as they stand on the command line, with one line about each.
+/// Names of the built-in scenes as given on the command line, each with a one-line description.
 pub(crate) fn scenes() -> Vec<(String, &'static str)> {
     BUILTIN.iter().map(|(name, about)| (format!("{BUILTIN_PREFIX}{name}"), *about)).collect()
 }
 
-/// Loads or makes a scene, surrounds it with an environment map if one is asked for, and supplies what it lacks of what is wanted: light,
-/// a camera.
+/// Loads or builds a scene, replaces its sky with the environment map if one is given, and adds a camera and lights where they are missing
+/// and wanted.
 pub(crate) fn load_scene(
     name: &Path,
     environment: Option<&EnvironmentArguments>,
@@ -60,7 +60,7 @@ pub(crate) fn load_scene(
     Ok(scene)
 }
 
-/// The environment map that is asked for.
+/// Loads the environment map of `--environment`.
 fn load_environment(wanted: &EnvironmentArguments) -> Result<Option<Environment>, Failure> {
     let Some(path) = &wanted.environment else { return Ok(None) };
     let (scale, turn) = (wanted.environment_scale, wanted.environment_turn.to_radians());
@@ -93,7 +93,7 @@ pub(crate) fn first_camera<'a>(scene: &'a Scene, hint: &str) -> Result<&'a Camer
     scene.cameras.first().ok_or_else(missing)
 }
 
-/// What a session is opened with.
+/// Everything that a session needs.
 pub(crate) struct Options<'a> {
     pub(crate) device: Option<&'a str>,
     pub(crate) check: bool,
@@ -156,7 +156,7 @@ impl Session {
         self.rays.name()
     }
 
-    /// Where NaN and infinity came from, one text each, and what could not be told.
+    /// Where NaN and infinity came from, one text each, and which origins could not be found.
     pub(crate) fn origins(&self) -> Vec<String> {
         let trail = self.renderer.trail();
         for (name, why) in trail.unscanned() {
@@ -169,7 +169,7 @@ impl Session {
         told
     }
 
-    /// Takes the renderer down and gives what the validation layers have said since the last frame.
+    /// Destroys the renderer and returns the messages of the validation layers since the last frame.
     pub(crate) fn close(self) -> Result<Vec<String>, Failure> {
         let Self { renderer, gpu, .. } = self;
         drop(renderer);
@@ -182,7 +182,7 @@ impl Session {
     }
 }
 
-/// The way to trace that was asked for, or the one that suits the device, and says so.
+/// The way to trace that was asked for, or for `auto` the one that suits the device. Logs the choice.
 pub(crate) fn choose_rays(gpu: &Gpu, wanted: Rays) -> Result<Way, Failure> {
     let way = match wanted {
         Rays::Auto => {

@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { DeformParams params; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Positions { vec3 at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Weights { float at[]; };
 
-// The blend of the joints that move a vertex (linear blend skinning).
+// Linear blend skinning.
 void skin(Deformer mesh, uint vertex, inout vec3 position, inout vec3 normal, inout vec3 tangent) {
     InfluenceBuffer influences = InfluenceBuffer(mesh.influences);
     vec4 rows[3] = vec4[3](vec4(0.0), vec4(0.0), vec4(0.0));
@@ -23,8 +23,8 @@ void skin(Deformer mesh, uint vertex, inout vec3 position, inout vec3 normal, in
     }
     position = transform_point(rows, position);
     tangent = transform_vector(rows, tangent);
-    // A normal goes by the cofactors: the inverse transpose times the determinant. They exist where there is no inverse, and where
-    // the blend mirrors, they turn the normal with the winding.
+    // A normal is transformed by the cofactor matrix, which is the inverse transpose times the determinant: it exists for singular
+    // matrices, and a blend that mirrors flips the normal together with the winding.
     vec3 x = rows[0].xyz;
     vec3 y = rows[1].xyz;
     vec3 z = rows[2].xyz;
@@ -53,7 +53,7 @@ void main() {
     }
     if (mesh.influence_count > 0u) skin(mesh, vertex, position, normal, tangent);
 
-    // Where two poses cancel a direction out, that of the file stays.
+    // Where the blend cancels a direction out, the one from the file is kept.
     attributes.normal = safe_normalize(normal, attributes.normal);
     tangent -= dot(tangent, attributes.normal) * attributes.normal;
     attributes.tangent.xyz = safe_normalize(tangent, attributes.tangent.xyz);

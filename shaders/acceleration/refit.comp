@@ -3,19 +3,19 @@
 #include "lib/bindless.glsl"
 #include "shared/acceleration.glsl"
 #include "shared/scene.glsl"
-// Fits the boxes of a tree to vertices that have moved; its shape stays. One workgroup per tree goes from its deepest level to the
-// root. Boxes are kept exactly beside the quantised ones, so that they do not grow from level to level.
+// Refits the boxes of a BVH to vertices that have moved; the topology stays. One workgroup per BVH goes from the deepest level to the root.
+// Exact boxes are kept beside the quantised ones, so that boxes do not grow from level to level.
 layout(local_size_x = REFIT_GROUP) in;
 layout(push_constant, scalar) uniform Push { RefitParams params; };
 
-// As in engine/src/ray/fit.rs, whose `Levels` gives the reason for each: finest cell, and factors that outweigh rounding.
+// As `Levels` in engine/src/ray/fit.rs, which explains each: exponent of the finest cell, and factors that outweigh rounding.
 const int FINEST = -60;
 const float MORE_EXTENT = 1.0 + exp2(-20.0);
 const float LESS = 1.0 - exp2(-21.0);
 const float MORE = 1.0 + exp2(-21.0);
 const float INFINITE = uintBitsToFloat(0x7f800000u);
 
-// The least power of two of which 255 reach across, as its exponent.
+// Exponent of the smallest power of two of which 255 cover `extent`.
 int cell_exponent(float extent) {
     float wanted = extent * MORE_EXTENT / 255.0;
     int exponent;
@@ -34,7 +34,7 @@ void fit(RefitJob job, uint index) {
     BvhPrimitiveBuffer primitives = BvhPrimitiveBuffer(job.primitives);
     uint inner = node.exponents_and_mask >> 24;
 
-    // The boxes of the children, and of all.
+    // Boxes of the children, and their union.
     vec3 lower[8];
     vec3 upper[8];
     vec3 least = vec3(INFINITE);
@@ -64,7 +64,7 @@ void fit(RefitJob job, uint index) {
     }
     NodeBoxBufferWrite(job.boxes).at[index] = NodeBox(least, greatest);
 
-    // Quantised outwards.
+    // Quantised, rounded outwards.
     ivec3 exponents = ivec3(cell_exponent(greatest.x - least.x), cell_exponent(greatest.y - least.y), cell_exponent(greatest.z - least.z));
     vec3 cells = ldexp(vec3(1.0), exponents);
     uvec2 planes_min[3] = uvec2[3](uvec2(0u), uvec2(0u), uvec2(0u));

@@ -3,8 +3,8 @@
 #include "lib/bindless.glsl"
 #include "lib/upsample.glsl"
 #include "shared/ao.glsl"
-// The mean over a square of four by four pixels, wherever it lies: every phase of the search's noise pattern once. Five by five
-// look-ups, those at the border half as heavy; along surfaces and not across their edges.
+// The mean over a square of four by four pixels, which holds every phase of the search's noise pattern once wherever it lies: five by five
+// taps, those at the border with half the weight. Edge-aware.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { FilterParams params; };
 

@@ -5,29 +5,29 @@
 #include "lib/sampling.glsl"
 #include "shared/ao.glsl"
 // Openness and bent normals from the depth image: Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate
-// Indirect Occlusion". The hemisphere is cut into slices, planes through the line of sight. In each slice the highest thing is sought on
-// both sides, and what lies above these two horizons is integrated in closed form. Angles in a slice are counted from the direction to
-// the viewer.
+// Indirect Occlusion". The hemisphere is cut into slices, planes through the view direction. In each slice the horizon is searched on both
+// sides, and what lies above the two horizons is integrated in closed form. Angles in a slice are counted from the direction to the viewer.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SearchParams params; };
 
-// A slice: `across` is at right angles to the direction to the viewer, in the slice; one `pixel_step` on the screen goes that way.
+// A slice: `across` is perpendicular to the direction to the viewer and lies in the slice; `pixel_step` is its direction on the screen, one
+// pixel long.
 struct Slice {
     vec3 across;
     vec2 pixel_step;
-    // Angle of the shading and of the geometric normal, once projected into the slice, and their lengths there.
+    // Angles of the shading and the geometric normal after projection into the slice, and the lengths of the projections.
     float shading;
     float shading_length;
     float geometric;
     float geometric_length;
 };
 
-// The point that a pixel shows, from the eye. Not `world_position`: no eye is added and taken away again.
+// The point that a pixel shows, relative to the eye: precise far from the origin, unlike `world_position`.
 vec3 from_eye(ViewBuffer view, ivec2 pixel, float depth) {
     return pixel_ray(view, pixel) / (depth * view.at[0].world_from_clip[2].w);
 }
 
-// The way on the screen, in pixels and of unit length, of a small step along `direction` from the point that `ray` shows.
+// Direction on the screen, in pixels and of unit length, in which a point that `ray` shows moves along `direction`.
 vec2 on_screen(ViewBuffer view, vec3 ray, vec3 direction) {
     mat4 m = view.at[0].world_from_clip;
     vec3 forward = cross(m[0].xyz, m[1].xyz);
@@ -45,22 +45,22 @@ Slice slice_of(ViewBuffer view, Surface s, vec3 ray, vec3 across) {
     slice.pixel_step = on_screen(view, ray, across);
     slice.shading = atan(dot(shading, across), dot(shading, s.to_eye));
     slice.shading_length = length(shading);
-    // Both normals face the viewer; seen edge on, the angle is a right one to either side.
+    // Both normals face the viewer; edge on, the angle is pi/2 to either side.
     slice.geometric = atan(dot(geometric, across), max(dot(geometric, s.to_eye), 1e-6));
     slice.geometric_length = length(geometric);
     return slice;
 }
 
-// How high the horizon is on one side of a slice, as an angle from the surface's own plane on that side, 0 to pi. Not an angle from the
-// viewer: look-ups are at the centres of pixels, not on the slice, and on a plane they must not find it in its own way.
+// Height of the horizon on one side of a slice, as an angle from the surface's own plane on that side, 0 to pi. It is not counted from the
+// viewer because taps are at pixel centres, not exactly on the slice, and a plane must not occlude itself.
 float horizon(ViewBuffer view, ivec2 pixel, Surface s, vec3 here, Slice slice, float side, float first, float radius) {
     vec3 flat_way = side * (cos(slice.geometric) * slice.across - sin(slice.geometric) * s.to_eye);
-    // Of cosines: 1 lies in the plane, and what is lower hides no more than the plane does.
+    // Cosine of the horizon: 1 lies in the plane, and anything lower occludes no more than the plane.
     float highest = 1.0;
     float away_before = 0.0;
     float cosine_before = 1.0;
     for (uint i = 0u; i < params.steps; i++) {
-        // Denser near the point, where things hide more.
+        // Denser near the point, where occluders matter most.
         float share = (float(i) + first) / float(params.steps);
         vec2 at = vec2(pixel) + 0.5 + side * slice.pixel_step * (1.0 + share * share * radius);
         ivec2 seen = ivec2(floor(at));
@@ -79,12 +79,12 @@ float horizon(ViewBuffer view, ivec2 pixel, Surface s, vec3 here, Slice slice, f
         if (away < params.range) {
             found = cosine;
         } else if (away_before < params.range && away < 2.0 * params.range) {
-            // A surface that goes on beyond the range hides up to where the range ends, not just up to the last look-up.
+            // A surface that continues beyond the range occludes up to the end of the range, not just up to the last tap.
             found = mix(cosine_before, cosine, (params.range - away_before) / (away - away_before));
         }
         away_before = away;
         cosine_before = cosine;
-        // What is lower than the horizon may lie behind a thin thing: the horizon comes down towards it.
+        // A tap below the horizon may lie behind a thin object, so it lowers the horizon (thickness heuristic).
         highest = found < highest ? found : mix(highest, found, params.decay);
     }
     return acos(highest);
@@ -95,7 +95,7 @@ float open_arc(float h, float n) {
     return 0.25 * (cos(n) - cos(2.0 * h - n) + 2.0 * h * sin(n));
 }
 
-// The same of the direction itself: its part to the viewer, and its part across.
+// The same integral of the direction itself: its parts towards the viewer and across.
 vec2 open_direction(float h, float n) {
     float to_eye = 4.0 * cos(n) - cos(3.0 * h - n) - 3.0 * cos(h + n);
     float across = 6.0 * sin(h - n) - sin(3.0 * h - n) - 3.0 * sin(h + n) + 8.0 * sin(n);
@@ -106,14 +106,14 @@ vec2 open_direction(float h, float n) {
 vec4 search(ViewBuffer view, ivec2 pixel, Surface s, float depth) {
     vec3 ray = pixel_ray(view, pixel);
     vec3 here = from_eye(view, pixel, depth);
-    // Pixels from the point to where the range ends.
+    // Range in pixels.
     float radius = params.range * depth * view.at[0].world_from_clip[2].w / pixel_spread(view);
     mat3 around = frame_of(s.to_eye);
 
-    // Sixteen turns in every square of four by four pixels, and four starts (as in the paper).
+    // Sixteen rotations in every square of four by four pixels, and four offsets of the taps (as in the paper).
     ivec2 target = pixel / int(params.step);
     float turn = float((((target.x + target.y) & 3) << 2) + (target.x & 3)) / 16.0;
-    // From above 0 to 1, so that some look-ups reach the end of the range.
+    // Greater than 0, at most 1, so that some taps reach the end of the range.
     float first = 1.0 - fract(float((target.y - target.x) & 3) / 4.0 + params.noise.y);
 
     float open = 0.0;
@@ -124,12 +124,12 @@ vec4 search(ViewBuffer view, ivec2 pixel, Surface s, float depth) {
         Slice slice = slice_of(view, s, ray, around * vec3(cos(angle), sin(angle), 0.0));
         float left = horizon(view, pixel, s, here, slice, -1.0, first, radius);
         float right = horizon(view, pixel, s, here, slice, 1.0, first, radius);
-        // Nothing is seen below the surface, nor at a right angle to the normal.
+        // Horizons are limited to the hemispheres of the geometric and the shading normal.
         float n = slice.shading;
         float h0 = min(max(slice.geometric - 0.5 * PI + left, n - 0.5 * PI), 0.0);
         float h1 = max(min(slice.geometric + 0.5 * PI - right, n + 0.5 * PI), 0.0);
         open += slice.shading_length * (open_arc(h0, n) + open_arc(h1, n));
-        // What the same slices would find with nothing in the way: few of them weigh the normals of a tilted surface unevenly.
+        // Normalised by what the same slices give without occluders: a few slices sample the normals of a tilted surface unevenly.
         clear += slice.shading_length * (cos(n) + n * sin(n));
         vec2 direction = open_direction(h0, n) + open_direction(h1, n);
         bent += slice.shading_length * (direction.x * s.to_eye + direction.y * slice.across);

@@ -3,7 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/upsample.glsl"
 #include "shared/ao.glsl"
-// Openness, and bent normals where there are any, of half resolution brought to full.
+// Upsamples openness, and bent normals where there are any, from half to full resolution.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { UpsampleParams params; };
 

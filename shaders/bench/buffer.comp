@@ -5,7 +5,7 @@
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
 #include "lib/bench.glsl"
-// One pass over buffers. Without the bindless set, so that every library can run it.
+// One pass over buffers. It does not use the bindless set, so that every library can run it.
 layout(local_size_x = CELLS) in;
 layout(push_constant, scalar) uniform Push { BufferParams params; };
 

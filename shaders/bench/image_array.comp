@@ -6,7 +6,7 @@
 #extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_nonuniform_qualifier : require
 #include "lib/bench.glsl"
-// The same pass over one plain array of images, for the hand-written floor and the other libraries.
+// The same pass over one plain array of images, for the hand-written Vulkan baseline and the other libraries.
 layout(local_size_x = SIDE, local_size_y = SIDE) in;
 layout(set = 0, binding = 0, r32ui) uniform uimage2D images[];
 layout(push_constant, scalar) uniform Push { ImageParams params; };

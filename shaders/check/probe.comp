@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/check.glsl"
-// Where a scan found something: what another image or buffer holds at the place that corresponds to the first such pixel.
-// Images of different sizes correspond by their texture coordinates, everything else by the share of what lies before.
+// Reads another image or buffer at the place that corresponds to the first non-finite pixel or word of a scan. Images of different sizes
+// correspond by their uv, everything else by the relative index.
 layout(local_size_x = 1) in;
 layout(push_constant, scalar) uniform Push { ProbeParams params; };
 

@@ -6,13 +6,13 @@
 #include "lib/not_finite.glsl"
 #include "lib/reach.glsl"
 #include "lib/taps.glsl"
-// The mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather than two moments: the
-// difference of moments loses the digits of small variances (Welford 1962; for weights that fade: Finch 2009, "Incremental calculation
-// of weighted mean and variance", equations 138 and 143).
+// Temporal accumulation: the mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather
+// than two moments, whose difference loses the digits of small variances (Welford 1962; for exponential weights Finch 2009, "Incremental
+// calculation of weighted mean and variance", equations 138 and 143).
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { AccumulateParams params; };
 
-// Up to so many frames what is fed back counts in full.
+// History length, frames, up to which the filtered history is used in full.
 const float FEW = 4.0;
 
 vec4 reprojected_colour(uint image, Taps taps) {
@@ -23,36 +23,36 @@ vec4 reprojected_colour(uint image, Taps taps) {
     return sum;
 }
 
-// The same of what radiance has one number of for all channels.
+// The same for images that hold one number for all channels of radiance.
 vec4 reprojected(uint image, Taps taps) {
     vec4 value = reprojected_colour(image, taps);
     return params.radiance != 0u ? value.xxxx : value;
 }
 
-// Whether pixels of the frame before are interpolated.
+// Whether the reprojected position lies between pixels of the previous frame.
 bool is_between(vec2 was) {
     return any(greaterThan(abs(was - round(was)), vec2(0.01)));
 }
 
-// Channels in which what is known may be of another place or time: pixels are interpolated, what the channel is about moves by itself, or
-// something has changed around.
+// Channels whose history may belong to another place or time: it is interpolated, what the channel shows moves by itself, or a change was
+// found nearby.
 bvec4 unsettled(bool between, vec4 forgotten) {
     uvec4 moves = uvec4(between ? 15u : params.moved) & uvec4(1u, 2u, 4u, 8u);
     return bvec4(moves | uvec4(greaterThan(forgotten, vec4(0.0))));
 }
 
-// Over how many frames the mean may go then. Interpolation widens an edge each time: by f (1 - f) square pixels of variance each way, a sixth
-// in the mean. A penumbra W pixels wide has W² / 12, and shall not have more than three times that. Where there is no penumbra there is no
-// noise, and nothing to be gained; where nothing is interpolated, nothing is widened either, and a second frame halves the noise.
+// Greatest history length for those. Each interpolation widens an edge by f (1 - f) square pixels of variance in each direction, 1/6 on
+// average. A penumbra W pixels wide has a variance of W² / 12, which may at most triple. Outside of penumbrae there is no noise to average.
+// Without interpolation nothing is widened, and a second frame halves the variance.
 vec4 most_frames(vec4 width, bool between) {
     return max(floor(width * width), vec4(between ? 1.0 : 2.0));
 }
 
-// In a penumbra narrower than this, pixels, what is lit and what is dark are both near: a mean beyond all samples around is of another time.
+// In a penumbra narrower than this, pixels, both lit and shadowed samples are nearby: a mean outside of their range is out of date.
 const float NARROW = 4.0;
 const int AROUND = 2;
 
-// Least and greatest of the samples around.
+// Range of the samples in the neighbourhood.
 void samples_around(ivec2 pixel, uvec2 size, inout vec4 least, inout vec4 most) {
     for (int y = -AROUND; y <= AROUND; y++) {
         for (int x = -AROUND; x <= AROUND; x++) {
@@ -83,8 +83,8 @@ void main() {
         frames = round(reprojected(params.previous_frames, taps) * LONGEST);
         vec4 forgotten = vec4(0.0);
         if (params.gradient != NO_IMAGE) {
-            // What has changed is forgotten (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time Adaptive
-            // Temporal Filtering", section 3.3).
+            // The history is shortened where something has changed (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
+            // Adaptive Temporal Filtering", section 3.3).
             forgotten = load(params.gradient, pixel / int(GRADIENT_STRATUM));
             frames *= vec4(1.0) - forgotten;
         }
@@ -93,7 +93,7 @@ void main() {
         vec4 filtered = reprojected_colour(params.previous_filtered, taps);
         vec4 spread = reprojected(params.previous_variance, taps);
         bool known = is_taken(params.not_finite, before + filtered + spread);
-        // Channels in which the sample stands for itself.
+        // Channels that use the sample without its history.
         bvec4 alone = bvec4(false);
         if (params.reach != NO_IMAGE) {
             vec4 width = penumbra_around(params.reach, pixel);
@@ -103,7 +103,7 @@ void main() {
                 vec4 least = now, most = now;
                 samples_around(pixel, view.at[0].size, least, most);
                 vec4 inside = mix(before, clamp(before, least, most), narrow);
-                // What is known by so much the worse is forgotten by as much.
+                // The history is shortened by as much as clamping has moved its mean.
                 frames = max(floor(frames * (1.0 - abs(inside - before))), vec4(1.0));
                 before = inside;
                 filtered = mix(filtered, clamp(filtered, least, most), narrow);
@@ -112,7 +112,7 @@ void main() {
             if (is_jittered(view)) {
                 vec4 averaged = averaged_width(view, width);
                 alone = equal(averaged, vec4(0.0));
-                // What stands still and is not averaged now may be so in another frame, whose rays meet more.
+                // A pixel that does not move keeps its history even while it is not used: rays of later frames may find a penumbra there.
                 bvec4 kept = bvec4(uvec4(alone) & uvec4(is_between(was) ? 0u : 1u));
                 longest = mix(min(longest, most_frames(averaged, true)), vec4(LONGEST), kept);
             }
@@ -123,8 +123,8 @@ void main() {
         mean = before + share * apart;
         variance = (1.0 - share) * (spread + share * apart * apart);
         vec4 fed = filtered + share * (now - filtered);
-        // What is fed back is smoother than the mean, and with every frame more so: it helps while there are few frames, and fades out.
-        // Of radiance there is no mean but that.
+        // The history fed back from the filter is smoother than the mean, and more so with every frame. It helps while the history is
+        // short, and fades out. Radiance has no unfiltered mean to fade to.
         vec4 plain = params.radiance != 0u ? fed : mean;
         vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
         accumulated = mix(plain + helped * (fed - plain), now, alone);
@@ -133,9 +133,9 @@ void main() {
         }
     }
     store(params.accumulated, pixel, accumulated);
-    // The variance of a mean is that of one of its samples over their number, where they are independent, as those of different pixels are.
-    // Points of one pixel's scrambled sequence are stratified: over an edge in two dimensions their error falls by n^(3/4) (Owen 1997,
-    // "Scrambled net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
+    // The variance of a mean is that of one sample over their number if they are independent, as samples of different pixels are. Points of
+    // one pixel's scrambled sequence are stratified: over an edge in two dimensions the variance falls with n^(3/2) (Owen 1997, "Scrambled
+    // net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
     bool elsewhere = taps.beside || any(greaterThan(abs(was - vec2(pixel)), vec2(0.01)));
     vec4 independent = elsewhere ? vec4(1.0) : sqrt(frames);
     store(params.error, pixel, variance / max(frames * independent, vec4(1.0)));

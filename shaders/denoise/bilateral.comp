@@ -4,8 +4,8 @@
 #include "lib/guide.glsl"
 #include "lib/not_finite.glsl"
 #include "lib/reach.glsl"
-// A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal in the
-// place of the colour's own edges), no further than noise reaches. No history, no variance: one pass.
+// A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal as
+// edge-stopping functions in place of colour), no wider than the penumbrae around. No history, no variance: one pass.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BilateralParams params; };
 
@@ -21,13 +21,13 @@ void main() {
         return;
     }
     vec2 gradient = depth_gradient(view, pixel, here);
-    // Two standard deviations to each side.
+    // The radius is two standard deviations.
     float falloff = 2.0 / float(params.radius * params.radius);
     vec4 farthest = vec4(float(params.radius));
     if (params.reach != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, penumbra_around(params.reach, pixel)));
-    // No pixel is nearer than one.
+    // Truncated: the nearest other pixel is one away.
     int radius = int(max(max(farthest.x, farthest.y), max(farthest.z, farthest.w)));
-    // The pixel itself comes first: what is divided by is never less than 1.
+    // Starting with the pixel itself keeps the sum of weights at 1 or more.
     vec4 sum = noisy;
     vec4 weights = vec4(1.0);
     for (int y = -radius; y <= radius; y++) {
@@ -40,7 +40,7 @@ void main() {
             float square = float(x * x + y * y);
             vec4 weight = mix(vec4(0.0), vec4(edges * exp(-falloff * square)), lessThanEqual(vec4(square), farthest * farthest));
             weights += weight;
-            // A running mean: of equal values it is that value.
+            // A running mean: of equal values it is exactly that value.
             sum += (weight / weights) * (there - sum);
         }
     }

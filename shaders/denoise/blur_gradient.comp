@@ -3,14 +3,14 @@
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "shared/denoise.glsl"
-// Changes are found in few pixels: their mean over the 5x5 around, `step` apart. After the last blur it is the share of the history that
-// is to be forgotten.
+// Changes are measured in few pixels, so they are blurred over 5x5 texels, `step` apart. The last blur turns the mean into the share of the
+// history to discard.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BlurGradientParams params; };
 
-// Changes of this mean forget everything.
+// A mean change from which on the whole history is discarded.
 const float WHOLE_CHANGE = 0.08;
-// What is left of one pixel out of 25 that saw an edge cross a pixel's centre is no change.
+// A mean change up to which none is: one pixel out of 25 may see an edge cross a pixel's centre.
 const float NO_CHANGE = 0.01;
 
 void main() {

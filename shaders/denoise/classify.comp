@@ -3,7 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/tiles.glsl"
-// Tiles in which no pixel, and none beside them, varies need no filter: fully lit and fully shadowed ones.
+// Lists the tiles that need filtering. A tile without variance, border included, needs none: it is fully lit or fully shadowed.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ClassifyParams params; };
 
@@ -18,7 +18,7 @@ void main() {
     const uint SIDE = TILE + 2u;
     for (uint k = gl_LocalInvocationIndex; k < SIDE * SIDE; k += TILE * TILE) {
         ivec2 at = corner + ivec2(k % SIDE, k / SIDE);
-        // Everything but 0 is work, a NaN as well.
+        // Compared with != so that NaN counts as variance too.
         if (inside(at, params.size) && load_error(params.error, at, params.channels) != vec4(0.0)) varies = 1u;
     }
     barrier();
@@ -26,7 +26,7 @@ void main() {
         uint at = atomicAdd(TilesBufferWrite(params.tiles).at[0].count, 1u);
         TileListWrite(params.list).at[at] = pack_tile(gl_WorkGroupID.xy);
     }
-    // Everywhere, so that no image has pixels that nobody wrote; the levels write over it where there is work.
+    // All pixels are written, as the levels write listed tiles only.
     if (!inside(pixel, params.size)) return;
     vec4 colour = load(params.colour, pixel);
     store(params.first, pixel, colour);

@@ -6,20 +6,20 @@
 #include "lib/reach.glsl"
 #include "lib/tiles.glsl"
 // One level of the edge-avoiding à-trous wavelet filter (Dammertz et al. 2010), guided by depth, normal and variance (Schied et al. 2017,
-// section 4.4): 3x3 taps of a linear B-spline, `step` pixels apart. The 5x5 of a cubic one, as there, take 2.5 times as long for the same
+// section 4.4): 3x3 taps of a linear B-spline, `step` pixels apart. The paper's 5x5 taps of a cubic one take 2.5 times as long for the same
 // error.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { LevelParams params; };
 
 const float SPLINE[2] = float[](1.0 / 2.0, 1.0 / 4.0);
-// Beside the standard deviation: what two values may differ by in any case, so that no weight is 0 over 0.
+// Added to the standard deviation, so that no weight is 0 / 0.
 const float LEAST_DIFFERENCE = 1e-6;
 
 vec4 compared(vec4 colour) {
     return params.radiance != 0u ? vec4(luminance(colour.rgb)) : colour;
 }
 
-// exp(-x), of no more channels than there are.
+// exp(-x) of the channels in use.
 vec4 falloff(vec4 x) {
     if (params.channels == 1u) return vec4(exp(-x.x));
     if (params.channels == 2u) return exp(-x.xyxy);
@@ -33,7 +33,7 @@ void main() {
     vec4 colour = load(params.colour, pixel);
     vec4 blurred = load_error(params.blurred, pixel, params.channels);
     Guide here = load_guide(params.guide, params.normals, pixel);
-    // Where nothing varies, nothing changes, to the last bit.
+    // Without variance the colour stays the same to the last bit.
     if (!is_surface(here) || blurred == vec4(0.0)) {
         store(params.filtered, pixel, colour);
         store(params.filtered_error, pixel, load(params.error, pixel));
@@ -42,7 +42,7 @@ void main() {
     vec2 gradient = depth_gradient(view, pixel, here);
     vec4 value = compared(colour);
     vec4 farthest = vec4(1e9);
-    // Half to each side, by this level and those before it together: they have gone all but one of this one's steps already.
+    // Half the width to each side is shared by this level and those before it, which reach (step - 1) pixels together.
     if (params.reach != NO_IMAGE) {
         farthest = 0.5 * averaged_width(view, penumbra_around(params.reach, pixel)) / (2.0 - 1.0 / float(params.step));
     }
@@ -64,7 +64,7 @@ void main() {
             weights += weight;
         }
     }
-    // A channel that does not vary stays as it is; of radiance all channels share a weight.
+    // A channel without variance stays as it is; radiance has one weight for all channels.
     vec4 filtered = sum / weights;
     bvec4 still = params.radiance != 0u ? bvec4(false) : equal(blurred, vec4(0.0));
     store(params.filtered, pixel, mix(filtered, colour, still));

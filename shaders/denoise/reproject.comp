@@ -4,17 +4,17 @@
 #include "lib/guide.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/taps.glsl"
-// Where each surface was seen one frame ago: the four pixels around that place, each left out where it showed something else, by depth,
-// normal or instance. All denoisers read the same answer.
+// Backward reprojection: the four pixels of the previous frame around a surface's position in it, without those that showed another
+// surface, by depth, normal or instance. All denoisers share the result.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ReprojectParams params; };
 
-// Least cosine between the geometric normal that is seen and the one that was.
+// Least cosine between the geometric normals of both frames.
 const float ALIKE = 0.9;
-// How far a depth may be from what it should have been, over it, beside what one pixel's step along the surface makes.
+// Relative difference from the expected depth that is tolerated, beside the depth gradient over one pixel.
 const float DEPTH_TOLERANCE = 0.01;
 
-// View depth of a point one frame ago. It goes with its instance; what deforms is taken to have kept its shape.
+// View depth of a point in the previous frame. It moves rigidly with its instance; deformation is ignored.
 float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
     Instance placed = InstanceBuffer(SceneBuffer(view.at[0].scene).at[0].instances).at[instance];
     bool moved = placed.world_from_object != placed.previous_world_from_object;
@@ -22,14 +22,14 @@ float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
     return (view.at[0].previous_clip_from_world * vec4(before, 1.0)).w;
 }
 
-// What is known of a surface one frame ago.
+// A surface in the previous frame.
 struct Before {
-    float depth;     // of its point, along the view
-    vec2 gradient;   // as of depth_gradient
-    vec2 sampled;    // pixel coordinates of its point, among those of the samples
+    float depth;     // view depth of the point
+    vec2 gradient;   // see depth_gradient
+    vec2 sampled;    // where the previous frame sampled the point, pixels, its jitter included
 };
 
-// Bilinear shares of the four pixels around `at` that showed the surface.
+// Bilinear weights of the four pixels around `at`, 0 for those that showed another surface.
 vec4 shares_of(ViewBuffer view, Before before, Guide here, vec2 at) {
     vec2 first = floor(at);
     vec2 f = at - first;
@@ -37,7 +37,7 @@ vec4 shares_of(ViewBuffer view, Before before, Guide here, vec2 at) {
     float tolerance = abs(before.gradient.x) + abs(before.gradient.y) + DEPTH_TOLERANCE * before.depth;
     vec4 shares = vec4(0.0);
     for (int k = 0; k < 4; k++) {
-        // A thousandth of a pixel is no place of its own.
+        // Below a thousandth, a weight is rounding of a position on the pixel itself.
         if (bilinear[k] < 1e-3) continue;
         ivec2 tap = ivec2(first) + ivec2(k & 1, k >> 1);
         if (!inside(tap, view.at[0].size)) continue;
@@ -65,8 +65,8 @@ void main() {
 
     uint taps = 0u;
     if (params.valid != 0u && surface.exists) {
-        // Motion knows of no jitter, so that what stands still stays at its pixel. The samples of the two frames lie aside of that, each by
-        // its own jitter: a point of a silhouette may have been sampled by the next pixel, where this one showed what is behind.
+        // Motion vectors contain no jitter, so that static points stay at their pixel. The two frames' samples are offset by their own
+        // jitter: a point of a silhouette may have been sampled by the neighbouring pixel, where this pixel showed what is behind.
         vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
         vec2 sampled = was + view.at[0].jitter - view.at[0].previous_jitter;
         Before before = Before(view_depth_before(view, instance - 1u, surface.position), depth_gradient(view, pixel, here), sampled);

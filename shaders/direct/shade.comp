@@ -5,17 +5,18 @@
 #include "lib/gbuffer.glsl"
 #include "lib/precision.glsl"
 #include "shared/direct.glsl"
-// Radiance towards the viewer: light of every lamp times what is seen of it, reflected once, that of emissive surfaces, and emission.
+// Radiance towards the viewer: light of every light source times its visibility, reflected once, plus that of emissive surfaces, plus
+// emission.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ShadeParams params; };
 
-// How much of a light is seen.
+// Visibility of a light.
 struct Seen {
-    vec3 share;  // of its points
-    bool raw;    // as ShadowGroup::raw
+    vec3 share;  // share of the light's points that is visible, per colour channel
+    bool raw;    // unfiltered, see ShadowGroup::raw
 };
 
-// All of those that cast no shadow.
+// Visibility of a light in the shadow images; 1 for lights that cast no shadow.
 Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
     for (uint group = 0u; group < params.group_count; group++) {
         for (uint channel = 0u; channel < 4u; channel++) {
@@ -29,20 +30,20 @@ Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
     return Seen(vec3(1.0), false);
 }
 
-// The share that is seen of those of a light's points that are above the horizon, from that of all its points. Filters may bring more light
-// there than there is; what single rays say too much in one frame they say too little in others, and cutting it off would darken their mean.
+// The visible share of the points above the horizon, from that of all points. Filters may blur in more visibility than there is, hence the
+// minimum. Single rays are not clamped: they average out over frames, and clamping would darken their mean.
 vec3 share_of_those_above(Seen seen, float above) {
     vec3 share = seen.share / above;
     return seen.raw ? share : min(share, vec3(1.0));
 }
 
-// What is reflected of one light, of which a share of all its points is seen.
+// Reflected radiance of one light.
 vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, Seen visible) {
     vec3 seen = visible.share;
     Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
-    // A lobe is seen flattened from the side: there it is narrower.
+    // Seen from the side a specular lobe is flattened, and so narrower.
     bool is_small = angle <= SMALL_LAMP;
     bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
     if (is_small && is_small_in_lobe) {
@@ -54,7 +55,7 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
     seen = share_of_those_above(visible, above);
     mat3 around = frame_of(s.normal);
     vec3 v = s.to_eye * around;
-    // A viewer on the horizon or below counts as a grazing one.
+    // A viewer on or below the horizon is treated as grazing.
     v.z = max(v.z, 1e-4);
     vec3 l = centre.direction * around;
     vec3 sum = vec3(0.0);
@@ -84,7 +85,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
         Light light = lights.at[i];
         LightSample centre = sample_light(light, s.position);
-        // Lights that are out of reach stop here; most of them, in a scene with many.
+        // Out of range; in a scene with many lights, that is most of them.
         if (centre.irradiance == vec3(0.0)) continue;
         Seen seen = visibility(view, i, pixel);
         if (seen.share != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);

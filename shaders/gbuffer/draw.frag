@@ -7,11 +7,11 @@
 #include "lib/gbuffer_write.glsl"
 #include "lib/intersect.glsl"
 #include "shared/gbuffer.glsl"
-// Writes the G-buffer; its layout is in lib/README.md. Back faces of single-sided materials are culled before; which side is seen
-// follows here from the triangle itself, so that both normals face the viewer on double-sided and mirrored instances too.
+// Writes the G-buffer; its layout is in lib/README.md. Back faces of single-sided materials are culled before. The side is derived from the
+// triangle itself, so that both normals face the viewer on double-sided and mirrored instances too.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
-// Without it nothing is discarded, and depth can be tested before shading.
+// If false, nothing is discarded and the depth test can run before shading.
 layout(constant_id = 0) const bool ALPHA_TEST = false;
 
 layout(location = 0) in vec3 from_eye;
@@ -26,7 +26,7 @@ vec4 read(ViewBuffer view, TextureSlot slot, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
     vec3 uv = vec3(slot.uv_set == 0u ? uv0 : uv1, 1.0);
     vec2 at = vec2(dot(slot.row_u, uv), dot(slot.row_v, uv));
-    // As sample_gradients, with those of the screen, which ask for all fragments of a square: before any branch.
+    // As sample_gradients, with screen-space derivatives, which must be taken before any branch as they need the whole quad.
     vec4 value = texture(
         sampler2D(images[nonuniformEXT(slot.image)], samplers[nonuniformEXT(slot.sampler_id)]), at, view.at[0].mip_bias
     );
@@ -45,14 +45,14 @@ vec3 triangle_normal(Instance instance, Mesh mesh, out vec3 corner) {
     return transform_normal(instance.object_from_world, cross(e1, e2));
 }
 
-// Where the ray through the pixel meets the triangle's plane. Interpolated values are those of corners moved to a part of a pixel, which is
-// too coarse where the triangle is seen edge on.
+// Where the ray through the pixel meets the triangle's plane. Interpolated attributes are those of snapped vertex positions, which is too
+// coarse for triangles seen edge on.
 SurfaceHit meet(ViewBuffer view, Instance instance, Mesh mesh, uvec3 corners, vec3 ray) {
     vec3 origin = transform_point(instance.object_from_world, view.at[0].eye);
     TriangleRay object_ray = triangle_ray(origin, transform_vector(instance.object_from_world, ray));
     PositionBuffer at = PositionBuffer(mesh.positions);
     SurfaceHit hit;
-    // Whether it hits does not matter: fragments at the edges may lie just outside.
+    // A miss does not matter: fragments at the edges may lie just outside.
     hit_triangle(object_ray, at.at[corners.x], at.at[corners.y], at.at[corners.z], 0.0, 0.0, hit);
     return hit;
 }
@@ -66,9 +66,9 @@ vec3 point_of(PositionBuffer positions, uvec3 corners, vec2 weights) {
     return point;
 }
 
-// How the point goes that the ray meets. Both frames by the same steps, so that what stands still has no motion at all.
+// Motion vector of the point that the ray meets. Both frames take the same steps, so that static points get exactly 0.
 vec2 motion_at(ViewBuffer view, Instance instance, Mesh mesh, uvec3 corners, vec2 weights) {
-    // No such point on a triangle without area, or seen edge on.
+    // There is no such point on a degenerate triangle, or one seen edge on.
     if (!all(lessThan(abs(weights), vec2(4.0)))) weights = vec2(1.0 / 3.0);
     precise vec3 now = transform_point(instance.world_from_object, point_of(PositionBuffer(mesh.positions), corners, weights));
     precise vec3 before =
@@ -84,7 +84,7 @@ void main() {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
 
-    // Which side. The corner of the triangle, not the fragment, decides: one answer for the whole triangle.
+    // The side is decided by a corner of the triangle, not the fragment: one answer for the whole triangle.
     vec3 corner;
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     vec3 geometric = triangle_normal(instance, mesh, corner);
@@ -97,7 +97,7 @@ void main() {
     if (degenerate) geometric = vertex_normal;
     float side = front ? 1.0 : -1.0;
 
-    // Textures, all before the alpha test: their mip levels need the neighbouring fragments.
+    // Textures are read before the alpha test, as their derivatives need the neighbouring fragments.
     vec4 base = material.base_colour * colour * read(view, material.base_colour_texture, vec4(1.0));
     vec4 metal_rough = read(view, material.metallic_roughness_texture, vec4(1.0));
     float occlusion = 1.0 + material.occlusion_strength * (read(view, material.occlusion_texture, vec4(1.0)).r - 1.0);
@@ -110,7 +110,7 @@ void main() {
     uvec3 corners = TriangleBuffer(mesh.indices).at[gl_PrimitiveID];
     vec3 ray = pixel_ray(view, ivec2(gl_FragCoord.xy));
     SurfaceHit hit = meet(view, instance, mesh, corners, ray);
-    // The alpha test, as a ray through the pixel makes it: at the same point of the triangle, with the same cone.
+    // The same alpha test as for a ray through the pixel: at the same point of the triangle, with the same cone.
     float cone = pixel_spread(view) * hit.t;
     if (ALPHA_TEST && !alpha_passes(scene, instance_index, corners, hit.barycentric, ray, cone)) discard;
 

@@ -5,11 +5,11 @@
 #include "shared/gbuffer.glsl"
 #include "shared/scene.glsl"
 #include "shared/view.glsl"
-// Pulls the vertices of one instance by address. The bound index buffer makes gl_VertexIndex; the first instance of
-// the draw is the instance's index in the scene.
+// Fetches the vertices of one instance by address. gl_VertexIndex comes from the bound index buffer; the draw's first instance is the
+// instance's index in the scene.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
-layout(location = 0) out vec3 from_eye;     // world position minus the eye, metres
+layout(location = 0) out vec3 from_eye;     // world position relative to the eye, metres
 layout(location = 1) out vec3 normal;       // world, unit
 layout(location = 2) out vec4 tangent;      // world, unit; w is the sign of the bitangent
 layout(location = 3) out vec2 uv0;

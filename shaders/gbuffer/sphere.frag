@@ -6,14 +6,14 @@
 #include "lib/gbuffer_write.glsl"
 #include "lib/intersect.glsl"
 #include "shared/gbuffer.glsl"
-// Writes the G-buffer where the ray through the pixel's centre meets a sphere, exactly as rays meet it: in object space, where it is
-// round however the instance is stretched. Materials of spheres are read without textures, as spheres have no coordinates.
+// Writes the G-buffer where the ray through the pixel's centre meets a sphere, with the intersection test of rays: in object space, where
+// it is round even if the instance is stretched. Spheres have no texture coordinates, so their materials are read without textures.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
 layout(location = 0) flat in uint instance_index;
 layout(location = 1) flat in uint sphere_index;
 
-// Spheres are seen however far away they are.
+// No far limit.
 const float NO_END = 1e30;
 
 void main() {
@@ -23,7 +23,7 @@ void main() {
     Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
     vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[sphere_index];
 
-    // The ray has one unit of view depth to its length: t is view depth, and the near plane lies at 1 / world_from_clip[2].w.
+    // `ray` has unit view depth: t is view depth, and the near plane lies at 1 / world_from_clip[2].w.
     vec3 ray = pixel_ray(view, ivec2(gl_FragCoord.xy));
     vec3 origin = transform_point(instance.object_from_world, view.at[0].eye);
     vec3 direction = transform_vector(instance.object_from_world, ray);
@@ -37,7 +37,7 @@ void main() {
     vec3 outwards = safe_normalize(origin - sphere.xyz + hit.t * direction, -direction);
     vec3 normal = safe_normalize(transform_normal(instance.object_from_world, outwards), to_eye);
 
-    // The point goes with its instance.
+    // The point moves with its instance.
     vec3 point = sphere.xyz + sphere.w * outwards;
     vec4 now = view.at[0].steady_clip_from_world * vec4(transform_point(instance.world_from_object, point), 1.0);
     vec3 world_before = transform_point(instance.previous_world_from_object, point);

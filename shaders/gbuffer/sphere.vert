@@ -5,14 +5,14 @@
 #include "shared/gbuffer.glsl"
 #include "shared/scene.glsl"
 #include "shared/view.glsl"
-// A box around each sphere of one instance: eight corners for a sphere, in the order of gl_VertexIndex. The index buffer winds the faces
-// so that those behind the sphere are drawn, which are there as well when the eye is in the box.
+// A box around each sphere of one instance: eight corners per sphere, in the order of gl_VertexIndex. The index buffer's winding draws the
+// back faces, which are visible even when the eye is in the box.
 layout(push_constant, scalar) uniform Push { DrawParams params; };
 
 layout(location = 0) flat out uint instance_index;
 layout(location = 1) flat out uint sphere_index;
 
-// The box is a little wider than the sphere: its own corners are snapped to a part of a pixel.
+// The box is a little larger than the sphere, as its corners are snapped to the raster's subpixel grid.
 const float MARGIN = 1.0 / 256.0;
 
 void main() {

@@ -7,7 +7,7 @@
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
-// Diffuse light of sky and ground, as much of it as the occlusion map and ambient occlusion leave.
+// Diffuse light of sky and ground, times the occlusion map and ambient occlusion.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
@@ -17,7 +17,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (!s.exists) return vec3(0.0);
     vec3 albedo = diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
 
-    // The occlusion map shows folds that ambient occlusion often finds again: both together would hide the light twice.
+    // The minimum of occlusion map and ambient occlusion: both see the same folds, and their product would count them twice.
     vec3 reaches = vec3(s.occlusion);
     vec3 from = s.normal;
     if (params.openness != NO_IMAGE) {

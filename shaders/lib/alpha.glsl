@@ -1,14 +1,14 @@
-// The alpha test, as rays and raster make it: both read the same texels.
+// The alpha test, shared by rays and raster so that both read the same texels.
 #ifndef LIB_ALPHA_GLSL
 #define LIB_ALPHA_GLSL
 #include "lib/bindless.glsl"
 #include "lib/vector.glsl"
 #include "shared/scene.glsl"
 
-// Mip level at which a cone of this width, metres, sees a triangle of the world with the edges `e1` and `e2`, whose texture coordinates
-// differ by `uv1` and `uv2` along them: half the logarithm of texels over area, plus that of the cone's width over the cosine
-// (Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", section 2). `direction` has any length.
-// A cone without width sees the finest mip.
+// Mip level for a cone of this width, metres, on a world-space triangle with the edges `e1` and `e2`, whose texture coordinates differ by
+// `uv1` and `uv2` along them: half the logarithm of texels per area, plus that of the cone's width over the cosine (Akenine-Moeller et al.
+// 2021, "Improved Shader and Texture Level of Detail Using Ray Cones", section 2). `direction` has any length. A width of 0 gives the
+// finest mip.
 float cone_lod(TextureSlot slot, vec3 e1, vec3 e2, vec2 uv1, vec2 uv2, vec3 direction, float width) {
     if (!(width > 0.0)) return 0.0;
     vec2 size = vec2(textureSize(images[nonuniformEXT(slot.image)], 0));
@@ -16,13 +16,13 @@ float cone_lod(TextureSlot slot, vec3 e1, vec3 e2, vec2 uv1, vec2 uv2, vec3 dire
     vec2 b = size * vec2(dot(slot.row_u.xy, uv2), dot(slot.row_v.xy, uv2));
     vec3 across = cross(e1, e2);
     float texels = abs(a.x * b.y - a.y * b.x);
-    // With the length of `across` twice the area: sqrt(texels / area) * width / cosine. Edge-on, it is the coarsest mip.
+    // The length of `across` is twice the area: sqrt(texels / area) * width / cosine. Edge-on it is the coarsest mip.
     float texels_per_width = sqrt(texels * length(across)) * width * length(direction);
     float cosine = abs(dot(across, direction));
     return log2(max(texels_per_width, 1e-20) / max(cosine, 1e-20));
 }
 
-// The alpha of a triangle, given by its vertices, at a point, which a cone of this width meets along `direction`; both of the world.
+// Alpha at a point of a triangle, given by its vertices, which a cone of this width meets along `direction`, both in world space.
 float alpha_at(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
     Instance placed = InstanceBuffer(scene.at[0].instances).at[instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[placed.mesh];
@@ -51,13 +51,13 @@ float alpha_at(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric
     return alpha;
 }
 
-// The share of a surface that is there, by its alpha: all or nothing where it is tested, alpha itself where it is blended.
+// Coverage by alpha: 0 or 1 where alpha is tested, alpha itself where it is blended.
 float coverage_of(Material material, float alpha) {
     if ((material.flags & MATERIAL_BLEND) != 0u) return clamp(alpha, 0.0, 1.0);
     return (material.flags & MATERIAL_ALPHA_TEST) == 0u || alpha >= material.alpha_cutoff ? 1.0 : 0.0;
 }
 
-// Whether an alpha-tested surface is there at that point.
+// Whether an alpha-tested surface passes its test at that point.
 bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
     uint material = InstanceBuffer(scene.at[0].instances).at[instance].material;
     float cutoff = MaterialBuffer(scene.at[0].materials).at[material].alpha_cutoff;

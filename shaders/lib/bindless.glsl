@@ -11,8 +11,8 @@
 #extension GL_EXT_samplerless_texture_functions : require
 #include "shared/filter.glsl"
 
-// Views of one table: an index must be used through the view that fits its image: its format, and whether it is an array. An image,
-// or a part of one, is an array where it has several layers.
+// Views of one table. An index must be used through the view that fits its image's format and whether it has layers. An image view with
+// several layers is an array.
 layout(set = 0, binding = 0) uniform texture2D images[];
 layout(set = 0, binding = 0) uniform utexture2D images_uint[];
 layout(set = 0, binding = 0) uniform texture2DArray image_arrays[];
@@ -25,12 +25,12 @@ layout(set = 0, binding = 2) uniform sampler samplers[];
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer PositionBuffer { vec3 at[]; };
 // The positions of a mesh of spheres: centre and radius.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer SphereBuffer { vec4 at[]; };
-// Corners of a mesh's triangles.
+// Vertex indices of a mesh's triangles.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer TriangleBuffer { uvec3 at[]; };
-// Indices and other plain words.
+// Plain 32-bit words, such as indices.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer WordBuffer { uint at[]; };
 
-// Texel `p` of mip 0, no filter. `image` must be the same for the whole draw or dispatch.
+// Texel `p` of mip 0, unfiltered. `image` must be uniform over the draw or dispatch.
 vec4 load(uint image, ivec2 p) {
     return texelFetch(images[image], p, 0);
 }
@@ -50,13 +50,12 @@ vec4 sample_lod(uint image, uint sampler_id, vec2 uv, float lod) {
     return textureLod(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, lod);
 }
 
-// Beyond the last mip of any image: levels are clamped.
+// Beyond the last mip of any image: the level is clamped.
 const float COARSEST_MIP = 1000.0;
 
-// Where gradients of coordinates say nothing that a filter could use, and drivers have answered with NaN: the mip that is right there,
-// below 0 for all others. Below the first number a pixel is less than a 600th of a texel of the largest image (16384): the finest mip.
-// From the second on it is so many images that even an eighth of it, the most that anisotropy leaves, is the coarsest, as it is of what
-// is no number.
+// Mip level for gradients that are too small or too large to be of use to a filter, for which some drivers return NaN; below 0 for all
+// others. Below LEAST a pixel spans less than a 600th of a texel of the largest image (16384): the finest mip. Above MOST it spans so many
+// images that even an eighth of it, the limit of anisotropy, is the coarsest mip. NaN counts as that too.
 float lod_without_gradients(vec2 dx, vec2 dy) {
     const float LEAST = 1e-7;
     const float MOST = 1e4;
@@ -64,19 +63,19 @@ float lod_without_gradients(vec2 dx, vec2 dy) {
     return all(lessThan(abs(dx), vec2(MOST))) && all(lessThan(abs(dy), vec2(MOST))) ? -1.0 : COARSEST_MIP;
 }
 
-// Filtered over a pixel across which coordinates change by `dx` and `dy`. Image and sampler may differ between invocations.
+// Filtered with the gradients `dx` and `dy` of the coordinates over a pixel. Image and sampler may differ between invocations.
 vec4 sample_gradients(uint image, uint sampler_id, vec2 uv, vec2 dx, vec2 dy) {
     float lod = lod_without_gradients(dx, dy);
     if (lod >= 0.0) return sample_lod(image, sampler_id, uv, lod);
     return textureGrad(sampler2D(images[nonuniformEXT(image)], samplers[nonuniformEXT(sampler_id)]), uv, dx, dy);
 }
 
-// Where texel `at` of a row of `count` lies, beyond its ends.
+// Index of texel `at` in a row of `count`, repeated or clamped.
 int wrapped(int at, int count, bool repeats) {
     return repeats ? ((at % count) + count) % count : clamp(at, 0, count - 1);
 }
 
-// What a bilinear sampler gives (Vulkan, 16.9.3), from four texels: for images of formats that the device cannot filter.
+// Emulates a bilinear sampler (Vulkan, 16.9.3) by four fetches, for formats that the device cannot filter.
 vec4 fetch_bilinear(uint image, uint edges, vec2 uv) {
     ivec2 size = textureSize(images[nonuniformEXT(image)], 0);
     vec2 at = uv * vec2(size) - 0.5;
@@ -90,13 +89,13 @@ vec4 fetch_bilinear(uint image, uint edges, vec2 uv) {
     return mix(above, below, f.y);
 }
 
-// Bilinear at mip 0 by a sampler, or by four fetches: whichever `Gpu::bilinear` chose for the image's format. Image and sampler may
-// differ between invocations.
+// Bilinear at mip 0 by a sampler or by four fetches, as `Gpu::bilinear` chose for the image's format. Image and sampler may differ between
+// invocations.
 vec4 sample_bilinear(uint image, uint sampler_id, vec2 uv) {
     return sampler_id >= FETCHED ? fetch_bilinear(image, sampler_id - FETCHED, uv) : sample_lod(image, sampler_id, uv, 0.0);
 }
 
-// Writes pixel `p`. `image` must be the same for the whole draw or dispatch.
+// Writes pixel `p`. `image` must be uniform over the draw or dispatch.
 void store(uint image, ivec2 p, vec4 value) {
     imageStore(storage_images[image], p, value);
 }

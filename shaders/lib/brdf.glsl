@@ -3,12 +3,12 @@
 #include "lib/vector.glsl"
 // The surface model: GGX over coupled Lambert. Materials and specular part are those of glTF 2.0, appendix B:
 //   f = D V F + diffuse,   F0 = mix(dielectric F0, base_colour, metalness)
-// Its diffuse part, (1 - F(v·h)) base_colour / pi, is not taken: at grazing angles it returns up to 1.7 times the light that comes in.
+// glTF's diffuse part, (1 - F(v·h)) base_colour / pi, is not used: at grazing angles the sum reflects up to 1.7 times the incident light.
 
 // Reflectance of a dielectric at normal incidence: index of refraction 1.5.
 const float DIELECTRIC_F0 = 0.04;
 
-// What the dielectric part of a material reflects at its surface (KHR_materials_ior, KHR_materials_specular).
+// Reflectance of the dielectric part of a material (KHR_materials_ior, KHR_materials_specular).
 struct Dielectric {
     vec3 f0;    // at normal incidence
     float f90;  // at grazing incidence
@@ -16,30 +16,30 @@ struct Dielectric {
 
 const Dielectric PLAIN_DIELECTRIC = Dielectric(vec3(DIELECTRIC_F0), 1.0);
 
-// What a surface reflects by its angle (Schlick 1994, "An Inexpensive BRDF Model for Physically-Based Rendering", equation 15).
+// Parameters of Schlick's approximation (Schlick 1994, "An Inexpensive BRDF Model for Physically-Based Rendering", equation 15).
 struct Fresnel {
     vec3 f0;              // at normal incidence
     float f90;            // at grazing incidence
-    vec3 over_base;       // f0 as the diffuse part below sees it: of a dielectric the strongest channel in all three
-    float diffuse_share;  // what the diffuse part is multiplied with besides
+    vec3 over_base;       // f0 for the diffuse part below: of a dielectric, its strongest channel in all three
+    float diffuse_share;  // factor of the diffuse part
 };
 
-// What rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3, the diffuse part has less, so that no surface returns
-// more light than comes in. Below a weaker reflection it has that much more: without any it is exactly Lambert's.
+// Factor that conserves energy: rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3. It rises to 1 as the reflection gets
+// weaker, where the surface is exactly Lambertian.
 const float DIFFUSE_SHARE = 0.998;
 
-// A physical floor: punctual lights are infinitely small, and a perfect mirror would show them infinitely bright. At 0.002
-// (perceptual roughness 0.045) the highlight is some 0.3 degrees wide, narrower than the disc of the sun.
+// Lower limit of alpha. Point lights are infinitely small, and a perfect mirror would show them infinitely bright. At 0.002 (perceptual
+// roughness 0.045) the highlight is some 0.3 degrees wide, narrower than the disc of the sun.
 const float MIN_ALPHA = 0.002;
 
-// alpha = roughness² (Burley 2012, "Physically-Based Shading at Disney"), not below the floor.
+// alpha = roughness² (Burley 2012, "Physically-Based Shading at Disney"), at least MIN_ALPHA.
 float alpha_of_roughness(float roughness) {
     return max(roughness * roughness, MIN_ALPHA);
 }
 
 // GGX (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", equation 33), per steradian:
 //   D = a² / (pi ((n·h)² (a² - 1) + 1)²)
-// With 1 - (n·h)² = |n × h|² the bracket becomes |n × h|² + a² (n·h)², which does not cancel near the peak.
+// With 1 - (n·h)² = |n × h|² the bracket becomes |n × h|² + a² (n·h)², which has no cancellation near the peak.
 // Takes unit vectors; `n·h < 0` gives 0.
 float ggx_d(vec3 n, vec3 h, float alpha) {
     float n_h = dot(n, h);
@@ -80,12 +80,12 @@ Dielectric dielectric_of(float ior, float strength, vec3 colour) {
     return Dielectric(min(f0 * colour, vec3(1.0)) * strength, specular_f90(vec3(f0)) * strength);
 }
 
-// A coloured reflection of a dielectric takes as much from every channel of what is below as from the strongest, so that nothing gains the
+// For a coloured dielectric reflection the diffuse part uses the strongest channel in all three, so that it does not take on the
 // complementary colour (KHR_materials_specular, `max_value` of `fresnel_mix`).
 Fresnel fresnel_of(Dielectric d, vec3 base_colour, float metalness) {
     float strongest = max(d.f0.r, max(d.f0.g, d.f0.b));
     float grazing = specular_f90(mix(vec3(DIELECTRIC_F0), base_colour, metalness));
-    // Written so that a dielectric with an f90 of 1 has 1 here, to the last bit.
+    // Written so that a dielectric with an f90 of 1 gets exactly 1.
     float kept = 1.0 - (1.0 - metalness) * (1.0 - d.f90);
     vec3 over_base = mix(vec3(strongest), base_colour, metalness);
     return Fresnel(mix(d.f0, base_colour, metalness), grazing * kept, over_base, mix(1.0, DIFFUSE_SHARE, kept));
@@ -102,40 +102,41 @@ vec3 schlick_f(Fresnel f, float v_h) {
     return schlick(f.f0, f.f90, v_h);
 }
 
-// Whether the surface reflects anything at all.
+// Whether the surface reflects anything specularly.
 bool has_reflection(Fresnel f) {
     return f.f0 != vec3(0.0) || f.f90 > 0.0;
 }
 
-// The share of light that gets past the surface, at a cosine.
+// Share of light that enters the surface, 1 - F, at a cosine.
 vec3 passed_f(Fresnel f, float cosine) {
     return vec3(1.0) - schlick(f.over_base, f.f90, cosine);
 }
 
-// Diffuse reflection under a surface that reflects F, times n·l, per steradian: light enters with 1 - F(n·l) and leaves with
-// 1 - F(n·v), and what is held back on the way is returned: with a smooth surface and white below it, all light comes back
-// (Shirley, Hu, Smits and Lafortune 1997, "A Practitioners' Assessment of Light Reflection Models", section 3).
+// Diffuse reflection under a Fresnel interface, times n·l, per steradian: light enters with 1 - F(n·l), leaves with 1 - F(n·v), and is
+// normalised so that a smooth surface over white reflects all light (Shirley, Hu, Smits and Lafortune 1997, "A Practitioners' Assessment of
+// Light Reflection Models", section 3).
 // `albedo`: (1 - metalness) base_colour. 0 below the horizon.
 vec3 diffuse_cosine(Fresnel f, vec3 albedo, float n_v, float n_l) {
-    // The mean of F over the hemisphere, weighed with the cosine, is f0 + (f90 - f0) / 21. A perfect mirror has 0 / 0 here: nothing.
+    // The cosine-weighted mean of F over the hemisphere is f0 + (f90 - f0) / 21. A perfect mirror would be 0 / 0 here: its diffuse part is
+    // 0.
     vec3 held = vec3(1.0) - f.over_base - (vec3(f.f90) - f.over_base) / 21.0;
     vec3 passed = passed_f(f, n_l) * passed_f(f, n_v);
     return albedo * (max(n_l, 0.0) * f.diffuse_share / PI) * (passed / max(held, vec3(1e-6)));
 }
 
-// What it reflects of uniform light: the integral over n·l.
+// Its directional albedo: the integral over n·l.
 vec3 diffuse_albedo(Fresnel f, vec3 albedo, float n_v) {
     return albedo * f.diffuse_share * passed_f(f, n_v);
 }
 
-// BRDF times n·l, per steradian: what incident irradiance at normal incidence is multiplied with. All vectors unit and away from
-// the surface. 0 when the light is below the surface; a viewer below it counts as a grazing one.
+// BRDF times n·l, per steradian: the factor for incident irradiance at normal incidence. All vectors unit and away from the surface. 0 when
+// the light is below the surface; a viewer below it is treated as grazing.
 vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness, Fresnel f) {
     float n_l = dot(n, l);
     if (n_l <= 0.0) return vec3(0.0);
     float n_v = max(dot(n, v), 0.0);
     float alpha = alpha_of_roughness(roughness);
-    // l = -v has no half vector. It needs a viewer on the horizon or below, and there the normal is a fair one.
+    // l = -v has no half vector. That needs a viewer on or below the horizon, where the normal is a fair substitute.
     vec3 h = safe_normalize(v + l, n);
     vec3 diffuse = diffuse_cosine(f, (1.0 - metalness) * base_colour, n_v, n_l);
     return diffuse + schlick_f(f, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
@@ -151,9 +152,9 @@ vec3 environment_brdf(Fresnel f, float roughness, float n_v) {
     return non_negative(f.f0 * scale_bias.x + f.f90 * scale_bias.y);
 }
 
-// Roughly what a surface reflects of light from all over, above 0: light that is to be denoised is divided by it, and multiplied afterwards.
+// Approximate albedo, above 0. Light is divided by it before denoising and multiplied afterwards (demodulation).
 vec3 reflectance(vec3 base_colour, float metalness, float roughness, Fresnel f, float n_v) {
-    // What reflects less has no noise to speak of.
+    // Surfaces that reflect less have no visible noise.
     const float LEAST = 1e-3;
     return max(diffuse_albedo(f, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f, roughness, n_v), vec3(LEAST));
 }

@@ -2,12 +2,12 @@
 #define LIB_BSDF_GLSL
 #include "lib/brdf.glsl"
 #include "lib/sampling.glsl"
-// The whole surface model, to be evaluated and sampled, lobe by lobe. Directions are unit and local: the shading normal is +z, `v` goes
+// The whole surface model, evaluated and sampled lobe by lobe. Directions are unit and local: the shading normal is +z, `v` goes
 // towards the viewer (v.z > 0), `l` towards the light. Opaque surfaces are those of lib/brdf.glsl; on top come transmission
 // (KHR_materials_transmission, _volume, _ior) and a clear coat (KHR_materials_clearcoat).
 
 const uint LOBE_DIFFUSE = 1u;
-const uint LOBE_SPECULAR = 2u;  // the coat too
+const uint LOBE_SPECULAR = 2u;  // includes the clear coat
 const uint LOBE_TRANSMISSION = 4u;
 const uint LOBE_ALL = 7u;
 
@@ -16,29 +16,29 @@ struct Bsdf {
     float metalness;
     Fresnel fresnel;     // of the opaque part
     float alpha;         // roughness², above 0
-    float transmission;  // share of light that meets glass instead of the opaque part, 0 to 1
-    float eta;           // index of refraction behind the surface over that before it
-    bool thin;           // a sheet: light that goes through is not bent
+    float transmission;  // share of the dielectric part that is glass instead of diffuse, 0 to 1
+    float eta;           // relative index of refraction: beyond the surface over this side
+    bool thin;           // a thin sheet: transmitted light is not refracted
     float coat;          // strength of the coat, 0 to 1
     float coat_alpha;
-    Dielectric less;     // what KHR_materials_specular takes off the reflectance of glass, below 0 where it adds
+    Dielectric less;     // what KHR_materials_specular takes off the Fresnel reflectance of glass, negative where it adds
 };
 
-// What glass reflects by its index of refraction alone.
+// For glass whose reflectance follows from its index of refraction alone.
 const Dielectric NO_LESS = Dielectric(vec3(0.0), 0.0);
 
-// One opaque material.
+// An opaque material.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness, Fresnel f) {
     return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS);
 }
 
-// The same of index 1.5.
+// An opaque material of index 1.5.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness) {
     return opaque_bsdf(base_colour, metalness, roughness, fresnel_of(PLAIN_DIELECTRIC, base_colour, metalness));
 }
 
-// Unpolarised Fresnel reflectance of a dielectric, for the cosine on this side and the index behind over that before; 1 where all is
-// reflected.
+// Unpolarised Fresnel reflectance of a dielectric, by the cosine on this side and the relative index `eta`; 1 for total internal
+// reflection.
 float dielectric_f(float cosine, float eta) {
     float g2 = eta * eta - 1.0 + cosine * cosine;
     if (g2 <= 0.0) return 1.0;
@@ -46,12 +46,12 @@ float dielectric_f(float cosine, float eta) {
     // Cook and Torrance 1982, "A Reflectance Model for Computer Graphics", section "Fresnel term".
     float a = (g - cosine) / (g + cosine);
     float b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0);
-    // Two media that are the same have 0 / 0 at grazing incidence only.
+    // Equal indices give 0 / 0 at grazing incidence only.
     return 0.5 * a * a * (1.0 + b * b);
 }
 
-// Reflectance of a facet of glass. Strength and colour (KHR_materials_specular) change what is reflected at normal and at grazing incidence;
-// between the two, Fresnel's equation says how far it is. Where all is reflected, nothing else is possible.
+// Fresnel reflectance of a microfacet of glass. KHR_materials_specular changes it at normal and grazing incidence, with the exact Fresnel
+// curve in between. Total internal reflection stays total.
 vec3 glass_f(Bsdf b, float cosine) {
     float f = dielectric_f(cosine, b.eta);
     if (f >= 1.0) return vec3(1.0);
@@ -61,13 +61,13 @@ vec3 glass_f(Bsdf b, float cosine) {
     return vec3(f) - (1.0 - t) * b.less.f0 - vec3(t * b.less.f90);
 }
 
-// How much of the light a facet of glass does not let through: as much in each channel as in the strongest.
+// Share of light that a microfacet of glass does not transmit: the strongest channel of its reflectance, for all channels.
 float stopped_by_glass(Bsdf b, float cosine) {
     vec3 f = glass_f(b, cosine);
     return max(f.r, max(f.g, f.b));
 }
 
-// GGX of a local half vector, per steradian; the same as ggx_d.
+// GGX of a local half vector, per steradian; equals ggx_d.
 float local_d(vec3 h, float alpha) {
     if (h.z <= 0.0) return 0.0;
     float scaled = alpha * h.z;
@@ -75,13 +75,13 @@ float local_d(vec3 h, float alpha) {
     return ratio * ratio / PI;
 }
 
-// Smith's masking of one direction, by its cosine (Walter et al. 2007, equation 34); 0 on the horizon.
+// Smith masking G1 of one direction, by its cosine (Walter et al. 2007, equation 34); 0 on the horizon.
 float smith_g1(float cosine, float alpha) {
     float c2 = cosine * cosine;
     return 2.0 * cosine / (cosine + sqrt(alpha * alpha * (1.0 - c2) + c2));
 }
 
-// Density of sample_visible_normal, per steradian of the half vector.
+// Pdf of sample_visible_normal, per steradian of the half vector.
 float visible_normal_pdf(vec3 v, vec3 h, float alpha) {
     return smith_g1(v.z, alpha) * local_d(h, alpha) * max(dot(v, h), 0.0) / v.z;
 }
@@ -96,13 +96,13 @@ vec3 mirrored(vec3 l) {
     return vec3(l.xy, -l.z);
 }
 
-// The share of the coat, which depends on the viewer alone.
+// Share of light that the clear coat reflects, by the view direction alone.
 float coat_share(Bsdf b, vec3 v) {
     return b.coat * schlick(vec3(DIELECTRIC_F0), 1.0, v.z).x;
 }
 
-// What goes through, times |n·l|. Between media, radiance is compressed by the square of the index: a path that goes in and out again
-// gets it back.
+// Transmission times |n·l|. Radiance scales with the square of the index across an interface; a path that goes in and out again gets it
+// back.
 vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     if (b.thin) {
         vec3 m = mirrored(l);
@@ -114,21 +114,21 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
     float v_h = dot(v, h);
     float l_h = dot(l, h);
     if (v_h <= 0.0 || l_h >= 0.0) return vec3(0.0);
-    // Walter et al. 2007, equation 21, over the square of the index behind; masking and shadowing by height-correlated Smith, as above.
+    // Walter et al. 2007, equation 21, over the squared index behind; masking and shadowing by height-correlated Smith, as above.
     float bend = v_h + b.eta * l_h;
     float visible = 4.0 * smith_v_cosine(-l.z, v.z, b.alpha);
     return b.base_colour * ((1.0 - stopped_by_glass(b, v_h)) * local_d(h, b.alpha) * visible * v_h * -l_h / (bend * bend));
 }
 
-// The share of light, in each colour, that goes straight through a thin sheet as smooth as alpha can say; 0 of all others. It is what
-// the lobe of transmission comes to as its width goes to 0. `cosine`: of either direction with the normal.
+// Share of light, per channel, that passes straight through a thin sheet that is as smooth as alpha can be; 0 for all others. It is the
+// limit of the transmission lobe as its width goes to 0. `cosine`: of either direction with the normal.
 vec3 straight_transmission(Bsdf b, float cosine) {
     if (!b.thin || b.transmission <= 0.0 || b.alpha > MIN_ALPHA) return vec3(0.0);
     float facing = min(cosine, 1.0);
     return b.base_colour * ((1.0 - coat_share(b, vec3(0.0, 0.0, facing))) * b.transmission * (1.0 - stopped_by_glass(b, facing)));
 }
 
-// BSDF times |n·l|, per steradian, of the lobes that are asked for.
+// BSDF times |n·l|, per steradian, of the selected lobes.
 vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
     float coat = coat_share(b, v);
     if (l.z <= 0.0) {
@@ -151,8 +151,8 @@ vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
     return sum;
 }
 
-// How often each lobe is sampled: diffuse, specular, glass, coat. Roughly what they reflect; never 0 where a lobe gives anything. All 0
-// where none of those asked for does. Glass is one lobe: its facets reflect or let through, as Fresnel says of each.
+// Probability of sampling each lobe: diffuse, specular, glass, coat. Roughly what they reflect, and above 0 wherever a lobe contributes.
+// All 0 if none of the selected lobes does. Glass is one lobe whose facets reflect or transmit by Fresnel.
 vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
     const float LEAST = 0.05;
     float coat = coat_share(b, v);
@@ -172,13 +172,13 @@ vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
     return sum > 0.0 ? odds / sum : vec4(0.0);
 }
 
-// How often a facet of glass reflects rather than lets through.
+// Probability with which a microfacet of glass reflects instead of transmitting.
 float reflection_odds(Bsdf b, float v_h, uint lobes) {
     if ((lobes & LOBE_TRANSMISSION) == 0u) return 1.0;
     return (lobes & LOBE_SPECULAR) == 0u ? 0.0 : stopped_by_glass(b, v_h);
 }
 
-// Density of transmitted directions, per steradian.
+// Pdf of transmitted directions, per steradian.
 float transmission_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     if (b.thin) {
         vec3 h = safe_normalize(v + mirrored(l), vec3(0.0, 0.0, 1.0));
@@ -194,7 +194,7 @@ float transmission_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     return (1.0 - reflection_odds(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
 }
 
-// Density with which `bsdf_sample` gives `l`, per steradian.
+// Pdf with which `bsdf_sample` returns `l`, per steradian.
 float bsdf_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     vec4 odds = lobe_odds(b, v, lobes);
     if (l.z < 0.0) return odds.z > 0.0 ? odds.z * transmission_pdf(b, v, l, lobes) : 0.0;
@@ -208,8 +208,8 @@ float bsdf_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
     return pdf;
 }
 
-// A direction towards light. False where the sample is lost: below the horizon, or reflected where it was to go through. `choice` is
-// uniform and independent of `u`.
+// Samples a direction towards light. False if the sample is lost: below the horizon, or a refraction that ends up on the wrong side.
+// `choice` is uniform and independent of `u`.
 bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     vec4 odds = lobe_odds(b, v, lobes);
     l = vec3(0.0, 0.0, 1.0);
@@ -220,7 +220,7 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     }
     if (choice < odds.x + odds.z) {
         vec3 h = sample_visible_normal(v, b.alpha, u);
-        // What is left of the choice is uniform again.
+        // The rest of `choice` is uniform again.
         bool reflects = (choice - odds.x) / odds.z < reflection_odds(b, dot(v, h), lobes);
         if (reflects || b.thin) l = reflect(-v, h);
         else l = refract(-v, h, 1.0 / b.eta);

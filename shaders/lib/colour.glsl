@@ -14,7 +14,7 @@ vec3 srgb_encode(vec3 c) {
     return mix(high, low, lessThanEqual(c, vec3(0.0031308)));
 }
 
-// CIE xyY to linear Rec.709 with white D65. `xyy` is (Y, x, y) with y above 0. May leave the gamut: components can be negative.
+// CIE xyY, given as (Y, x, y) with y above 0, to linear Rec.709 with white D65. Out-of-gamut colours have negative components.
 vec3 rec709_of_yxy(vec3 yxy) {
     vec3 xyz = vec3(yxy.y, yxy.z, 1.0 - yxy.y - yxy.z) * (yxy.x / yxy.z);
     return vec3(
@@ -84,17 +84,17 @@ vec3 rgb_of_ycocg(vec3 c) {
     return vec3(around + c.y, c.x + c.z, around - c.y);
 }
 
-// Weight of a colour (YCoCg) among others so that a few bright ones do not drown the rest: Karis 2013, "Tone Mapping" (Graphic Rants).
+// Luma-based weight of a YCoCg colour in a mean, so that a few bright samples do not dominate: Karis 2013, "Tone Mapping" (Graphic Rants).
 float tone_weight(vec3 ycocg, float exposure) {
     return 1.0 / (1.0 + exposure * ycocg.x);
 }
 
-// A colour (YCoCg) times exposure and its weight: luma goes from 0 to below 1.
+// A YCoCg colour times exposure and that weight: luma in 0 to below 1.
 vec3 tone_compress(vec3 ycocg, float exposure) {
     return ycocg * (exposure * tone_weight(ycocg, exposure));
 }
 
-// The inverse. Luma of 1 and more has none; it is taken as the greatest that has one in 32 bits.
+// The inverse. Luma of 1 and more has none and is clamped to the greatest that has one in 32 bits.
 vec3 tone_expand(vec3 compressed, float exposure) {
     float rest = 1.0 - compressed.x;
     return compressed / (exposure * (rest < 1e-7 ? 1e-7 : rest));

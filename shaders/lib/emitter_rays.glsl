@@ -8,25 +8,25 @@
 #ifdef TINTED
 #include "lib/tinted.glsl"
 #endif
-// Light that comes straight from emissive surfaces, reflected once, over the surface's reflectance. Every ray goes either to a point of an
-// emissive triangle or sphere, chosen by power, or along the specular lobe, and is weighed by how likely both were to find what it has found
-// (Veach 1997, section 9.2.4: the one-sample model with the balance heuristic). With TINTED surfaces let light through, as in lib/tinted.glsl.
+// Direct light of emissive surfaces, reflected once, divided by the surface's albedo (`reflectance`). Every ray goes either to a point of
+// an emissive triangle or sphere, chosen by power, or along the specular lobe, weighted by the pdf of both strategies (Veach 1997, section
+// 9.2.4: the one-sample model with the balance heuristic). With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
 
 const float FAR = 1e30;
 
-// Closest-hit and any-hit rays.
+// Counters: closest-hit and any-hit rays.
 uvec2 emitter_traced = uvec2(0u);
 
-// A surface that is seen, and what it is made of. Local directions as in lib/bsdf.glsl.
+// A visible surface and its material. Local directions as in lib/bsdf.glsl.
 struct Seen {
     RayStart start;
     mat3 around;
     vec3 v;
     Bsdf bsdf;
-    float lobe_odds;  // how often rays follow the lobe: never of the roughest surfaces, in half of the cases of mirrors
+    float lobe_odds;  // probability of sampling the lobe: 0 for roughness 1, 1/2 for mirrors
 };
 
-// Light of a surface that the lobe has met. Which share of it is there, who follows the ray says.
+// Contribution of a surface that a lobe ray has hit, without its coverage, which the caller applies.
 vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit hit, SurfacePoint met) {
     if (met.emission == vec3(0.0) || WordBuffer(lights.emitters).at[hit.instance] == NO_EMITTER) return vec3(0.0);
     float own = bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
@@ -35,14 +35,14 @@ vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit
     return density > 0.0 ? bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR) * met.emission / density : vec3(0.0);
 }
 
-// Along the lobe. What lets light through dims and colours what lies behind it, and shines by what it covers.
+// A sample along the lobe. Surfaces in between that transmit light attenuate and tint what lies behind them, and emit by their coverage.
 vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
     vec3 l = reflect(-s.v, sample_visible_normal(s.v, s.bsdf.alpha, u));
     vec3 direction = s.around * l;
     if (l.z <= 0.0 || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
     Ray ray = surface_ray(s.start, direction, FAR);
 #ifdef TINTED
-    // First to what lets nothing through, then through all that lies before it.
+    // First ray to the nearest opaque surface, then on through all transmitting ones before it.
     ray.mask = INSTANCE_MASK_SOLID;
     vec3 behind = vec3(0.0);
     vec3 before = vec3(0.0);
@@ -52,7 +52,7 @@ vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
         emitter_traced.x++;
         bool found = trace_closest(scene, ray, hit);
         if (met > 0u && !found) return before + share * behind;
-        // As light_through has it.
+        // The limit of light_through.
         if (met > MOST_SHEETS) return before;
         float left = ray.t_max;
         if (found) {
@@ -81,7 +81,7 @@ vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
 #endif
 }
 
-// The share of light, in each colour, that comes along a ray.
+// Transmittance along a ray, per colour channel.
 vec3 share_along(SceneBuffer scene, Ray ray) {
 #ifdef TINTED
     float farthest;
@@ -92,10 +92,10 @@ vec3 share_along(SceneBuffer scene, Ray ray) {
 #endif
 }
 
-// At a point of what emits.
+// A sample of a point on an emitter.
 vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which, vec2 u) {
     LightChoiceBuffer table = LightChoiceBuffer(lights.near);
-    // 24 bits of the number choose the entry.
+    // The entry is chosen by 24 bits of the number.
     LightChoice choice = table.at[choose(table, lights.near_count, uint(which.x * 16777216.0) << 8u, which.y)];
     Incident from;
     if (!sample_emitter(scene, choice, s.start.position, u, from)) return vec3(0.0);
@@ -108,21 +108,21 @@ vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which,
     return share * scattered * from.radiance / (choice.probability * (1.0 - s.lobe_odds) + other / from.pdf);
 }
 
-// Radiance over the reflectance, of one pixel.
+// Radiance over albedo for one pixel.
 vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     Surface surface = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!surface.exists) return vec3(0.0);
     Seen s;
     s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
     bool has_lobe = has_reflection(surface.fresnel);
-    // Black, as unlit surfaces are: a metal of no colour.
+    // Black, as unlit surfaces are: a metal with a black base colour.
     if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
     s.start = seen_start(scene, load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     s.around = frame_of(surface.normal);
     s.v = surface.to_eye * s.around;
-    // A viewer on the horizon or below counts as a grazing one.
+    // A viewer on or below the horizon is treated as grazing.
     s.v.z = max(s.v.z, 1e-4);
     s.lobe_odds = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
     uint seed = view.at[0].seed;

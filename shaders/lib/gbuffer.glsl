@@ -21,18 +21,18 @@ struct Surface {
     vec3 geometric_normal;
     // Linear Rec.709, 0 to 1.
     vec3 base_colour;
-    // Ambient occlusion, 1 is open.
+    // Occlusion map; 1 is open.
     float occlusion;
     float metalness;
     // Perceptual, 0 to 1.
     float roughness;
-    // Of the two together with the reflection of the dielectric part.
+    // Of base colour, metalness and the dielectric part's reflectance.
     Fresnel fresnel;
 };
 
-// Direction of the ray through a pixel's centre, not normalised, so that the point at reversed depth d is
-// eye + ray / (d w), w = world_from_clip[2].w. With an infinite reversed projection only the depth column of the inverse has
-// a w, and that column is the eye: taking it apart this way adds no eye-sized numbers before the division.
+// Direction of the ray through a pixel's centre, not normalised: the point at reversed depth d is eye + ray / (d w) with w =
+// world_from_clip[2].w. With an infinite reversed projection only the inverse's depth column has a w, and that column is the eye. Taking
+// the matrix apart this way avoids adding coordinates as large as the eye's before the division.
 vec3 pixel_ray(ViewBuffer view, ivec2 pixel) {
     precise vec2 ndc = (vec2(pixel) + 0.5) / vec2(view.at[0].size) * 2.0 - 1.0;
     mat4 m = view.at[0].world_from_clip;
@@ -40,8 +40,8 @@ vec3 pixel_ray(ViewBuffer view, ivec2 pixel) {
     return ray;
 }
 
-// Width of a pixel's cone over view depth: the height of a pixel at one metre. Times the `t` of a ray along `pixel_ray` it is the
-// cone's width there, metres.
+// Width of a pixel's cone per view depth: the height of a pixel at one metre. Times the `t` of a ray along `pixel_ray` it is the cone's
+// width there, metres.
 float pixel_spread(ViewBuffer view) {
     return 2.0 * length(view.at[0].world_from_clip[1].xyz) / float(view.at[0].size.y);
 }
@@ -52,7 +52,7 @@ vec3 world_position(ViewBuffer view, ivec2 pixel, float depth) {
     return position;
 }
 
-// The background.
+// The surface of a background pixel.
 Surface no_surface() {
     Surface s;
     s.exists = false;
@@ -98,7 +98,7 @@ Surface load_surface(
     return s;
 }
 
-// False outside the image: the last workgroups hang over its edges.
+// False outside the image, which the last workgroups exceed.
 bool inside(ivec2 pixel, uvec2 size) {
     return all(lessThan(uvec2(pixel), size));
 }

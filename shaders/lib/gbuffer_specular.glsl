@@ -5,7 +5,7 @@
 // and 32-bit floats hold exactly. Six bits of f90, and eight for the root of each channel of f0. Exact are an f0 of 0, 0.04 and 1, and an
 // f90 of 0 and 1; elsewhere f0 is at most sqrt(f0) / 255 off, and f90 1 / 126.
 
-// What an image without blue and alpha reads as: the plain dielectric.
+// Value for images without blue and alpha: the plain dielectric of index 1.5.
 const vec2 NO_SPECULAR_CODE = vec2(0.0, 1.0);
 
 vec2 encode_dielectric(Dielectric d) {
@@ -14,7 +14,7 @@ vec2 encode_dielectric(Dielectric d) {
     uint grazing = uint(clamp(d.f90, 0.0, 1.0) * 63.0 + 0.5);
     uint low = ((root.g & 127u) << 8u) | root.b;
     uint high = (grazing << 9u) | (root.r << 1u) | (root.g >> 7u);
-    // A blue f0 of 1 with no f90 is no dielectric that there is, but what stands for the plain one is kept free.
+    // The code of the plain dielectric is reserved. It would decode to a coloured f0 with an f90 of 0, which no material has.
     if (high == 0u && low == 32767u) low--;
     return vec2(high, low) / 32767.0;
 }

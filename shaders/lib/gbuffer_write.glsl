@@ -1,4 +1,4 @@
-// What a fragment leaves in the G-buffer, encoded; its layout is in README.md. A fragment shader defines WRITES_GBUFFER first.
+// Encodes a fragment for the G-buffer; its layout is in README.md. A fragment shader defines WRITES_GBUFFER first.
 #ifndef LIB_GBUFFER_WRITE_GLSL
 #define LIB_GBUFFER_WRITE_GLSL
 #include "lib/gbuffer_specular.glsl"
@@ -6,18 +6,18 @@
 #include "lib/octahedral.glsl"
 #include "shared/scene.glsl"
 
-// Greatest number that the formats of emission and motion hold: finite numbers stay finite. Chosen by comparison, which keeps a NaN
-// for the scan to find; min and clamp may not.
+// Greatest number in the formats of emission and motion, so that finite values stay finite. Clamped by comparison, which keeps NaN for
+// `--check` to find; min and clamp may not.
 layout(constant_id = 1) const float GREATEST = 65504.0;
 
 struct Fragment {
     vec3 to_eye;               // world, unit
-    vec3 normal;               // shading normal on the side that is seen, unit; turned to the viewer here where it points away
-    vec3 geometric_normal;     // unit, on the side that is seen
+    vec3 normal;               // shading normal on the visible side, unit; turned towards the viewer here if it points away
+    vec3 geometric_normal;     // unit, on the visible side
     vec3 base_colour;
     float occlusion;           // 1 is open
     vec2 metalness_roughness;
-    vec2 specular;             // as encode_dielectric has it
+    vec2 specular;             // see encode_dielectric
     vec3 emission;
     vec2 motion;
     uvec2 ids;                 // instance + 1, primitive
@@ -40,7 +40,7 @@ layout(location = 5) out uvec2 out_ids;
 
 void write_gbuffer(Fragment f, uint material_flags) {
     if ((material_flags & MATERIAL_UNLIT) != 0u) {
-        // A black metal: the one surface that reflects nothing (specular_f90 of lib/brdf.glsl).
+        // A black metal, the one material that reflects nothing (specular_f90 of lib/brdf.glsl).
         f.emission = f.base_colour;
         f.base_colour = vec3(0.0);
         f.metalness_roughness = vec2(1.0);

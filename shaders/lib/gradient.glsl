@@ -4,19 +4,19 @@
 #include "lib/random.glsl"
 #include "lib/shadow_rays.glsl"
 #include "shared/denoise.glsl"
-// Gradient samples: one pixel out of each square of GRADIENT_STRATUM is remembered with the surface that it showed, and its rays are traced
-// again in the next frame, from where that surface is by then (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
-// Adaptive Temporal Filtering", section 3.1). Where nothing has changed they find what they found before, whatever the noise, the jitter
-// of the pixels and the movement of the camera.
+// Temporal gradients: one pixel out of each square of GRADIENT_STRATUM stores its surface, and its rays are traced again in the next frame
+// with the same random numbers, from where that surface is by then (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
+// Adaptive Temporal Filtering", section 3.1). If nothing has changed they give the same result, regardless of noise, jitter and camera
+// motion.
 
-// The pixel of a square that is remembered in a frame: another one in each.
+// The pixel of a square that is stored in a frame: a different one in each frame.
 ivec2 gradient_pixel(ViewBuffer view, ivec2 square, uint frame) {
     uint turn = hash4(uvec4(square, frame, view.at[0].seed)).x % (GRADIENT_STRATUM * GRADIENT_STRATUM);
     return square * int(GRADIENT_STRATUM) + ivec2(turn % GRADIENT_STRATUM, turn / GRADIENT_STRATUM);
 }
 
-// Keeps what the pixel of a square shows, in two texels of two words: reversed depth and shading normal, instance + 1 and primitive. Zeros for
-// the background.
+// Stores what the pixel of a square shows, in two texels of two words: reversed depth and shading normal, instance + 1 and primitive. Zeros
+// for the background.
 void remember(ViewBuffer view, ivec2 square, uint kept, uint depth, uint normal, uint ids) {
     ivec2 pixel = gradient_pixel(view, square, view.at[0].frame);
     uvec4 words = uvec4(0u);
@@ -27,7 +27,7 @@ void remember(ViewBuffer view, ivec2 square, uint kept, uint depth, uint normal,
     store_uint(kept, ivec2(2 * square.x + 1, square.y), words.zwww);
 }
 
-// A point, a direction and a normal of an instance, from where they were one frame ago to where they are.
+// A point, a direction and a normal of an instance, moved from the previous frame to this one.
 struct Carried {
     vec3 point;
     vec3 direction;
@@ -46,7 +46,7 @@ Carried carry(Instance instance, Carried was) {
     return now;
 }
 
-// The surface that the frame before kept of a square, where it is now, and the pixel that showed it. False where there was none.
+// The surface that the previous frame stored for a square, at its current position, and the pixel that showed it. False if there was none.
 bool remembered(ViewBuffer view, uint kept, ivec2 square, out ivec2 pixel, out Receiver at) {
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     pixel = gradient_pixel(view, square, view.at[0].frame - 1u);
@@ -74,7 +74,7 @@ bool remembered(ViewBuffer view, uint kept, ivec2 square, out ivec2 pixel, out R
     return true;
 }
 
-// The square of the frame before that shows what this one does, by the motion of its middle.
+// The square of the previous frame that corresponds to this one, by the motion vector of its middle.
 ivec2 square_before(ViewBuffer view, ivec2 square, uint motion) {
     ivec2 size = ivec2(view.at[0].size);
     ivec2 middle = min(square * int(GRADIENT_STRATUM) + int(GRADIENT_STRATUM / 2u), size - 1);

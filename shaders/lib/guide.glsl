@@ -4,13 +4,13 @@
 #include "lib/gbuffer.glsl"
 #include "lib/octahedral.glsl"
 #include "shared/denoise.glsl"
-// What denoisers tell surfaces apart by, in two words for each pixel: view depth, and 12 bits each of an octahedral geometric normal over the
-// lower 8 bits of the instance's number. It is free of noise.
+// The guide of the denoisers, two words per pixel: view depth, and 12 bits each of an octahedral geometric normal over the lower 8 bits of
+// the instance's index. It is free of noise.
 
 struct Guide {
     float depth;    // along the view, metres; 0 on the background
-    vec3 plane;     // geometric normal, unit: how depth goes on
-    vec3 normal;    // the normal that the light depends on, unit: that, or the shading normal
+    vec3 plane;     // geometric normal, unit: defines the plane along which depth is extrapolated
+    vec3 normal;    // normal that edges are found by, unit: the geometric one, or the shading normal
     uint instance;  // lower 8 bits
 };
 
@@ -33,8 +33,8 @@ Guide load_guide(uint image, ivec2 pixel) {
     return unpack_guide(load_uint(image, pixel).xy);
 }
 
-// Of light that depends on the shading normal, which `normals` of the G-buffer has; NO_IMAGE for light that depends on the plane alone, as
-// visibility does.
+// `normals` is the G-buffer's image for light that depends on the shading normal, or NO_IMAGE for light that depends on the geometric
+// normal only, as visibility does.
 Guide load_guide(uint image, uint normals, ivec2 pixel) {
     Guide g = load_guide(image, pixel);
     if (normals != NO_IMAGE) g.normal = octahedral_decode(load(normals, pixel).xy);
@@ -50,27 +50,25 @@ float view_depth(ViewBuffer view, float depth) {
     return 1.0 / (depth * view.at[0].world_from_clip[2].w);
 }
 
-// How view depth changes from one pixel to the next, right and down, on the plane that is seen at a pixel: metres. On the plane through
-// x with the normal n, the ray r of a pixel has the depth (n·x) / (n·r).
+// Change of view depth from one pixel to the next, right and down, on the plane of a pixel's surface: metres. On the plane through x with
+// the normal n, the ray r of a pixel has the depth (n·x) / (n·r).
 vec2 depth_gradient(ViewBuffer view, ivec2 pixel, Guide g) {
     mat4 m = view.at[0].world_from_clip;
     vec2 size = vec2(view.at[0].size);
     float facing = dot(g.plane, pixel_ray(view, pixel));
     vec2 change = vec2(dot(g.plane, m[0].xyz) * 2.0 / size.x, dot(g.plane, m[1].xyz) * 2.0 / size.y);
-    // Edge on, depth does anything from one pixel to the next.
+    // Edge on, the gradient is unbounded.
     float least = 1e-3 * length(pixel_ray(view, pixel));
     return -g.depth * change / (abs(facing) < least ? (facing < 0.0 ? -least : least) : facing);
 }
 
-// Weights of one pixel for another, `offset` pixels away: how far it lies off the plane in depth (SVGF's, with the sign and the place of
-// epsilon as they have to be), and how differently it is turned. Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering",
-// equations 3 and 4.
+// Edge-stopping functions of SVGF for a pixel `offset` pixels away: distance in depth from the plane (with the sign and the epsilon of the
+// equation corrected), and difference of normals. Schied et al. 2017, "Spatiotemporal Variance-Guided Filtering", equations 3 and 4.
 const float SIGMA_DEPTH = 1.0;
-// The least step in depth that parts two surfaces, over depth.
+// Least depth step between separate surfaces, relative to depth.
 const float LEAST_STEP = 2e-3;
 
-//
-// The weight in two parts, y * exp(-x), for those who have more to put into the exponent.
+// The weight in two parts, y * exp(-x), for callers that add to the exponent.
 vec2 edge_terms(Guide here, vec2 gradient, Guide there, vec2 offset) {
     if (!is_surface(there)) return vec2(0.0);
     float expected = abs(dot(gradient, offset));

@@ -3,29 +3,29 @@
 #define LIB_INTERSECT_GLSL
 #include "shared/scene.glsl"
 
-// A ray as the box test wants it.
+// A ray prepared for the box test.
 struct BoxRay {
     vec3 origin;
     vec3 inverse;  // 1 / direction, always finite
     uint octant;   // bit 2, 1, 0: x, y, z of the direction is not negative
 };
 
-// A ray as the triangle test wants it (Woop et al. 2013).
+// A ray prepared for the triangle test (Woop et al. 2013).
 struct TriangleRay {
     vec3 origin;
     uint axis;     // axis along which the direction is longest, permuted to be z
     vec3 shear;    // x/z, y/z and 1/z of the permuted direction
 };
 
-// On a triangle, or on a sphere. It holds anything where there is no hit.
+// A hit on a triangle or a sphere. Undefined if there is no hit.
 struct SurfaceHit {
     float t;
     vec2 barycentric;  // weights of the second and third corner; zero on a sphere
-    bool front;        // the ray meets the side from which the corners run counter-clockwise, or the outside
+    bool front;        // hit on the front: corners counter-clockwise, or the outside of a sphere
 };
 
-// Smaller direction components count as this. Over any distance that f32 resolves in a scene the ray moves by less than a
-// rounding error, and coordinates up to 1e18 times the inverse stay finite, so that no 0 * infinity comes up.
+// Smaller components of a direction are raised to this. Over any distance that f32 resolves in a scene the ray then moves by less than a
+// rounding error, and 1 / component times coordinates up to 1e18 stays finite, so that 0 * infinity does not occur.
 const float SMALLEST_COMPONENT = 1e-20;
 
 // Relative rounding error of a plane's distance, 16 unit roundoffs: the division is good to 5 (Vulkan allows 2.5 ulp), the
@@ -42,7 +42,7 @@ BoxRay box_ray(vec3 origin, vec3 direction)
     return BoxRay(origin, 1.0 / safe, octant);
 }
 
-// Moves `axis` to z and keeps the handedness.
+// Permutes `axis` to z and keeps the handedness.
 vec3 axis_to_z(vec3 v, uint axis)
 {
     return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v;
@@ -56,13 +56,13 @@ TriangleRay triangle_ray(vec3 origin, vec3 direction)
     return TriangleRay(origin, axis, vec3(d.x / d.z, d.y / d.z, 1.0 / d.z));
 }
 
-// Hits of the eight children as one mask (Ylitie et al. 2017, section 3): bits 24 to 31 for inner children, the first to be
-// visited highest; bits 0 to 23 for primitives, counted from the node's first.
+// Hits of the eight children as one mask (Ylitie et al. 2017, section 3): bits 24 to 31 for inner children, the first to visit highest;
+// bits 0 to 23 for primitives, counted from the node's first.
 uint hit_children(BvhNode node, BoxRay ray, float t_min, float t_max)
 {
     uint e = node.exponents_and_mask;
     vec3 cell = uintBitsToFloat(uvec3((e & 255u) << 23, ((e >> 8) & 255u) << 23, ((e >> 16) & 255u) << 23));
-    // Distance to plane q is q * scale + base. Near planes are taken closer and far ones further by the rounding error.
+    // Distance to plane q is q * scale + base. Near planes are moved closer and far ones further by the rounding error.
     vec3 scale = cell * ray.inverse;
     vec3 base = (node.origin - ray.origin) * ray.inverse;
     vec3 slack = BOX_ROUNDING * (abs(base) + 255.0 * abs(scale));
@@ -84,7 +84,7 @@ uint hit_children(BvhNode node, BoxRay ray, float t_min, float t_max)
             vec3 far = vec3((far_planes >> shift) & 255u) * scale + far_base;
             float enter = max(max(near.x, near.y), max(near.z, t_min));
             float leave = min(min(far.x, far.y), min(far.z, t_max));
-            // An empty slot has meta 0 and adds no bit. Inner slots count 24 to 31, to be ordered by the ray's octant.
+            // An empty slot has meta 0 and adds no bit. Inner slots count from 24 to 31 and are reordered by the ray's octant.
             uint meta = (metas >> shift) & 255u;
             uint at = meta & 31u;
             hits |= (enter <= leave ? meta >> 5 : 0u) << (at >= 24u ? at ^ ray.octant : at);
@@ -106,11 +106,11 @@ bool meets_box(BoxRay ray, vec3 lower, vec3 upper, float t_min, float t_max)
 
 // Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection", both sides.
 //
-// The edge values of an edge that two triangles share are exact opposites, and as rounding is monotone none has the wrong
-// sign: at worst it is zero, which counts as inside. So there is no crack between them, and the paper's second try in double
-// precision, which decides between the two, is not needed. Products must not be contracted for that, hence `precise`.
+// The edge values of an edge that two triangles share are exact opposites, and as rounding is monotone none has the wrong sign: at worst it
+// is zero, which counts as inside. So there are no cracks, and the paper's fallback to double precision, which decides between the two
+// triangles, is not needed. This requires that products are not contracted, hence `precise`.
 //
-// There is one way through: where lanes run together, some lane hits nearly always, and leaving early helps none of them.
+// No early exits: in a subgroup some lane nearly always hits, so leaving early would help none.
 bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float t_max, out SurfaceHit hit)
 {
     precise vec3 a = axis_to_z(v0 - ray.origin, ray.axis);
@@ -124,14 +124,14 @@ bool hit_triangle(TriangleRay ray, vec3 v0, vec3 v1, vec3 v2, float t_min, float
     precise float w = q.x * p.y - q.y * p.x;
     bool inside = !(min(u, min(v, w)) < 0.0 && max(u, max(v, w)) > 0.0);
     precise float determinant = u + v + w;
-    // Edge on or without area. The form also refuses a NaN.
+    // Edge on or degenerate. Written so that NaN is a miss too.
     bool has_area = abs(determinant) >= SMALLEST_NORMAL;
     precise float t = ray.shear.z * (u * a.z + v * b.z + w * c.z) / determinant;
     hit = SurfaceHit(t, vec2(v, w) / determinant, (determinant > 0.0) == (ray.shear.z > 0.0));
     return inside && has_area && t > t_min && t < t_max;
 }
 
-// The nearer point of a sphere inside of the range, else the further one. The discriminant is the squared radius minus the squared
+// The nearer intersection with a sphere if it is in range, else the further one. The discriminant is the squared radius minus the squared
 // distance of the centre from the line, and the roots come without a difference of near numbers (Haines, Guenther and
 // Akenine-Moeller 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, chapter 7).
 bool hit_sphere(vec3 origin, vec3 direction, vec3 centre, float radius, float t_min, float t_max, out SurfaceHit hit)
@@ -142,7 +142,7 @@ bool hit_sphere(vec3 origin, vec3 direction, vec3 centre, float radius, float t_
     float b = -dot(f, direction);
     vec3 beside = f + (b / a) * direction;
     float discriminant = radius * radius - dot(beside, beside);
-    // The form also refuses a NaN.
+    // Written so that NaN is a miss too.
     if (!(discriminant >= 0.0)) {
         return false;
     }

@@ -5,17 +5,17 @@
 #include "lib/sky.glsl"
 #include "lib/surface.glsl"
 #include "shared/reference.glsl"
-// Light that arrives at a point: samples of every kind of light, and the densities with which they are made, per steradian.
+// Incident light at a point: samples of every kind of light, and their pdf, per steradian.
 
 // Light from one direction.
 struct Incident {
     vec3 direction;  // unit, towards the light
     float distance;  // metres; INFINITELY_FAR for directional lights and the sky
-    vec3 radiance;   // over the density; of lights without a size, irradiance at normal incidence over the probability
-    float pdf;       // per steradian; 0 for lights without a size, which no ray can meet
+    vec3 radiance;   // divided by the pdf; for lights without a size, irradiance at normal incidence over the probability
+    float pdf;       // per steradian; 0 for lights without a size, which no ray can hit
 };
 
-// An entry of an alias table of `count` entries.
+// Draws an entry of an alias table of `count` entries.
 uint choose(LightChoiceBuffer table, uint count, uint word, float u) {
     uint index, low;
     umulExtended(word, count, index, low);
@@ -23,7 +23,7 @@ uint choose(LightChoiceBuffer table, uint count, uint word, float u) {
     return u < entry.threshold ? index : entry.alias;
 }
 
-// How often an entry of a table of `count` entries is chosen: never where the table has none, as it is where nothing in it shines.
+// Probability of an entry of a table of `count` entries; 0 if the table is empty.
 float probability_of(LightChoiceBuffer table, uint count, uint entry) {
     return entry < count ? table.at[entry].probability : 0.0;
 }
@@ -35,19 +35,19 @@ bool has_size(Light light) {
 
 // Radiance of the disc of a directional light.
 vec3 disc_radiance(Light light) {
-    // Illuminance at normal incidence is radiance times pi sin²; that of a small disc.
+    // Illuminance at normal incidence is radiance times pi sin² of the disc's half angle.
     float s = sin(light.radius);
     return light.intensity / (PI * s * s);
 }
 
-// Where a ray of unit direction from `position` meets a light that has a size: distance, radiance and density of sampling it from there.
-// False where it does not, or meets it from behind.
+// Intersects a ray of unit direction from `position` with a light that has a size: distance, radiance, and the pdf of sampling that
+// direction from there. False on a miss, or from behind.
 bool meet_light(Light light, vec3 position, vec3 direction, out float distance, out vec3 radiance, out float pdf) {
     distance = INFINITELY_FAR;
     radiance = light.intensity;
     pdf = 0.0;
     if (light.kind == LIGHT_DIRECTIONAL) {
-        // sin² of the angle between, which keeps its digits.
+        // sin² of the angle between the directions, precise for small angles.
         vec3 c = cross(direction, light.direction);
         float s = sin(light.radius);
         if (light.radius <= 0.0 || dot(direction, light.direction) >= 0.0 || dot(c, c) > s * s) return false;
@@ -85,7 +85,7 @@ bool meet_light(Light light, vec3 position, vec3 direction, out float distance, 
     return true;
 }
 
-// A sample of one light. False where no light comes from it.
+// Samples one light. False if it sends no light from there.
 bool sample_sized_light(Light light, vec3 position, vec2 u, out Incident found) {
     if (!has_size(light)) {
         LightSample towards = sample_light(light, position);
@@ -134,8 +134,8 @@ bool sample_sized_light(Light light, vec3 position, vec2 u, out Incident found) 
     return true;
 }
 
-// Density over area, per square metre, of points on an emissive primitive, uniform over a triangle or over a sphere in object space;
-// `weights` give the point of a triangle, `outwards` that of a sphere. `normal`: of the triangle or sphere there, unit, outwards.
+// Pdf over area, per square metre, of points on an emissive primitive, uniform over a triangle or over a sphere in object space.
+// `outwards`: direction to the point of a sphere. `normal`: of the triangle or sphere there, unit, outwards.
 float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outwards, out vec3 normal) {
     if ((instance.flags & INSTANCE_SPHERES) != 0u) {
         float radius = SphereBuffer(mesh.positions).at[primitive].w;
@@ -155,7 +155,7 @@ float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outward
     return 2.0 / length(across);
 }
 
-// A sample of an emissive triangle or sphere; its radiance is what alpha leaves of the emission. False where there is none.
+// Samples an emissive triangle or sphere; its radiance is the emission times its coverage. False if there is none.
 bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
     found = Incident(vec3(0.0), 0.0, vec3(0.0), 0.0);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
@@ -164,14 +164,14 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
     Coordinates at = Coordinates(mat2(0.0), mat2(0.0), mat2(0.0));
     vec3 outwards = vec3(0.0);
     vec3 point;
-    // How much of it a ray to that point would meet: the finest mip, as rays without width read it.
+    // Coverage that a ray without a cone finds at that point, from the finest mip.
     float coverage = 1.0;
     if ((instance.flags & INSTANCE_SPHERES) != 0u) {
         outwards = sample_sphere(u);
         vec4 sphere = SphereBuffer(mesh.positions).at[choice.primitive];
         point = sphere.xyz + sphere.w * outwards;
         material.emission_texture.image = NO_TEXTURE;
-        // Spheres are not tested.
+        // Spheres are not alpha-tested.
         if ((material.flags & MATERIAL_BLEND) != 0u) coverage = coverage_of(material, material.base_colour.a);
     } else {
         vec2 weights = sample_triangle(u);
@@ -201,8 +201,8 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
     return found.radiance != vec3(0.0);
 }
 
-// Density, per steradian, of sampling the emissive surface that a ray of unit direction from `position` has met at `point`; 0 where it
-// is never sampled.
+// Pdf, per steradian, of sampling the emissive surface that a ray of unit direction from `position` hits at `point`; 0 if it is never
+// sampled.
 float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position, vec3 point) {
     uint first = WordBuffer(lights.emitters).at[hit.instance];
     if (first == NO_EMITTER) return 0.0;
@@ -222,7 +222,7 @@ float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position,
     return cosine > 0.0 ? probability * density * dot(to_light, to_light) / cosine : 0.0;
 }
 
-// A direction of the sky. Rows of cells have equal steps of height: all cells have the same solid angle.
+// A direction of the sky. Rows of cells have equal steps of height, so that all cells have the same solid angle.
 vec3 sky_direction(vec2 at) {
     float angle = 2.0 * PI * at.x;
     float y = 1.0 - 2.0 * at.y;
@@ -237,17 +237,17 @@ uint sky_cell(LightTables lights, vec3 direction) {
     return cell.y * lights.sky_cells.x + cell.x;
 }
 
-// Density of sampling a cell of the sky, per steradian.
+// Pdf of sampling a direction in a cell of the sky, per steradian.
 float sky_cell_pdf(LightTables lights, uint cell) {
     return probability_of(LightChoiceBuffer(lights.sky), lights.sky_count, cell) * float(lights.sky_count) / (4.0 * PI);
 }
 
-// Density of sampling a direction of the sky, per steradian; 0 of a sky that is black all over.
+// Pdf of sampling a direction of the sky, per steradian; 0 if the sky is black.
 float sky_pdf(LightTables lights, vec3 direction) {
     return sky_cell_pdf(lights, sky_cell(lights, direction));
 }
 
-// A sample of a sky that has any cell to choose.
+// Samples a sky that has at least one cell to choose.
 Incident sample_sky(Sky sky, LightTables lights, uint word, vec3 u) {
     uint cell = choose(LightChoiceBuffer(lights.sky), lights.sky_count, word, u.z);
     uvec2 at = uvec2(cell % lights.sky_cells.x, cell / lights.sky_cells.x);

@@ -2,12 +2,12 @@
 #define LIB_LIGHTS_GLSL
 #include "shared/scene.glsl"
 #include "lib/vector.glsl"
-// Lights as a surface point sees them. Units and falloff: KHR_lights_punctual.
+// Light sources as seen from a surface point. Units and falloff: KHR_lights_punctual.
 
-// Distance of a light that has none, metres.
+// Distance of directional lights, metres.
 const float INFINITELY_FAR = 1e30;
 
-// No source is smaller than a tenth of a millimetre; a point closer than that is lit as from there.
+// Least distance to a light, metres; closer points are lit as from there.
 const float MIN_LIGHT_DISTANCE = 1e-4;
 
 struct LightSample {
@@ -41,8 +41,8 @@ LightSample sample_light(Light light, vec3 position) {
     float square = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
 
     if (light.kind == LIGHT_RECTANGLE) {
-        // All its flux from the centre: radiance * area * cos / d². Fair from a few edge lengths on; nearer it would exceed what
-        // any emitter of this radiance can give, pi * radiance, so d² is at least area / pi.
+        // All flux is taken from the centre: radiance * area * cos / d². Accurate from a few edge lengths on. Nearer it would exceed the
+        // greatest irradiance from any emitter of this radiance, pi * radiance, so d² is at least area / pi.
         float area = 4.0 * length(cross(light.half_u, light.half_v));
         float cosine = max(dot(light.direction, -result.direction), 0.0);
         result.irradiance = light.intensity * (area * cosine / max(square, area / PI));
@@ -55,7 +55,7 @@ LightSample sample_light(Light light, vec3 position) {
         return result;
     }
     if (light.kind == LIGHT_SPHERE) {
-        // pi * radiance * sin² of the angle that it subtends: exact where all of it is above the horizon.
+        // pi * radiance * sin² of the half angle that it subtends: exact if it is fully above the horizon.
         float radius_square = light.radius * light.radius;
         result.irradiance = light.intensity * (PI * radius_square / max(square, radius_square));
         return result;

@@ -14,9 +14,9 @@ vec3 apply_normal_map(vec3 n, vec4 t, vec3 texel, float scale) {
     return safe_normalize(m.x * t.xyz + m.y * bitangent + m.z * n, n);
 }
 
-// Interpolated and mapped normals may point away from the viewer on a surface that is visible; no microfacet model knows what to do
-// then. Such a normal is mirrored at the viewer's horizon: as far in front of it as it was behind, and never nearer than the least
-// cosine. To bend it to the horizon itself would leave it dark, as all light is reflected there. Both unit; so is the result.
+// Interpolated and mapped normals may point away from the viewer on a visible surface, where microfacet models are undefined. Such a normal
+// is mirrored at the plane perpendicular to the view direction, with a cosine of at least MIN_NORMAL_COSINE. A normal exactly in that plane
+// would be dark, as all light is reflected there. Both unit; so is the result.
 vec3 turn_to_viewer(vec3 n, vec3 to_eye) {
     float cosine = dot(n, to_eye);
     return cosine >= MIN_NORMAL_COSINE ? n : normalize(n + to_eye * (max(-cosine, MIN_NORMAL_COSINE) - cosine));

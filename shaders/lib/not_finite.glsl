@@ -4,8 +4,8 @@
 // NaN and infinity by their bits: a compiler may assume that floats are finite and fold isnan() away.
 // IEEE 754-2019, 3.4: all ones in the exponent; the rest is zero for an infinity.
 //
-// What is kept or averaged takes no value that is not finite. Each effect asks `is_taken` at one place of what it is about to take in, and
-// of what it has kept; a value that it leaves out is counted, and was never there: no number stands for it.
+// Values that are not finite are never kept or averaged. Each effect asks `is_taken` once about each value that it takes in, and once about
+// its history; a rejected value is counted and treated as missing, with no substitute.
 
 const uint EXPONENT_BITS = 0x7f800000u;
 const uint MANTISSA_BITS = 0x007fffffu;
@@ -29,7 +29,7 @@ bool is_finite(vec3 value) {
     return is_finite(vec4(value, 0.0));
 }
 
-// Whether a value may be taken; one that is not finite is counted at `counter` (`Record::not_finite`).
+// Whether a value may be used; one that is not finite is counted at `counter` (`Record::not_finite`).
 bool is_taken(uvec2 counter, vec4 value) {
     if (is_finite(value)) return true;
     atomicAdd(NotFiniteCounter(counter).count, 1u);
@@ -40,7 +40,7 @@ bool is_taken(uvec2 counter, vec3 value) {
     return is_taken(counter, vec4(value, 0.0));
 }
 
-// What a pixel without a value of its own shows: the mean of the finite ones beside it; 0 where there are none.
+// For a pixel without a usable value: the mean of its finite neighbours; 0 if there are none.
 vec4 finite_beside(uint image, ivec2 pixel, uvec2 size) {
     vec4 sum = vec4(0.0);
     float count = 0.0;

@@ -1,9 +1,9 @@
 #ifndef LIB_RANDOM_GLSL
 #define LIB_RANDOM_GLSL
-// Independent random numbers, from a hash of who asks: no state in memory, and the same picture with every way to trace.
+// Independent random numbers, by hashing a key: no state in memory, and the same picture with every way to trace.
 
 struct Random {
-    uvec4 key;  // pixel, sample, seed, and how many numbers were drawn
+    uvec4 key;  // pixel, sample, seed, and how many numbers were drawn so far
 };
 
 Random random_of(uint pixel, uint sample_index, uint seed) {
@@ -31,7 +31,7 @@ uvec4 random_words(inout Random random) {
     return hash4(random.key);
 }
 
-// 0 to 1 without 1, in steps of 2^-24.
+// In [0, 1), in steps of 2^-24.
 vec4 unit_floats(uvec4 words) {
     return vec4(words >> 8u) * (1.0 / 16777216.0);
 }

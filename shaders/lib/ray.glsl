@@ -1,7 +1,7 @@
-// Rays against the scene, in whichever way the device traces: `trace_closest(scene, ray, hit)`, `trace_any(scene, ray)` and
+// Ray tracing against the scene, the same interface for every backend: `trace_closest(scene, ray, hit)`, `trace_any(scene, ray)` and
 // `trace_any_at(scene, ray, t)`.
 //
-// A ray pass is a file `*.ray`. It is compiled three times: as a compute shader that walks Magpie's own tree (RAYS_SOFTWARE), as a
+// A ray pass is a file `*.ray`. It is compiled three times: as a compute shader that traverses Magpie's own BVH (RAYS_SOFTWARE), as a
 // compute shader with ray queries (RAYS_QUERY), and as the ray-generation shader of a pipeline (RAYS_PIPELINE).
 #ifndef LIB_RAY_GLSL
 #define LIB_RAY_GLSL
@@ -22,7 +22,7 @@
 #include "lib/ray_software.glsl"
 #endif
 
-// The pixel, or any other index, of this invocation.
+// The pixel, or other index, of this invocation.
 #if defined(RAYS_PIPELINE)
 #define RAY_INVOCATION gl_LaunchIDEXT
 #else

@@ -1,4 +1,4 @@
-// Counting rays, for the figures of each pass.
+// Ray counters, for the statistics of each pass.
 #ifndef LIB_RAY_COUNT_GLSL
 #define LIB_RAY_COUNT_GLSL
 #ifndef RAYS_PIPELINE
@@ -8,7 +8,7 @@
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RayCounter { uint closest; uint any; };
 
-// Adds what this invocation traced; in compute shaders with one atomic per subgroup and kind of ray. Devices need not have subgroup
+// Adds the rays of this invocation; in compute shaders with one atomic per subgroup and kind of ray. Devices need not have subgroup
 // operations in ray-generation shaders.
 void count_rays(uvec2 counter, uint closest, uint any) {
 #ifndef RAYS_PIPELINE

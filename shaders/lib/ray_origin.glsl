@@ -1,37 +1,37 @@
-// Where a ray starts that leaves a surface.
+// Origins of rays that leave a surface.
 //
-// A ray must not meet the surface that it leaves. Two things are done about that, and no effect has an epsilon of its own:
+// A ray must not hit the surface that it leaves. This is ensured in two steps, and no effect has an epsilon of its own:
 //
-// 1. The start is a point of the triangle or sphere as rays meet it, made from its corners, not from the depth buffer or from the
-//    distance along a ray: then the error of depth or distance only moves it along the surface (Waechter and Binder 2019, "A Fast
-//    and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems, chapter 6; Pharr, Jakob and Humphreys 2023, "Physically
-//    Based Rendering", 4th edition, section 6.8).
-// 2. It is moved off the surface by `Instance.rounding`, a bound of the rounding errors of everything that places the surface or the
-//    ray against it, of either side of the walk. docs/ray-origins.md has it, and what it costs.
+// 1. The origin is a point of the triangle or sphere as rays intersect it, computed from its corners instead of the depth buffer or the
+//    distance along a ray: then an error of depth or distance only moves it along the surface (Waechter and Binder 2019, "A Fast and Robust
+//    Method for Avoiding Self-Intersection", Ray Tracing Gems, chapter 6; Pharr, Jakob and Humphreys 2023, "Physically Based Rendering",
+//    4th edition, section 6.8).
+// 2. It is moved off the surface by `Instance.rounding`, a bound of the rounding errors of both the transform and the traversal.
+//    docs/ray-origins.md derives it and states its cost.
 #ifndef LIB_RAY_ORIGIN_GLSL
 #define LIB_RAY_ORIGIN_GLSL
 #include "lib/bindless.glsl"
 #include "lib/ray_types.glsl"
 #include "lib/vector.glsl"
 
-// A point of a surface, made for rays to leave from.
+// A surface point as the origin of rays.
 struct RayStart {
     vec3 position;   // world, metres
-    vec3 normal;     // of the triangle or the sphere itself; unit, to the side from which the point was seen
-    float rounding;  // bound of its distance from the surface, as a walk may see it, metres, above 0
+    vec3 normal;     // geometric normal, unit, to the side from which the point was seen
+    float rounding;  // bound of its distance from the surface during traversal, metres, above 0
 };
 
-// A ray towards a point ends this much of its length before it, so that the surface of a lamp does not hide its light.
+// A ray towards a point ends this share of its length before it, so that the surface of a light does not occlude the light.
 const float BEFORE_THE_END = 1e-3;
 
-// The point of a triangle with these weights of the second and third corner.
+// The point of a triangle with these barycentric weights of its second and third corner.
 vec3 triangle_point(vec3 a, vec3 b, vec3 c, vec2 weights)
 {
     precise vec3 p = (1.0 - weights.x - weights.y) * a + weights.x * b + weights.y * c;
     return p;
 }
 
-// Weights of the second and third corner where a line from zero meets a triangle; of the point near it where it just misses.
+// Barycentric weights where a line through the origin meets a triangle; of a point nearby if it just misses.
 vec2 met_weights(vec3 a, vec3 b, vec3 c, vec3 along)
 {
     vec3 across = b - a;
@@ -39,7 +39,7 @@ vec2 met_weights(vec3 a, vec3 b, vec3 c, vec3 along)
     vec3 normal = cross(across, up);
     vec3 from_a = (dot(normal, a) / dot(normal, along)) * along - a;
     vec2 weights = vec2(dot(cross(from_a, up), normal), dot(cross(across, from_a), normal)) / dot(normal, normal);
-    // A triangle seen edge on is thinner than the raster's grid: any point of it will do. The form also refuses a NaN.
+    // A triangle seen edge on is thinner than the raster's grid, so any of its points will do. Written so that NaN counts too.
     if (!all(lessThan(abs(weights), vec2(1e6)))) return vec2(1.0 / 3.0);
     weights = max(weights, 0.0);
     return weights / max(weights.x + weights.y, 1.0);
@@ -52,7 +52,7 @@ RayStart triangle_start(Instance instance, vec3 a, vec3 b, vec3 c, vec2 weights)
     return RayStart(position, safe_normalize(normal, vec3(0.0)), instance.rounding);
 }
 
-// `near`: close to the sphere, in object space.
+// `near`: a point close to the sphere, in object space.
 RayStart sphere_start(Instance instance, vec4 sphere, vec3 near)
 {
     vec3 outwards = safe_normalize(near - sphere.xyz, vec3(0.0, 1.0, 0.0));
@@ -61,7 +61,7 @@ RayStart sphere_start(Instance instance, vec4 sphere, vec3 near)
     return RayStart(position, safe_normalize(normal, vec3(0.0)), instance.rounding);
 }
 
-// The surface that a ray has hit. `normal` points to where the ray came from.
+// The surface point that a ray has hit. `normal` is on the side where the ray came from.
 RayStart hit_start(SceneBuffer scene, Ray ray, Hit hit)
 {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
@@ -79,8 +79,8 @@ RayStart hit_start(SceneBuffer scene, Ray ray, Hit hit)
     return start;
 }
 
-// The surface that is seen from `eye` in the direction `along`: `ids` of the G-buffer, so instance + 1 and primitive, and a `position`
-// near it. `normal` points towards the eye.
+// The surface point visible from `eye` in the direction `along`: `ids` of the G-buffer, so instance + 1 and primitive, and a `position`
+// near it. `normal` is on the side of the eye.
 RayStart seen_start(SceneBuffer scene, uvec2 ids, vec3 eye, vec3 along, vec3 position)
 {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[ids.x - 1u];
@@ -102,25 +102,25 @@ RayStart seen_start(SceneBuffer scene, uvec2 ids, vec3 eye, vec3 along, vec3 pos
     return start;
 }
 
-// Where a ray begins that leaves a surface towards `direction`, to either side.
+// Origin of a ray that leaves a surface towards `direction`, on either side.
 vec3 surface_origin(RayStart from, vec3 direction)
 {
     float side = dot(from.normal, direction) < 0.0 ? -1.0 : 1.0;
     return from.position + side * from.rounding * from.normal;
 }
 
-// A ray that leaves a surface. What the walk may take for the surface left lies before t_min.
+// A ray that leaves a surface. Hits that may be the surface itself lie before t_min.
 Ray surface_ray(RayStart from, vec3 direction, float t_max)
 {
     return make_ray(surface_origin(from, direction), min(from.rounding / length(direction), t_max), direction, t_max);
 }
 
-// A ray that leaves a surface towards a point, and ends short of it.
+// A ray that leaves a surface towards a point, and ends just before it.
 Ray surface_ray_to(RayStart from, vec3 point)
 {
     from.position = surface_origin(from, point - from.position);
     vec3 direction = point - from.position;
-    // A point on the surface itself: whichever way, nothing is between.
+    // The point coincides with the origin: any direction will do, as nothing is in between.
     direction = direction == vec3(0.0) ? from.normal : direction;
     float t_max = 1.0 - BEFORE_THE_END;
     return make_ray(from.position, min(from.rounding / length(direction), t_max), direction, t_max);

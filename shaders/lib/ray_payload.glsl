@@ -1,4 +1,4 @@
-// What the shaders of a ray-tracing pipeline hand to each other: 32 bytes.
+// Payload of the ray-tracing pipeline: 32 bytes.
 #ifndef LIB_RAY_PAYLOAD_GLSL
 #define LIB_RAY_PAYLOAD_GLSL
 #include "lib/ray_types.glsl"
@@ -13,7 +13,7 @@ struct RayPayload {
     float cone_spread;
 };
 
-// Hit kinds of a sphere, beside those that Vulkan has for triangles.
+// Hit kinds of spheres, beside Vulkan's for triangles.
 const uint SPHERE_OUTSIDE = 0u;
 const uint SPHERE_INSIDE = 1u;
 

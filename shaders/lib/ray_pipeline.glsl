@@ -1,5 +1,5 @@
-// Rays through a ray-tracing pipeline. Only the ray-generation shader traces, so recursion is one deep; the other shaders are in the
-// folder `ray`. Hit groups: 0 is triangles, 1 is spheres; one miss shader.
+// Backend: ray-tracing pipeline. Only the ray-generation shader traces, so the recursion depth is 1; the other shaders are in the folder
+// `ray`. Hit groups: 0 for triangles, 1 for spheres; one miss shader.
 #ifndef LIB_RAY_PIPELINE_GLSL
 #define LIB_RAY_PIPELINE_GLSL
 #include "lib/ray_driver.glsl"
@@ -7,10 +7,10 @@
 
 layout(location = 0) rayPayloadEXT RayPayload payload;
 
-// Whether anything lies on the ray.
+// Whether the ray hits anything.
 bool trace_any(SceneBuffer scene, Ray ray)
 {
-    // No shader runs on a hit: what is there before stands for one, and the miss shader takes it away.
+    // No closest-hit shader runs: the payload starts as a hit, and the miss shader resets it.
     payload.instance = 0u;
     payload.cone_width = ray.cone_width;
     payload.cone_spread = ray.cone_spread;
@@ -19,7 +19,7 @@ bool trace_any(SceneBuffer scene, Ray ray)
     return payload.instance != NO_HIT;
 }
 
-// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+// The same, with the distance of the hit that was found first, which need not be the nearest; `ray.t_max` on a miss.
 bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
 {
     payload.instance = NO_HIT;
@@ -32,7 +32,7 @@ bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
     return met;
 }
 
-// The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
+// The nearest hit. On a miss `hit.instance` is NO_HIT and `hit.t` is `ray.t_max`.
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {
     payload.instance = NO_HIT;

@@ -1,4 +1,4 @@
-// Rays through ray queries: the driver walks, this shader decides about what is not opaque.
+// Backend: ray queries. The driver traverses; this shader decides about non-opaque candidates.
 #ifndef LIB_RAY_QUERY_GLSL
 #define LIB_RAY_QUERY_GLSL
 #include "lib/alpha.glsl"
@@ -6,7 +6,7 @@
 #include "lib/ray_driver.glsl"
 #include "lib/ray_types.glsl"
 
-// The driver's walk, with `flags` beside those of the ray. Opaque triangles are committed without coming here.
+// The driver's traversal, with `flags` added to those of the ray. Opaque triangles are committed without a candidate.
 void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
 {
     rayQueryInitializeEXT(query, accelerationStructureEXT(scene.at[0].tlas), flags | driver_flags(ray), ray.mask, ray.origin, ray.t_min,
@@ -36,7 +36,7 @@ void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
     }
 }
 
-// Whether anything lies on the ray.
+// Whether the ray hits anything.
 bool trace_any(SceneBuffer scene, Ray ray)
 {
     rayQueryEXT query;
@@ -44,7 +44,7 @@ bool trace_any(SceneBuffer scene, Ray ray)
     return rayQueryGetIntersectionTypeEXT(query, true) != gl_RayQueryCommittedIntersectionNoneEXT;
 }
 
-// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+// The same, with the distance of the hit that was found first, which need not be the nearest; `ray.t_max` on a miss.
 bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
 {
     rayQueryEXT query;
@@ -55,7 +55,7 @@ bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
     return met;
 }
 
-// The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
+// The nearest hit. On a miss `hit.instance` is NO_HIT and `hit.t` is `ray.t_max`.
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {
     rayQueryEXT query;

@@ -1,16 +1,16 @@
-// The walk through two levels of compressed wide BVHs: rays on a device without ray tracing of its own.
+// Backend: traversal of two levels of compressed wide BVHs in a compute shader, for devices without hardware ray tracing.
 #ifndef LIB_RAY_SOFTWARE_GLSL
 #define LIB_RAY_SOFTWARE_GLSL
 #include "lib/alpha.glsl"
 #include "lib/intersect.glsl"
 #include "lib/ray_types.glsl"
 
-// The tables of the trees lie so that a device with wide loads can use them.
+// The BVH tables are 16-byte aligned, for wide loads.
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer NodeTable { BvhNode at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer PrimitiveTable { BvhPrimitive at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer PlacedTable { BvhInstance at[]; };
 
-// For a map of where rays are dear: nodes visited and primitives tested by this invocation so far, on both levels.
+// For the heat map: nodes visited and primitives tested by this invocation so far, on both levels.
 #ifdef RAYS_STEPS
 uvec2 ray_steps = uvec2(0u);
 #define COUNT_NODE ray_steps.x++
@@ -20,14 +20,12 @@ uvec2 ray_steps = uvec2(0u);
 #define COUNT_PRIMITIVE
 #endif
 
-// Groups, as in Ylitie et al. 2017. A node group: x is the first inner child, y has the hits in bits 24 to 31, in the order of
-// the visit, and the mask of inner children in bits 0 to 7. A primitive group: x is the first primitive, y the hits in
-// bits 0 to 23.
+// Groups, as in Ylitie et al. 2017. A node group: x is the first inner child, y has the hits in bits 24 to 31, in visiting order, and the
+// mask of inner children in bits 0 to 7. A primitive group: x is the first primitive, y the hits in bits 0 to 23.
 //
-// One turn of the loop visits a node, tests the triangles it leads to, and enters an instance or takes a group from the stack. Groups
-// of nodes that must wait go on the stack, the newest in `top`: most are taken back in the next turns, and a private array is slow
-// memory everywhere. Instances that must wait need no stack, as only one group of them is open at a time. The trees were checked
-// against the size of the stack when they were built.
+// One iteration visits a node, tests its primitives, and enters an instance or pops a group. Pending node groups go on the stack, the
+// newest in `top`: most are popped in the next iterations, and private arrays are slow memory on most devices. Pending instances need no
+// stack, as only one group of them is open at a time. The depth of the BVHs was checked against the size of the stack when they were built.
 bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
 {
     Scene tables = scene.at[0];
@@ -36,12 +34,12 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
     const uvec2 NOTHING = uvec2(0u);
     hit = Hit(ray.t_max, NO_HIT, NO_HIT, vec2(0.0), false);
     uvec2 stack[TRAVERSAL_STACK];
-    uint height = 0u;     // of the stack, with `top`
-    uvec2 top = NOTHING;  // stands for stack[height - 1] where it is something
+    uint height = 0u;     // of the stack, `top` included
+    uvec2 top = NOTHING;  // replaces stack[height - 1] if it is not NOTHING
     uvec2 nodes_left = ROOT;
     uvec2 instances = NOTHING;
 
-    // The level that is being walked: the scene, or the mesh of `instance`.
+    // The current level: the scene, or the mesh of `instance`.
     BoxRay world_ray = box_ray(ray.origin, ray.direction);
     BoxRay level_ray = world_ray;
     NodeTable nodes = NodeTable(tables.tlas_nodes);
@@ -100,7 +98,7 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
             if (met) {
                 hit = Hit(found.t, instance, candidate.primitive, found.barycentric, found.front);
                 if (any_hit) {
-                    // Ends as a walk that has nothing left: one way out of the loop.
+                    // Ends the traversal by leaving nothing pending, so that the loop has one exit.
                     nodes_left = NOTHING;
                     instances = NOTHING;
                     height = 0u;
@@ -165,14 +163,14 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
     return hit.instance != NO_HIT;
 }
 
-// Whether anything lies on the ray.
+// Whether the ray hits anything.
 bool trace_any(SceneBuffer scene, Ray ray)
 {
     Hit hit;
     return walk_scene(scene, ray, true, hit);
 }
 
-// The same, and where the first thing was that came along, not the nearest; `ray.t_max` where there is none.
+// The same, with the distance of the hit that was found first, which need not be the nearest; `ray.t_max` on a miss.
 bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
 {
     Hit hit;
@@ -181,7 +179,7 @@ bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
     return met;
 }
 
-// The nearest hit; `hit.instance` is NO_HIT and `hit.t` is `ray.t_max` when there is none.
+// The nearest hit. On a miss `hit.instance` is NO_HIT and `hit.t` is `ray.t_max`.
 bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
 {
     return walk_scene(scene, ray, false, hit);

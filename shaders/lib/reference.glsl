@@ -7,15 +7,15 @@
 #include "lib/surface.glsl"
 #include "lib/tinted.glsl"
 #include "shared/reference.glsl"
-// What the passes of the reference share: rays of the camera, the surfaces that they meet, and means over samples.
+// Shared by the passes of the reference: camera rays, primary hits, and running means.
 
 uint closest_traced = 0u;
 uint any_traced = 0u;
 
-// Behind how many surfaces that let light through light is still followed: all.
+// Limit on transmitting surfaces along a ray: none.
 const uint ANY_NUMBER = 4294967295u;
 
-// The share of light, in each colour, that comes along a ray.
+// Transmittance along a ray, per colour channel.
 vec3 unhidden(SceneBuffer scene, Ray ray, uint flags) {
     if ((flags & PATH_CLEAR) == 0u) {
         any_traced++;
@@ -29,8 +29,7 @@ vec3 unhidden(SceneBuffer scene, Ray ray, uint flags) {
     return share;
 }
 
-// Mean and sum of squared deviations, one sample after another (Welford 1962, "Note on a Method for Calculating Corrected Sums of
-// Squares and Products").
+// Running mean and sum of squared deviations (Welford 1962, "Note on a Method for Calculating Corrected Sums of Squares and Products").
 struct Mean {
     vec3 mean;
     vec3 squares;
@@ -42,8 +41,8 @@ void add_sample(inout Mean m, vec3 value, uint number) {
     m.squares += apart * (value - m.mean);
 }
 
-// A ray of the camera, through the pixel's centre or anywhere in its square. One unit of view depth long: it begins at the near plane,
-// and goes through the back faces that the raster leaves out.
+// A camera ray, through the pixel's centre or a random point in it. `direction` has unit view depth. It begins at the near plane, and culls
+// the same back faces as the raster.
 Ray camera_ray(ViewBuffer view, ivec2 pixel, vec2 jitter, uint flags) {
     precise vec2 at = vec2(pixel) + ((flags & PATH_CENTRE) != 0u ? vec2(0.5) : jitter);
     precise vec2 ndc = at / vec2(view.at[0].size) * 2.0 - 1.0;
@@ -55,7 +54,7 @@ Ray camera_ray(ViewBuffer view, ivec2 pixel, vec2 jitter, uint flags) {
     return ray;
 }
 
-// What neighbouring pixels see of the plane that a ray of the camera has met; nothing where pixels are sampled all over.
+// Texture footprint of a pixel on the plane that a camera ray has hit; none if samples are spread over the pixel.
 Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
     if ((flags & PATH_CENTRE) == 0u) return NO_FOOTPRINT;
     RayStart start = hit_start(SceneBuffer(view.at[0].scene), ray, hit);
@@ -64,16 +63,16 @@ Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
     vec3 down = m[1].xyz * (2.0 / float(view.at[0].size.y));
     float facing = dot(ray.direction, start.normal);
     if (facing == 0.0) return NO_FOOTPRINT;
-    // From the eye; a ray begins anew at surfaces that it goes straight through.
+    // Distance from the eye: a ray restarts at surfaces that it passes straight through.
     float t = hit.t + dot(ray.origin - view.at[0].eye, ray.direction) / dot(ray.direction, ray.direction);
-    // The plane is met by the neighbour's ray a little further on or back.
+    // The neighbouring pixel's ray meets the plane a little nearer or further.
     return Footprint(
         t * (across - ray.direction * (dot(across, start.normal) / facing)),
         t * (down - ray.direction * (dot(down, start.normal) / facing))
     );
 }
 
-// The first surface that the camera sees in a pixel. False where there is none.
+// The first surface visible in a pixel. False if there is none.
 bool first_surface(ViewBuffer view, PathParams params, ivec2 pixel, vec2 jitter, out Ray ray, out SurfacePoint surface) {
     ray = camera_ray(view, pixel, jitter, params.flags);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
@@ -84,7 +83,7 @@ bool first_surface(ViewBuffer view, PathParams params, ivec2 pixel, vec2 jitter,
     return true;
 }
 
-// The pixel of the picture that this invocation works on; false outside.
+// The pixel of this invocation; false outside.
 bool reference_pixel(PathParams params, ViewBuffer view, out ivec2 pixel) {
     pixel = ivec2(params.tile + RAY_INVOCATION.xy);
     return inside(pixel, view.at[0].size);

@@ -4,11 +4,11 @@
 #include "lib/vector.glsl"
 #include "shared/scene.glsl"
 #include "shared/view.glsl"
-// Where things were one frame ago, and whether what an image of that frame holds there belongs to them. Positions on the screen are uv
-// without jitter, so that what stands still stays at its pixel, and a history there becomes the mean over the pixel.
+// Backward reprojection, and checks that the history belongs to the same surface. Screen positions are uv without jitter, so that static
+// points stay at their pixel and their history converges to the mean over the pixel.
 
-// uv now minus uv one frame ago of what a pixel shows at reversed depth `depth`. `motion` is what the G-buffer says, which knows nothing
-// of the background: that is infinitely far, and only the camera's turns move it. Far outside for what was behind the camera.
+// Motion vector (uv now minus uv one frame ago) of a pixel at reversed depth `depth`. `motion` is the G-buffer's, which is 0 for the
+// background: that is infinitely far and moves by the camera's rotation only. Far off the screen for what was behind the camera.
 vec2 motion_of(ViewBuffer view, ivec2 pixel, float depth, vec2 motion) {
     if (depth > 0.0) return motion;
     vec4 direction = vec4(pixel_ray(view, pixel), 0.0);
@@ -18,18 +18,18 @@ vec2 motion_of(ViewBuffer view, ivec2 pixel, float depth, vec2 motion) {
     return 0.5 * (now.xy / now.z - before.xy / before.z);
 }
 
-// False outside the screen. False for a NaN too.
+// False outside the screen, and for NaN.
 bool on_screen(vec2 uv) {
     return all(greaterThanEqual(uv, vec2(0.0))) && all(lessThan(uv, vec2(1.0)));
 }
 
-// Where a point of an instance was one frame ago, world, metres. Instances are taken as rigid: what bends within one is not followed.
+// Position of an instance's point one frame ago, world, metres. Instances are treated as rigid; deformation is ignored.
 vec3 position_before(Instance instance, vec3 position) {
     vec3 object = transform_point(instance.object_from_world, position);
     return transform_point(instance.previous_world_from_object, object);
 }
 
-// Reversed depth that a point had one frame ago; 0 for what was behind the camera.
+// Reversed depth of a point one frame ago; 0 if it was behind the camera.
 float depth_before(ViewBuffer view, vec3 position_before) {
     vec4 clip = view.at[0].previous_clip_from_world * vec4(position_before, 1.0);
     return clip.w > 0.0 ? clip.z / clip.w : 0.0;

@@ -3,9 +3,9 @@
 #include "lib/bindless.glsl"
 #include "lib/vector.glsl"
 
-// An image between its texels by the cubic of Catmull and Rom (1974, "A Class of Local Interpolating Splines"), which blurs far less than
-// the bilinear filter. 16 texels in 5 bilinear taps: the four corners, which weigh least, are left out (Jimenez 2016, "Filmic SMAA",
-// SIGGRAPH course "Advances in Real-Time Rendering"). The cubic has negative lobes; what comes out below 0 is 0.
+// Samples an image with the bicubic filter of Catmull and Rom (1974, "A Class of Local Interpolating Splines"), which blurs far less than
+// bilinear. 16 texels in 5 bilinear taps: the four corners, which have the least weight, are left out (Jimenez 2016, "Filmic SMAA",
+// SIGGRAPH course "Advances in Real-Time Rendering"). The filter has negative lobes; results below 0 become 0.
 vec3 catmull_rom(uint image, uint bilinear, vec2 uv, vec2 size) {
     vec2 at = uv * size;
     vec2 centre = floor(at - 0.5) + 0.5;
@@ -14,7 +14,7 @@ vec3 catmull_rom(uint image, uint bilinear, vec2 uv, vec2 size) {
     vec2 w1 = 1.0 + f * f * (1.5 * f - 2.5);
     vec2 w2 = f * (0.5 + f * (2.0 - 1.5 * f));
     vec2 w3 = f * f * (0.5 * f - 0.5);
-    // The two in the middle are one tap between them.
+    // The two middle texels are one bilinear tap.
     vec2 w12 = w1 + w2;
     vec2 before = (centre - 1.0) / size, after = (centre + 2.0) / size, middle = (centre + w2 / w12) / size;
     float left = w0.x * w12.y, right = w3.x * w12.y, above = w12.x * w0.y, below = w12.x * w3.y;

@@ -1,11 +1,12 @@
 #ifndef LIB_SEQUENCE_GLSL
 #define LIB_SEQUENCE_GLSL
 #include "lib/random.glsl"
-// Low-discrepancy points that go on from frame to frame: Owen-scrambled Sobol points (Burley 2020, "Practical Hash-based Owen
-// Scrambling", JCGT 9(4)). Every pixel has a scramble of its own, so pixels do not correlate. Points of one pixel are each uniform, which
-// makes their mean unbiased, and any 2^k of them in a row from a multiple of 2^k on are stratified in every way that 2^k cells can be cut.
+// Low-discrepancy points that continue from frame to frame: Owen-scrambled Sobol points (Burley 2020, "Practical Hash-based Owen
+// Scrambling", JCGT 9(4)). Every pixel has its own scramble, so pixels do not correlate. Each point of a pixel is uniform, which makes
+// their mean unbiased, and any 2^k consecutive points from a multiple of 2^k on are stratified over every division into 2^k elementary
+// intervals.
 
-// What `sequence2` draws for: different numbers, independent points.
+// Values for `dimension` of `sequence2`: different values give independent points.
 const uint SEQUENCE_AO = 0u;
 const uint SEQUENCE_EMITTERS = 24u;           // and two after it
 const uint SEQUENCE_DIRECT = 32u;             // and two for each light of the scene after it
@@ -22,8 +23,8 @@ uint scramble_upwards(uint x, uint key) {
     return x;
 }
 
-// The second coordinate of point `index` of the Sobol sequence, read backwards. Its matrix is Pascal's triangle modulo 2, whose five
-// factors are these shifts (Sobol 1967; the factors follow from Lucas's theorem). The first coordinate read backwards is `index`.
+// The second coordinate of point `index` of the Sobol sequence, bit-reversed. Its matrix is Pascal's triangle modulo 2, whose five factors
+// are these shifts (Sobol 1967; the factors follow from Lucas's theorem). The first coordinate, bit-reversed, is `index`.
 uint sobol_second(uint index) {
     index ^= (index & 0xaaaaaaaau) >> 1u;
     index ^= (index & 0xccccccccu) >> 2u;
@@ -33,11 +34,10 @@ uint sobol_second(uint index) {
     return index;
 }
 
-// Point `index` in [0, 1)² of a pixel's sequence for `dimension`. With so many samples per frame, sample s of frame f is number
-// f * samples + s.
+// Point `index` in [0, 1)² of a pixel's sequence for `dimension`. With n samples per frame, sample s of frame f has the index f * n + s.
 vec2 sequence2(ivec2 pixel, uint index, uint dimension, uint seed) {
     uvec4 key = hash4(uvec4(uvec2(pixel), dimension, seed));
-    // The order is scrambled as well: sequences of two dimensions would otherwise run in step.
+    // The order is shuffled too: sequences of two dimensions would otherwise correlate.
     uint shuffled = bitfieldReverse(scramble_upwards(bitfieldReverse(index), key.z));
     uvec2 words = uvec2(scramble_upwards(shuffled, key.x), scramble_upwards(sobol_second(shuffled), key.y));
     return vec2(bitfieldReverse(words) >> 8u) * (1.0 / 16777216.0);

@@ -5,8 +5,8 @@
 #include "shared/view.glsl"
 #include "lib/colour.glsl"
 #include "lib/vector.glsl"
-// Light from all around: an environment map where there is one, else analytic daylight after Preetham, Shirley and Smits 1999,
-// "A Practical Analytic Model for Daylight". Directions are unit, y up.
+// Distant light: an environment map if there is one, else analytic daylight after Preetham, Shirley and Smits 1999, "A Practical Analytic
+// Model for Daylight". Directions are unit, y up.
 
 bool has_environment(Sky sky) {
     return sky.environment != NO_TEXTURE;
@@ -45,7 +45,7 @@ float perez(float k[5], float cos_theta, float gamma, float cos_gamma) {
 vec3 sky_radiance(Sky sky, vec3 direction) {
     if (has_environment(sky)) return environment_radiance(sky, direction);
     if (direction.y < 0.0) return sky.ground;
-    // The formula has a pole at the horizon; its last half degree is that of 0.6 degrees.
+    // The formula has a pole at the horizon: the last half degree is extended from 0.6 degrees.
     float cos_theta = max(direction.y, 0.01);
     float cos_gamma = clamp(dot(direction, sky.to_sun), -1.0, 1.0);
     float gamma = acos(cos_gamma);
@@ -54,11 +54,11 @@ vec3 sky_radiance(Sky sky, vec3 direction) {
         perez(sky.perez_x, cos_theta, gamma, cos_gamma),
         perez(sky.perez_y, cos_theta, gamma, cos_gamma)
     );
-    // Deep blue daylight lies outside Rec.709: the negative component goes to 0.
+    // Deep blue daylight lies outside Rec.709: negative components become 0.
     return non_negative(rec709_of_yxy(yxy));
 }
 
-// The same with the sun's disc, which an environment map does not have beside itself.
+// The same with the sun's disc. Environment maps contain their own sun.
 vec3 sky_radiance_with_sun(Sky sky, vec3 direction) {
     vec3 radiance = sky_radiance(sky, direction);
     if (direction.y >= 0.0 && dot(direction, sky.to_sun) >= sky.sun_cos_radius) radiance += sky.sun_radiance;
@@ -68,7 +68,7 @@ vec3 sky_radiance_with_sun(Sky sky, vec3 direction) {
 // Irradiance of sky and ground on a surface with normal `n`: E(n) = sum c_i Y_i(n) over the real spherical harmonics in the
 // order (l, m) = 00, 1-1, 10, 11, 2-2, 2-1, 20, 21, 22; the coefficients hold the cosine lobe.
 // Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps", equations 3 and 10.
-// Nine terms ring a little: below 0 there is no light.
+// Nine terms ring a little: negative results become 0.
 vec3 sky_irradiance(Sky sky, vec3 n) {
     vec3 e = sky.irradiance_sh[0] * 0.282095;
     e += sky.irradiance_sh[1] * (0.488603 * n.y);

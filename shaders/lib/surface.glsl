@@ -6,22 +6,22 @@
 #include "lib/normal_map.glsl"
 #include "lib/ray_origin.glsl"
 #include "lib/ray_types.glsl"
-// What a ray has hit: place, normals and material, all from the tables of the scene. What the raster leaves in the G-buffer is the
-// same but for the filter of the textures.
+// Surface attributes at a ray's hit: position, normals and material, from the scene's tables. Equal to the G-buffer's but for texture
+// filtering.
 
 struct SurfacePoint {
-    RayStart start;     // where rays leave from; its normal is that of the triangle, to the side that the ray came from
-    vec3 normal;        // shading normal, unit, to the side that the ray came from
-    float coverage;     // share of light that the surface stops; below 1 on blended ones
-    vec3 emission;      // radiance towards where the ray came from
-    bool shows_light;   // the emission is the look of a light
+    RayStart start;     // origin of rays that leave; its normal is the geometric one, on the side where the ray came from
+    vec3 normal;        // shading normal, unit, on the side where the ray came from
+    float coverage;     // share of light that the surface stops; below 1 on blended surfaces
+    vec3 emission;      // radiance back along the ray
+    bool shows_light;   // the emission only depicts a light, which lights the scene instead
     bool black;         // reflects nothing
-    bool sheet;         // no volume begins or ends there, and no alpha test decides about it
+    bool sheet;         // not the boundary of a volume, and not alpha-tested
     Bsdf bsdf;
-    vec3 absorption;    // per metre, of what light that goes through comes from; 0 outside of volumes
+    vec3 absorption;    // per metre, of the volume that transmitted light comes from; 0 outside of volumes
 };
 
-// How far apart in the world the points are that neighbouring pixels see, for the filter of textures; zero for the finest mip.
+// Differences of world position to the neighbouring pixels, for texture filtering; zero for the finest mip.
 struct Footprint {
     vec3 dx;
     vec3 dy;
@@ -29,14 +29,14 @@ struct Footprint {
 
 const Footprint NO_FOOTPRINT = Footprint(vec3(0.0), vec3(0.0));
 
-// Texture coordinates, and their change over a footprint.
+// Texture coordinates, and their differences over a footprint.
 struct Coordinates {
     mat2 uv;  // one set per column
     mat2 dx;
     mat2 dy;
 };
 
-// A texture at those coordinates; `otherwise` where there is none.
+// A texture at those coordinates; `otherwise` if the slot is empty.
 vec4 read_texture(TextureSlot slot, Coordinates at, vec4 otherwise) {
     if (slot.image == NO_TEXTURE) return otherwise;
     vec3 uv = vec3(at.uv[slot.uv_set & 1u], 1.0);
@@ -48,20 +48,21 @@ vec4 read_texture(TextureSlot slot, Coordinates at, vec4 otherwise) {
     return sample_gradients(slot.image, slot.sampler_id, place, dx, dy);
 }
 
-// What a difference of world positions on a triangle with the edges `e1` and `e2` is in weights of its second and third corner.
+// Converts a difference of world positions on a triangle with the edges `e1` and `e2` to barycentric weights of its second and third
+// corner.
 vec2 weights_along(vec3 e1, vec3 e2, vec3 d) {
     vec3 n = cross(e1, e2);
     float square = dot(n, n);
     return square > 0.0 ? vec2(dot(cross(d, e2), n), dot(cross(e1, d), n)) / square : vec2(0.0);
 }
 
-// Emission of a material at some coordinates, before it is known which side is seen.
+// Emission of a material at some coordinates, for either side.
 vec3 emission_at(Material material, Coordinates at) {
     return material.emission * read_texture(material.emission_texture, at, vec4(1.0)).rgb;
 }
 
-// What a material is made of at some coordinates. `vertex`: colour of the vertices; `front`: seen from its front.
-// `textured`: there are coordinates; spheres have none.
+// Evaluates a material at some coordinates. `vertex`: vertex colour; `front`: hit on its front. `textured`: there are coordinates, which
+// spheres do not have.
 void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 vertex, bool front, bool textured, inout SurfacePoint p) {
     vec4 base = material.base_colour * vertex * read_texture(material.base_colour_texture, at, vec4(1.0));
     vec4 metal_rough = read_texture(material.metallic_roughness_texture, at, vec4(1.0));
@@ -73,7 +74,7 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     if (!front && (material.flags & MATERIAL_DOUBLE_SIDED) == 0u) p.emission = vec3(0.0);
     p.bsdf = opaque_bsdf(base.rgb, metalness, material.roughness * metal_rough.g);
     p.absorption = vec3(0.0);
-    // What an alpha test decides about is there or not.
+    // An alpha-tested surface is either there or not.
     p.sheet = (material.flags & (MATERIAL_ALPHA_TEST | MATERIAL_BLEND)) != MATERIAL_ALPHA_TEST;
     if (material.layers == NO_LAYERS) return;
 
@@ -90,7 +91,7 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     p.bsdf.less = Dielectric(own_f0 - d.f0, 1.0 - strength);
     p.bsdf.transmission = (1.0 - metalness) * layers.transmission * read_texture(layers.transmission_texture, at, vec4(1.0)).r;
     p.bsdf.eta = front || layers.thickness == 0.0 ? layers.ior : 1.0 / layers.ior;
-    // Equal media do not bend light either, and there the half vector of refraction has no direction.
+    // Equal indices do not refract either, and leave refraction's half vector undefined.
     p.sheet = p.sheet && layers.thickness == 0.0;
     p.bsdf.thin = layers.thickness == 0.0 || abs(p.bsdf.eta - 1.0) < 1e-4;
     p.absorption = front && layers.thickness > 0.0 ? layers.absorption : vec3(0.0);
@@ -101,7 +102,7 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     }
 }
 
-// The point that a ray has hit.
+// The surface at a hit.
 SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint) {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];

@@ -4,24 +4,24 @@
 #include "lib/bsdf.glsl"
 #include "lib/ray.glsl"
 #include "lib/surface.glsl"
-// Light that goes straight through surfaces: past the share that a blended one covers, and through thin sheets of smooth glass, where
-// base colour, Fresnel and transmission tint it. What bends or scatters light stops it here: volumes (their light is a caustic) and
-// rough sheets.
+// Straight transmission of light: past the coverage of blended surfaces, and through thin smooth sheets of glass, tinted by base colour,
+// Fresnel and transmission. Surfaces that refract or scatter light count as opaque here: volumes (their light is a caustic) and rough
+// sheets.
 
-// Behind so many of them frames give light up: more than 16 panes in a row are dark anyway, and a ray has an end.
+// Transmitting surfaces along a ray after which light is given up: more than 16 panes in a row are dark anyway, and the loop must end.
 const uint MOST_SHEETS = 16u;
 
-// The share of light, in each colour, that the solid part of a surface lets straight through. `towards`: along the ray, any length.
+// Transmittance, per channel, of the covered part of a surface. `towards`: along the ray, any length.
 vec3 solid_through(SurfacePoint s, vec3 towards) {
     return s.sheet && !s.black ? straight_transmission(s.bsdf, abs(dot(s.normal, normalize(towards)))) : vec3(0.0);
 }
 
-// The same of the whole surface, what it does not cover included.
+// The same of the whole surface, the uncovered part included.
 vec3 surface_through(SurfacePoint s, vec3 towards) {
     return mix(vec3(1.0), solid_through(s, towards), min(s.coverage, 1.0));
 }
 
-// What a cone of this width, metres, covers of a plane that it meets along `direction`, for the filter of textures.
+// Footprint of a cone of this width, metres, on a plane that it meets along `direction`, for texture filtering.
 Footprint cone_footprint(vec3 direction, vec3 normal, float width) {
     float facing = dot(direction, normal);
     if (!(width > 0.0) || facing == 0.0) return NO_FOOTPRINT;
@@ -31,11 +31,11 @@ Footprint cone_footprint(vec3 direction, vec3 normal, float width) {
     return Footprint(dx - direction * (dot(dx, normal) / facing), dy - direction * (dot(dy, normal) / facing));
 }
 
-// The share of light, in each colour, that comes along a ray. First one ray to what lets nothing through; where it meets nothing, the
-// others are met one after another, `most` of them: what lies behind so many counts as hidden. `traced`: closest-hit and any-hit rays.
-// `farthest`: how far away the last thing was that the light met, metres; 0 where it met nothing.
+// Transmittance along a ray, per channel. First one any-hit ray against opaque instances; if it hits nothing, transmitting surfaces are
+// visited one after another, at most `most` of them: beyond that counts as occluded. `traced`: closest-hit and any-hit rays. `farthest`:
+// distance of the last surface met, metres; 0 if there was none.
 //
-// The coverage of blended surfaces is looked up: the alpha test that stands for it elsewhere is left out.
+// The alpha test is skipped: the coverage of blended surfaces is looked up instead.
 vec3 light_through(SceneBuffer scene, Ray ray, uint most, inout uvec2 traced, out float farthest) {
     ray.mask = INSTANCE_MASK_SOLID;
     traced.y++;

@@ -2,9 +2,9 @@
 #define LIB_TINTED_RAYS_GLSL
 #include "lib/shadow_rays.glsl"
 #include "lib/tinted.glsl"
-// Shadow rays to one light, in a scene where surfaces let light through.
+// Shadow rays to one light, in a scene with surfaces that transmit light.
 
-// Closest-hit and any-hit rays.
+// Counters: closest-hit and any-hit rays.
 uvec2 tinted_traced = uvec2(0u);
 
 vec3 tinted_point(SceneBuffer scene, Receiver at, Light light, Incident from, inout float penumbra) {
@@ -16,19 +16,19 @@ vec3 tinted_point(SceneBuffer scene, Receiver at, Light light, Incident from, in
     return share;
 }
 
-// The share of a light that is seen, in each colour, by the points that `drawn_at` had or has in frame `frame`, and the width of its
-// penumbrae, pixels.
+// Visibility of a light, per colour channel, by the points that pixel `drawn_at` used or uses in frame `frame`, and the penumbra width,
+// pixels.
 vec3 tinted_visibility(ViewBuffer view, Receiver at, uint index, uint samples, ivec2 drawn_at, uint frame, out float penumbra) {
     penumbra = 0.0;
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     vec3 position = at.start.position;
     Light light = LightBuffer(scene.at[0].lights).at[index];
     LightSample centre = sample_light(light, position);
-    // Outside of its cone, its range or its front.
+    // Outside the light's cone or range, or behind it.
     if (centre.irradiance == vec3(0.0)) return vec3(0.0);
     if (samples == 0u || !has_size(light)) {
         Incident from = Incident(centre.direction, centre.distance, centre.irradiance, 0.0);
-        float none = 0.0;  // of a point
+        float none = 0.0;  // a point light has no penumbra
         return tinted_point(scene, at, light, from, none);
     }
     vec3 seen = vec3(0.0);

@@ -1,28 +1,28 @@
 #ifndef LIB_UPSAMPLE_GLSL
 #define LIB_UPSAMPLE_GLSL
 #include "lib/gbuffer.glsl"
-// From half resolution to full, along surfaces and not across their edges: Kopf, Cohen, Lischinski, Uyttendaele 2007, "Joint Bilateral
-// Upsampling", with the depth and the normals of the full image as the guide.
+// Edge-aware upsampling from half to full resolution: Kopf, Cohen, Lischinski, Uyttendaele 2007, "Joint Bilateral Upsampling", guided by
+// depth and normals of the full image.
 
-// How many pixels' widths off a surface's plane another point may lie to weigh 1/e, and how sharply weights fall with the angle
-// between normals.
+// Distance from a surface's plane, in pixel widths, at which a weight falls to 1/e, and how sharply weights fall with the angle between
+// normals.
 const float PLANE_PIXELS = 2.0;
 const float NORMAL_POWER = 32.0;
 
-// How much a point counts for another `here` whose pixel is `width` metres wide: 1 on the same plane with the same normal.
+// Weight of `there` for `here`, whose pixel is `width` metres wide: 1 on the same plane with the same normal.
 float surface_weight(Surface here, Surface there, float width) {
     float off = abs(dot(here.geometric_normal, there.position - here.position));
     float alike = pow(max(dot(here.normal, there.normal), 0.0), NORMAL_POWER);
     return alike * exp(-off / (PLANE_PIXELS * width));
 }
 
-// The full pixel whose value the half pixel holds: its upper left one.
+// The full-resolution pixel that a half-resolution pixel stands for: the upper left one.
 ivec2 full_pixel(ivec2 coarse) {
     return 2 * coarse;
 }
 
-// The value of `coarse_image` at a full pixel with a surface. A pixel whose own value the half image holds has that; others blend the two
-// or four around them, by distance, by how far these lie off the pixel's plane, and by the angle between the normals.
+// The value of `coarse_image` at a full-resolution pixel with a surface. Pixels that have a half-resolution sample of their own use it;
+// others blend the two or four around by distance, by distance from the pixel's plane, and by the angle between normals.
 vec4 joint_bilateral(
     ViewBuffer view, ivec2 pixel, Surface here, uint depth_image, uint normal_image, uint coarse_image
 ) {
@@ -33,7 +33,7 @@ vec4 joint_bilateral(
     float width = pixel_spread(view) * distance(here.position, view.at[0].eye);
     vec4 sum = vec4(0.0);
     float weights = 0.0;
-    // Where no neighbour lies on the pixel's surface, the one nearest to its plane has to do.
+    // If no neighbour lies on the pixel's surface, the one nearest to its plane is used.
     vec4 nearest = vec4(0.0);
     float nearest_off = 3.4e38;
     for (int y = 0; y <= odd.y; y++) {
@@ -48,7 +48,7 @@ vec4 joint_bilateral(
                 nearest_off = off;
                 nearest = value;
             }
-            // All that are left are equally far: a row's or a column's two, or a square's four.
+            // Those left are equally far: two in a row or column, or four in a square.
             float weight = surface_weight(here, there, width);
             sum += weight * value;
             weights += weight;

@@ -21,8 +21,8 @@ vec3 transform_vector(vec4 rows[3], vec3 v) {
     return vec3(dot(rows[0].xyz, v), dot(rows[1].xyz, v), dot(rows[2].xyz, v));
 }
 
-// A normal (a covector) goes by the inverse transpose: `rows` are those of the inverse, for world-space normals
-// `object_from_world`. Mirrored and stretched instances included: the front of the surface stays its front. Not normalised.
+// Normals are transformed by the inverse transpose: `rows` are those of the inverse, so `object_from_world` for world-space normals. Holds
+// for mirrored and stretched instances too: the front stays the front. Not normalised.
 vec3 transform_normal(vec4 rows[3], vec3 n) {
     return rows[0].xyz * n.x + rows[1].xyz * n.y + rows[2].xyz * n.z;
 }
@@ -32,7 +32,7 @@ float handedness(vec4 rows[3]) {
     return dot(cross(rows[0].xyz, rows[1].xyz), rows[2].xyz) < 0.0 ? -1.0 : 1.0;
 }
 
-// Negative components become 0. Unlike max, whose answer for a NaN is open, it keeps one for the scan to find.
+// Negative components become 0. Unlike max, it keeps NaN, for `--check` to find.
 vec3 non_negative(vec3 v) {
     return mix(v, vec3(0.0), lessThan(v, vec3(0.0)));
 }

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/metrics.glsl"
-// The error of each pixel, and its sum over each tile. The sum goes up a tree in shared memory: the same order on every run.
+// The error of each pixel, and its sum over each tile by a reduction in shared memory, whose order is the same on every run.
 layout(local_size_x = TILE_WIDTH, local_size_y = TILE_HEIGHT) in;
 layout(push_constant, scalar) uniform Push { ErrorParams params; };
 
@@ -19,7 +19,8 @@ vec3 colour(uint image, uint read, ivec2 pixel) {
     return read == READ_DISPLAY ? srgb_decode(value) : value;
 }
 
-// Squared, relative and symmetric error, each the mean over the channels. Sums and quotients keep a NaN; min, max and clamp would not.
+// Squared, relative and symmetric error, each the mean over the channels. Written with sums and quotients, which keep NaN; min, max and
+// clamp may not.
 vec3 errors(vec3 test, vec3 reference) {
     vec3 squared = (test - reference) * (test - reference);
     vec3 relative = squared / (reference * reference + RELMSE_EPSILON);

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/metrics.glsl"
-// The errors of the picture from those of its tiles. One workgroup: every thread adds up each METRICS_GROUP-th tile, then a tree in
-// shared memory adds up the threads: the same order on every run.
+// Reduces the tiles' errors to those of the picture. One workgroup: each thread sums every METRICS_GROUP-th tile, then a reduction in
+// shared memory sums the threads. The order is the same on every run.
 layout(local_size_x = METRICS_GROUP) in;
 layout(push_constant, scalar) uniform Push { SumParams params; };
 
@@ -11,8 +11,7 @@ shared vec3 sums[METRICS_GROUP];
 
 void main() {
     uint thread = gl_LocalInvocationID.x;
-    // What rounding took from the sum goes into the next step (Kahan 1965, "Further Remarks on Reducing Truncation Errors"). An
-    // infinity leaves NaN behind here.
+    // Compensated summation (Kahan 1965, "Further Remarks on Reducing Truncation Errors"). An infinity becomes NaN here.
     precise vec3 sum = vec3(0.0);
     precise vec3 lost = vec3(0.0);
     for (uint i = thread; i < params.count; i += METRICS_GROUP) {

@@ -4,12 +4,13 @@
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
 #include "shared/post.glsl"
-// Takes a part of the four neighbours off each pixel, as much as leaves every channel between 0 and 1 of the tone-weighted range, so that
-// strong edges, which need it least, get least: after Lottes 2021, "Robust Contrast Adaptive Sharpening" (FidelityFX Super Resolution 1.0).
+// Subtracts part of the four neighbours from each pixel, as much as leaves every channel between 0 and 1 of the tone-weighted range, so
+// that strong edges, which need it least, are sharpened least: after Lottes 2021, "Robust Contrast Adaptive Sharpening" (FidelityFX Super
+// Resolution 1.0).
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SharpenParams params; };
 
-// Most that a neighbour's weight goes below 0: at -1/4 the sum of all weights would be 0.
+// Limit of a neighbour's negative weight: at -1/4 the sum of all weights would be 0.
 const float MOST = 0.25 - 1.0 / 16.0;
 
 vec3 compressed(ivec2 pixel) {
@@ -27,12 +28,12 @@ void main() {
     vec3 least = min(min(left, right), min(above, below));
     vec3 most = max(max(left, right), max(above, below));
 
-    // (own - w sum) / (1 - 4 w) stays above 0 while w <= least / (4 most) for any `own` from least to most, and below 1 likewise with the
-    // distances from 1. Black and white leave no room.
+    // (own - w sum) / (1 - 4 w) stays above 0 while w <= least / (4 most) for any `own` from least to most, and below 1 by the same
+    // argument for the distances from 1. Next to black or white there is no room.
     vec3 room = min(least / (4.0 * max(most, vec3(1e-6))), (1.0 - most) / (4.0 * max(1.0 - least, vec3(1e-6))));
     float weight = params.amount * clamp(min(room.r, min(room.g, room.b)), 0.0, MOST);
     vec3 sharp = (own - weight * sum) / (1.0 - 4.0 * weight);
-    // No overshoot beyond what is there. Chosen by comparison, which keeps a NaN for the scan to find.
+    // Limited to the range of the neighbourhood, against overshoot. By comparison, which keeps NaN for `--check` to find.
     least = min(least, own);
     most = max(most, own);
     sharp = mix(sharp, least, lessThan(sharp, least));

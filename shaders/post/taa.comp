@@ -7,35 +7,34 @@
 #include "lib/reprojection.glsl"
 #include "lib/resample.glsl"
 #include "shared/post.glsl"
-// One more sample for the mean of each pixel of the picture: temporal anti-aliasing (Karis 2014, "High Quality Temporal Supersampling";
-// Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing Techniques"), and upsampling where the frame is smaller than the picture.
-// What stands still becomes the plain mean of all samples in the pixel: the history is kept as it is unless the samples say that something
-// has changed. What moves is clipped to the colours around it. The details are in docs/passes/post.md.
+// Temporal anti-aliasing (Karis 2014, "High Quality Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing
+// Techniques"), and upsampling where the frame is smaller than the picture. Static pixels converge to the plain mean of their samples:
+// their history is kept unless the samples show a change. The history of moving pixels is clipped to the colours around. Details:
+// docs/passes/post.md.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { TaaParams params; };
 
-// Most samples in a mean: of what stands still, and of what moves.
+// Greatest weight of the history, in samples: of static and of moving pixels.
 const float MOST_STILL = 128.0;
 const float MOST_MOVING = 8.0;
-// Motion below the first, pixels a frame, is none: so exact are motion vectors. From the second on it is motion.
+// Motion, pixels per frame: up to the first it counts as static (the precision of motion vectors), from the second on as moving.
 const vec2 STILL_PIXELS = vec2(0.001, 0.1);
-// Half the box of colours that a moving history is clipped to, in standard deviations.
+// Half size of the box of colours that a moving history is clipped to, in standard deviations.
 const float CLIP_DEVIATIONS = 1.0;
-// The luma of the 3x3 changes from frame to frame with the jitter, far less than that of single samples. It, and the mean of its newest
-// values, may be so far from its mean over time before they say that something has changed: in standard deviations over time, and
-// beside these, from 0 to 1.
+// A change is detected from the mean luma of the 3x3, which varies less with jitter than single samples. STEP limits how far it may be from
+// its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus an absolute part.
 const vec2 STEP = vec2(7.0, 0.02);
 const vec2 DRIFT = vec2(1.25, 0.01);
-// Its variance over time, over that in space: as long as nothing is known of it, and at least, for edges that few samples meet.
+// Temporal variance of that luma over its spatial variance: before it is known, and at least, for edges that few samples hit.
 const float PRIOR = 0.06;
 const float LEAST_VARIANCE = 0.01;
-// Share of a new sample in the mean of the newest.
+// Weight of a new sample in the fast mean.
 const float FAST = 0.125;
-// Samples that a mean still weighs after a change.
+// Weight of the history after a change, in samples.
 const float LEFT_AFTER_CHANGE = 1.0;
-// Weight of a sample that lies far outside of its pixel. Not 0, so that pixels without samples of their own show something.
+// Weight of a sample far outside of its pixel. Not 0, so that pixels without samples of their own show something.
 const float LEAST_WEIGHT = 0.03;
-// Depth is kept as its logarithm, in steps of 0.07 %; a history may be so many steps off.
+// Depth is stored as its logarithm, in steps of 0.07 %; a history may differ by DEPTH_TOLERANCE of them.
 const float DEPTH_STEPS = 65534.0;
 const float DEPTH_OCTAVES = 64.0;
 const uint DEPTH_TOLERANCE = 30u;
@@ -47,24 +46,24 @@ uint depth_code(float depth) {
     return 1u + uint(clamp(log2(depth) / DEPTH_OCTAVES + 1.0, 0.0, 1.0) * DEPTH_STEPS + 0.5);
 }
 
-// One of 24 bits for each instance; neighbours in the scene have different ones.
+// One of 24 bits for each instance; consecutive instances have different ones.
 uint instance_bit(uint instance) {
     return 1u << (instance % INSTANCE_BITS);
 }
 
-// What this frame saw around a pixel.
+// This frame's neighbourhood of an output pixel.
 struct Around {
-    ivec2 centre;     // of the frame's pixels, the one that is sampled nearest to the middle
-    ivec2 closest;    // of the 3x3, the one whose surface is closest to the camera
+    ivec2 centre;     // the frame's pixel whose sample is nearest to the centre
+    ivec2 closest;    // the pixel of the 3x3 whose surface is closest to the camera
     vec3 mean;        // tone-compressed YCoCg
     vec3 deviation;
-    vec3 smooth_mean; // the same weighted by the distance from the middle
+    vec3 smooth_mean; // the same weighted by the distance from the centre
     uint depth_least; // as depth_code
     uint depth_most;
     uint instances;   // as instance_bit
     uint instance;    // of the centre, + 1
     float depth;      // of the centre
-    bool seen;        // any colour: some are finite
+    bool seen;        // at least one of the colours is finite
 };
 
 Around look_around(ViewBuffer view, vec2 at) {
@@ -84,7 +83,7 @@ Around look_around(ViewBuffer view, vec2 at) {
                 sum += colour;
                 squares += colour * colour;
                 count += 1.0;
-                // A Gaussian like the window of Blackman and Harris, two pixels wide.
+                // A Gaussian approximation of the Blackman-Harris window, two pixels wide.
                 vec2 off = vec2(pixel) + 0.5 - at;
                 float weight = exp(-2.29 * dot(off, off));
                 smooth_sum += weight * colour;
@@ -114,7 +113,7 @@ Around look_around(ViewBuffer view, vec2 at) {
     return around;
 }
 
-// Whether the frame before saw the surface of the centre around where it was.
+// Whether the history shows the surface of the centre, by depth and instance.
 bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
     uint expected = 0u;
     if (around.instance != 0u) {
@@ -128,8 +127,8 @@ bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
     return near && (surfaces.y & instance_bit(around.instance)) != 0u;
 }
 
-// A colour moved towards the mean around it until it is in the box of the deviations (Salvi 2016, "An Excursion in Temporal Supersampling"),
-// which keeps its hue (Karis 2014). As it was where it is inside.
+// A colour clipped towards the mean of the neighbourhood until it is inside the variance box (Salvi 2016, "An Excursion in Temporal
+// Supersampling"), which preserves its hue (Karis 2014). Unchanged if it is inside.
 vec3 clip_to(Around around, vec3 colour) {
     vec3 compressed = tone_compress(ycocg_of(colour), params.exposure);
     vec3 off = compressed - around.mean;
@@ -139,7 +138,7 @@ vec3 clip_to(Around around, vec3 colour) {
     return non_negative(rgb_of_ycocg(tone_expand(around.mean + off / farthest, params.exposure)));
 }
 
-// How much a sample counts in a pixel whose middle is `off` away, in pixels of the picture: fully in its own square, little beyond.
+// Weight of a sample at a distance of `off` from a pixel's centre, in output pixels: 1 in the pixel's square, little beyond.
 float sample_weight(vec2 off) {
     vec2 beyond = max(abs(off) - 0.5, vec2(0.0));
     return max(exp(-100.0 * dot(beyond, beyond)), LEAST_WEIGHT);
@@ -151,7 +150,7 @@ void main() {
     vec2 size = vec2(view.at[0].output_size);
     if (!inside(pixel, view.at[0].output_size)) return;
 
-    // What this frame has to say of the pixel: the sample nearest to its middle, or a blend where none lies in it.
+    // This frame's sample of the pixel: the nearest to its centre, blended with the neighbourhood if it lies outside the pixel.
     vec2 scale = vec2(view.at[0].size) / size;
     vec2 at = (vec2(pixel) + 0.5) * scale - view.at[0].jitter;
     Around around = look_around(view, at);
@@ -165,15 +164,15 @@ void main() {
         now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, weight);
     }
 
-    // Where that was. Edges move with what is in front.
+    // Reprojection. Edges move with the foreground.
     float closest_depth = load(params.depth, around.closest).r;
     vec2 motion = motion_of(view, around.closest, closest_depth, load(params.motion, around.closest).xy);
-    if (!is_taken(params.not_finite, vec3(motion, 0.0))) motion = vec2(2.0);  // from nowhere on the screen
+    if (!is_taken(params.not_finite, vec3(motion, 0.0))) motion = vec2(2.0);  // off the screen: no history
     vec2 before = (vec2(pixel) + 0.5) / size - motion;
     float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);
 
-    // What is known of it. Where nothing has moved, nothing can have come into sight: what is thinner than a pixel and seen in some
-    // frames only keeps its history.
+    // The history. Without motion there is no disocclusion, so features thinner than a pixel keep their history even if some frames miss
+    // them.
     vec4 moments = vec4(0.0);
     vec3 history = vec3(0.0);
     float calm = 0.0;
@@ -206,7 +205,7 @@ void main() {
         samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
     }
 
-    // The mean goes on. A short one is weighted by tone, so that bright samples do not flicker; the mean of what stands still is plain.
+    // Update of the mean. A short one is weighted by tone, against flicker of bright samples; that of static pixels is plain.
     float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
     float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
     float shares = own_share + old_share;
@@ -214,7 +213,7 @@ void main() {
     float share = 1.0 / (1.0 + samples), off = luma - moments.x;
     vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off * off), 0.0, samples + weight);
     next.z = mix(moments.z, luma, max(share, FAST));
-    // Of what moves, has changed, or has just come into sight, nothing is known yet.
+    // Moments restart where the pixel moves, has changed, or was disoccluded.
     vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
     next = mix(fresh, next, samples > 0.0 && !changed ? still : 0.0);
     if (!around.seen) next = vec4(moments.xyz, samples);

@@ -13,7 +13,7 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, params.size)) return;
     vec3 radiance = load(params.colour, pixel).rgb;
-    // Eight bits hold no NaN. Such a pixel is black, and counted.
+    // 8-bit formats have no NaN: such a pixel is black, and counted.
     vec3 colour = is_taken(params.not_finite, radiance) ? radiance * params.exposure : vec3(0.0);
     vec3 display = clamp(colour, 0.0, 1.0);
     if (params.curve == CURVE_AGX) display = agx(colour);

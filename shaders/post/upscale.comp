@@ -3,7 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "shared/post.glsl"
-// The picture in another size: bilinear, between the four nearest pixels.
+// Resizes the picture bilinearly.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { UpscaleParams params; };
 

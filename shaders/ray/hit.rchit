@@ -3,7 +3,7 @@
 #extension GL_EXT_ray_tracing : require
 #include "lib/bindless.glsl"
 #include "lib/ray_payload.glsl"
-// The nearest hit, on a triangle or a sphere: says where it is.
+// Closest-hit shader of triangles and spheres: fills the payload.
 layout(location = 0) rayPayloadInEXT RayPayload payload;
 hitAttributeEXT vec2 barycentric;
 

@@ -3,7 +3,7 @@
 #extension GL_EXT_ray_tracing : require
 #include "lib/bindless.glsl"
 #include "lib/ray_payload.glsl"
-// Nothing lies on the ray.
+// Miss shader: marks the payload as a miss.
 layout(location = 0) rayPayloadInEXT RayPayload payload;
 
 void main() {

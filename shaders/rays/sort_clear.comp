@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/rays.glsl"
-// No ray has been counted yet.
+// Clears the histogram of keys.
 layout(local_size_x = SORT_GROUP) in;
 layout(push_constant, scalar) uniform Push { SortParams params; };
 

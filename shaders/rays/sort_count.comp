@@ -2,13 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/rays.glsl"
-// Gives every ray a key, and counts the rays of each: those with one key go the same way from about the same place.
+// Computes each ray's key and counts the rays per key. Rays with the same key have a similar direction and origin.
 layout(local_size_x = SORT_GROUP) in;
 layout(push_constant, scalar) uniform Push { SortParams params; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
 
-// Bits 0, 1, 2 to bits 0, 3, 6.
+// Moves bits 0, 1, 2 to 0, 3, 6.
 uint spread(uint x) {
     return (x & 1u) | (x & 2u) << 2 | (x & 4u) << 4;
 }

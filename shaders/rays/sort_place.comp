@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/rays.glsl"
-// Puts every ray's index behind those of its key. Which of two rays with one key comes first is left open: each keeps its own answer.
+// Scatters the rays' indices by key. The order within a key is undefined, which is harmless: each ray keeps its own answer.
 layout(local_size_x = SORT_GROUP) in;
 layout(push_constant, scalar) uniform Push { SortParams params; };
 

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/rays.glsl"
-// Turns how many rays each key has into where the first of them goes. One workgroup: every thread adds up some keys, then the sums are
-// scanned in shared memory (Hillis and Steele 1986, "Data Parallel Algorithms").
+// Turns the counts per key into the offset of each key (exclusive prefix sum). One workgroup: every thread sums some keys, then the sums
+// are scanned in shared memory (Hillis and Steele 1986, "Data Parallel Algorithms").
 layout(local_size_x = SORT_GROUP) in;
 layout(push_constant, scalar) uniform Push { SortParams params; };
 

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "shared/reference.glsl"
-// Three floats per pixel as an image, for whatever comes after.
+// Converts three floats per pixel to an image, for later passes.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { PresentParams params; };
 

@@ -7,7 +7,7 @@
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
-// Specular light of sky and ground without the sun's disc, which is a light of its own.
+// Specular light of sky and ground without the sun's disc, which is a light source of its own.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
@@ -16,14 +16,14 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
     if (!s.exists) return vec3(0.0);
 
-    // A mirror sees the sky itself, a fully rough lobe the cosine-weighted mean around its axis. Between them this blends by
-    // roughness, in place of a prefiltered sky: both ends are right, the middle is a little too sharp and too plain at once.
+    // A mirror reflects the sky itself, a fully rough lobe the cosine-weighted mean around its axis. In between the two are blended by
+    // roughness, instead of a prefiltered sky: both ends are exact, the middle is partly too sharp and partly too smooth.
     vec3 axis = reflect(-s.to_eye, s.normal);
     Sky sky = view.at[0].sky;
     vec3 incident = mix(sky_radiance(sky, axis), sky_irradiance(sky, axis) / PI, s.roughness);
 
-    // A mapped normal can send the axis below the surface, where the surface itself is in the way
-    // (Russell 2015, "Horizon Occlusion for Normal Mapped Reflections").
+    // A normal map can turn the axis below the surface, which occludes it itself (Russell 2015, "Horizon Occlusion for Normal Mapped
+    // Reflections").
     float horizon = clamp(1.0 + dot(axis, s.geometric_normal), 0.0, 1.0);
 
     float n_v = max(dot(s.normal, s.to_eye), 0.0);

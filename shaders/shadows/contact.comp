@@ -6,13 +6,14 @@
 #include "lib/shadow_map.glsl"
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
-// Shadows of what is near, from the depth buffer: a short march from each surface towards each light, for what is smaller than the
-// texels of a shadow map. What the depth buffer does not show casts none; what it shows counts as thick as the march is long, so that
-// something far in front, behind which the march goes on, does not.
+// Screen-space contact shadows: a short ray march from each surface towards each light, for occluders smaller than a texel of a shadow map.
+// What the depth buffer does not show casts none. What it shows is taken to be as thick as the march is long, so that an object far in
+// front of the march does not occlude.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ContactParams params; };
 
-// A step is hidden by what lies in front of it by this many pixels' widths at least: the surface itself, between its pixels, does not.
+// A step counts as occluded if it is at least this many pixel widths behind the depth buffer, so that the surface's own facets do not
+// occlude.
 const float TOLERANCE = 1.0;
 
 bool meets(ViewBuffer view, vec3 from, vec3 direction, float reach, float start) {
@@ -39,7 +40,7 @@ void main() {
     if (!surface.exists) return;
     vec4 visibility = imageLoad(storage_images[params.visibility], pixel);
     LightBuffer lights = LightBuffer(SceneBuffer(view.at[0].scene).at[0].lights);
-    // Above the facets that the depth buffer makes of the surface.
+    // Starts above the facets that the depth buffer makes of the surface.
     float pixel_width = pixel_spread(view) * distance(surface.position, view.at[0].eye);
     vec3 from = surface.position + pixel_width * surface.geometric_normal;
     for (uint i = 0u; i < params.light_count; i++) {

@@ -5,16 +5,16 @@
 #include "lib/intersect.glsl"
 #include "shared/shadow_map.glsl"
 #include "shared/view.glsl"
-// Nothing but depth, which the raster writes. An alpha-tested surface is there where rays meet it.
+// Depth only, which the raster writes. Alpha-tested surfaces are discarded where rays would pass them.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
-// Without it nothing is discarded, and depth can be tested before shading.
+// If false, nothing is discarded and the depth test can run before shading.
 layout(constant_id = 0) const bool ALPHA_TEST = false;
 
 layout(location = 0) in vec3 position;
 layout(location = 1) flat in uint instance_index;
 
-// The alpha test of the ray of light through the texel's centre, a cone as wide as the texel.
+// The alpha test for the light's ray through the texel's centre, a cone as wide as the texel.
 bool is_there() {
     SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
@@ -28,7 +28,7 @@ bool is_there() {
     uvec3 corners = TriangleBuffer(mesh.indices).at[gl_PrimitiveID];
     PositionBuffer at = PositionBuffer(mesh.positions);
     SurfaceHit hit;
-    // Whether it hits does not matter: fragments at the edges may lie just outside.
+    // A miss does not matter: fragments at the edges may lie just outside.
     hit_triangle(ray, at.at[corners.x], at.at[corners.y], at.at[corners.z], 0.0, 0.0, hit);
     return alpha_passes(scene, instance_index, corners, hit.barycentric, along, width);
 }

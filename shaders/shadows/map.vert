@@ -5,7 +5,7 @@
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
 #include "shared/view.glsl"
-// Places the vertices of one instance in a layer of a shadow map.
+// Projects the vertices of one instance into a layer of a shadow map.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
 layout(location = 0) out vec3 position;  // world, metres

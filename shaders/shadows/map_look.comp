@@ -6,23 +6,23 @@
 #include "lib/shadow_map.glsl"
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
-// What the shadow maps of up to four lights say of each pixel, and where they are not to be trusted.
+// Looks up the shadow maps of up to four lights for each pixel, and classifies where they cannot be trusted.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { MapParams params; };
 
-// A blocker is looked for no nearer to a lamp than this share of the way to it.
+// Blockers are searched no nearer to a local light than this share of its distance.
 const float NEAREST_BLOCKER = 0.25;
 
-// A penumbra narrower than this, texels, is filtered by a box: a disc of so few texels has no shape.
+// A penumbra narrower than this, texels, is filtered by a box, as a disc of so few texels has no shape.
 const float LEAST_DISC = 2.0;
 
-// What is above the plane by less than this many texels is in contact, as far as the map can tell.
+// Occluders less than this many texels above the plane count as in contact: the map cannot tell them apart.
 const float CONTACT = 2.0;
 
-// The plane is drawn so many parts of a texel beside itself at most: corners are snapped to a 256th of a texel.
+// Greatest error of the drawn plane, texels: vertices are snapped to a 256th of a texel.
 const float SNAP = 1.0 / 64.0;
 
-// The point in a layer, moved along its normal against what is no plane.
+// Projects a point into a layer, offset along its normal for surfaces that are not planar.
 MapPoint receive(MapLight light, MapLayer layer, float side, Surface surface, vec3 to_light) {
     MapPoint p = project(light.kind, light.size, layer, side, surface.position, surface.geometric_normal);
     float cosine = dot(surface.geometric_normal, to_light);
@@ -34,13 +34,13 @@ MapPoint receive(MapLight light, MapLayer layer, float side, Surface surface, ve
     return p;
 }
 
-// Depth up to which blockers are looked for.
+// Reversed depth up to which blockers are searched.
 float nearest_blocker(MapLight light, MapPoint p) {
     return light.kind == MAP_CASCADES ? 1.0 : min(p.depth / NEAREST_BLOCKER, 1.0);
 }
 
-// Percentage-closer soft shadows (Fernando 2005): the mean depth of what is above the point says how wide the penumbra is, and the
-// filter. A texel counts as a blocker only if the light is large enough to be hidden by it from where the point is.
+// Percentage-closer soft shadows (Fernando 2005): the mean depth of the blockers gives the penumbra width, and so the filter radius. A
+// texel counts as a blocker only if it can occlude part of the light from the point.
 float soft(MapLight light, MapSheet sheet, MapPoint p, float turn, out bool mixed) {
     float radius = (nearest_blocker(light, p) - p.depth) * p.reach;
     float slack = 2.0 * NORMAL_OFFSET / sheet.side;
@@ -56,13 +56,13 @@ float soft(MapLight light, MapSheet sheet, MapPoint p, float turn, out bool mixe
             found++;
         }
     }
-    // What the search may have missed near the point itself.
+    // The search may have missed blockers close to the point.
     float near = box_filter(sheet, p, 1.0);
     mixed = (found > 0u && found < params.taps) || (near > 0.0 && near < 1.0);
     if (found == 0u) return near;
     float penumbra = max(sum / float(found) - p.depth, 0.0) * p.reach;
     float texels = 0.5 * penumbra * sheet.side;
-    // A square of the area of the disc.
+    // A square of the same area as the disc.
     if (texels < LEAST_DISC) return box_filter(sheet, p, max(1.77245385 * texels, 1.0));
     float lit = 0.0;
     for (uint i = 0u; i < params.taps; i++) {
@@ -72,10 +72,10 @@ float soft(MapLight light, MapSheet sheet, MapPoint p, float turn, out bool mixe
     return lit / float(params.taps);
 }
 
-// A box of samples, turned for each pixel.
+// PCF by samples that are rotated for each pixel.
 float turned_box(MapSheet sheet, MapPoint p, float turn) {
     float lit = 0.0;
-    float radius = 1.12837917 * params.kernel / sheet.side;  // of a disc of the box's area
+    float radius = 1.12837917 * params.kernel / sheet.side;  // of a disc of the same area as the box
     for (uint i = 0u; i < params.taps; i++) {
         ivec2 texel = texel_at(sheet, p.at + radius * disc_sample(i, params.taps, turn));
         if (above_plane(sheet, p, texel) <= 0.0) lit += 1.0;
@@ -90,11 +90,11 @@ float filtered(MapLight light, MapSheet sheet, MapPoint p, float turn, out bool 
     return params.rotate != 0u ? turned_box(sheet, p, turn) : box_filter(sheet, p, params.kernel);
 }
 
-// Why the map is not to be trusted at a point, from the texels around it.
+// Reasons why the map cannot be trusted at a point, from the texels around.
 uint doubts(MapLight light, MapSheet sheet, MapPoint p, MapPoint unmoved, bool mixed, float pixel_width) {
-    // Texels of the filter, and one more on either side.
+    // Radius of the filter, texels, and one more.
     int reach = 1 + int(ceil(params.filter_kind == MAP_FILTER_PCF ? 0.5 * params.kernel : 0.5));
-    float tilt = length(unmoved.slope) * 2.0 / sheet.side;  // of the plane over a texel, depth
+    float tilt = length(unmoved.slope) * 2.0 / sheet.side;  // change of the plane's depth over a texel
     float least = SNAP * tilt + unmoved.rounding;
     float most = CONTACT * (unmoved.texel * unmoved.unit + tilt);
     ivec2 middle = texel_at(sheet, p.at);
@@ -116,7 +116,7 @@ uint doubts(MapLight light, MapSheet sheet, MapPoint p, MapPoint unmoved, bool m
     return why;
 }
 
-// Half the side of a cascade that its filter leaves alone.
+// Half side of a cascade, -1 to 1, that leaves room for the filter.
 float usable(MapLight light, MapPoint p, float side) {
     float margin = 2.0 * (0.5 * params.kernel + 1.0) / side;
     if (params.filter_kind == MAP_FILTER_PCSS) margin = max(margin, (1.0 - p.depth) * p.reach);
@@ -134,7 +134,7 @@ float look(MapLight light, uint image, Surface surface, vec3 to_light, float tur
         if (face < 0) return 1.0;
         MapLayer layer = layers.at[light.first + uint(face)];
         MapPoint p = receive(light, layer, side, surface, to_light);
-        // One face of many covers all that it is the face of; but for rounding.
+        // With several faces, a point is always on one of them but for rounding. A single face may not cover it.
         if (light.layers == 1u && !p.covered) return 1.0;
         MapSheet sheet = MapSheet(image, is_array, face, side, light, params.layers);
         float lit = filtered(light, sheet, p, turn, mixed);
@@ -143,7 +143,7 @@ float look(MapLight light, uint image, Surface surface, vec3 to_light, float tur
         return lit;
     }
     float lit = 1.0;
-    float weight = 1.0;  // of what is still to come
+    float weight = 1.0;  // still to be filled by the next cascade
     for (uint i = 0u; i < light.layers && weight > 0.0; i++) {
         MapLayer layer = layers.at[light.first + i];
         MapPoint p = receive(light, layer, side, surface, to_light);
@@ -180,7 +180,7 @@ void main() {
     for (uint i = 0u; surface.exists && i < params.light_count; i++) {
         MapLight light = known.at[i];
         LightSample towards = sample_light(lights.at[light.light], surface.position);
-        // What the light cannot reach anyway.
+        // Unlit anyway.
         bool faces = dot(surface.normal, towards.direction) > 0.0 && dot(surface.geometric_normal, towards.direction) > 0.0;
         if (!faces || towards.irradiance == vec3(0.0)) continue;
         float turn = pixel_turn(pixel);

@@ -6,7 +6,7 @@
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
 #include "shared/view.glsl"
-// The depth at which the ray of light through the texel's centre meets a sphere, exactly as rays meet it.
+// Depth at which the light's ray through the texel's centre meets a sphere, with the intersection test of rays.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
 layout(location = 0) in vec3 position;
@@ -19,7 +19,7 @@ void main() {
     SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[sphere_index];
-    // Parallel light comes from however far away, other light from its lamp. `position` is on the far side of the box.
+    // Rays of directional lights have no origin, those of local lights begin at the light. `position` is on the far side of the box.
     bool parallel = params.is_parallel != 0u;
     vec3 from = parallel ? position : params.light;
     vec3 along = parallel ? params.light : position - params.light;

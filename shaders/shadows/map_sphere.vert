@@ -5,15 +5,15 @@
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
 #include "shared/view.glsl"
-// A box around each sphere of one instance in a layer of a shadow map: eight corners for a sphere, in the order of gl_VertexIndex, of
-// which the faces behind the sphere are drawn.
+// A box around each sphere of one instance in a layer of a shadow map: eight corners per sphere, in the order of gl_VertexIndex, of which
+// the back faces are drawn.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
 layout(location = 0) out vec3 position;  // world, metres
 layout(location = 1) flat out uint instance_index;
 layout(location = 2) flat out uint sphere_index;
 
-// The box is a little wider than the sphere: its own corners are snapped to a part of a texel.
+// The box is a little larger than the sphere, as its corners are snapped to the raster's subpixel grid.
 const float MARGIN = 1.0 / 256.0;
 
 void main() {

@@ -3,12 +3,12 @@
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
 #include "shared/shadows.glsl"
-// How wide the penumbrae are that a pixel may lie in: the widest of all that rays around have met the shadow of, as far away as it is wide.
-// Pixels that lie in none have no noise.
+// Widens penumbrae to the pixels that they may cover: the greatest penumbra width of all rays around that hit an occluder, as far away as
+// that width. Pixels outside of all of them have no noise.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ReachParams params; };
 
-// Each pixel this near is looked at; further away, eight in a ring, each ring twice as far out: of a wide penumbra there is much to meet.
+// All pixels up to NEAR are read; further away eight in a ring, each ring twice as far out, as a wide penumbra has many hits.
 const int NEAR = 2;
 const int FURTHEST = 32;
 
@@ -19,7 +19,7 @@ void look(ivec2 offset) {
     ivec2 at = pixel + offset;
     if (!inside(at, params.size)) return;
     vec4 width = load(params.penumbra, at / int(params.step));
-    // Half a pixel of rounding, and what half resolution has left out.
+    // Less half a pixel for rounding, or more for what half resolution left out.
     float away = max(length(vec2(offset)) - 0.5 * float(params.step), 0.0) / PENUMBRA_MOST;
     reach = max(reach, mix(vec4(0.0), width, greaterThanEqual(width, vec4(away))));
 }

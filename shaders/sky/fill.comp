@@ -5,7 +5,7 @@
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky.glsl"
-// The sky behind everything, in place: pixels with a surface are left as they are. Without a sky the background is black.
+// Draws the sky into background pixels, in place. Without a sky the background is black.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { FillParams params; };
 

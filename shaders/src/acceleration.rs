@@ -1,10 +1,10 @@
-//! Deforming meshes, and the refit of their trees.
+//! Deforming meshes, and the refit of their BVHs.
 use super::types::Address;
 use bytemuck::{Pod, Zeroable};
 
-/// Vertices that one workgroup deforms.
+/// Vertices per workgroup, one thread each.
 pub const DEFORM_GROUP: u32 = 64;
-/// Threads that refit one tree.
+/// Threads per workgroup; a workgroup refits one BVH.
 pub const REFIT_GROUP: u32 = 128;
 
 /// Parameters of the pass that deforms every skinned and morphing mesh.
@@ -19,39 +19,39 @@ pub struct DeformParams {
     pub joints: Address,
     /// Morph weights of this frame's pose, one `f32` each.
     pub weights: Address,
-    /// How many jobs.
+    /// Length of `jobs`.
     pub job_count: u32,
-    /// There is no frame before: nothing moves.
+    /// 1 in the first frame: previous positions are set to the current ones.
     pub first: u32,
 }
 
-/// A mesh that deforms, with its vertices as they are in the file and as they are now.
+/// A mesh that deforms: its vertices in the bind pose, as loaded, and in the current pose.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Deformer {
-    /// Positions in the file, three `f32` each.
+    /// Positions as loaded, three `f32` each.
     pub source_positions: Address,
-    /// Attributes in the file.
+    /// Attributes as loaded, [`VertexAttributes`](super::scene::VertexAttributes).
     pub source_attributes: Address,
     /// [`Influence`] table, `influence_count` per vertex.
     pub influences: Address,
-    /// [`MorphDelta`] table: every vertex of the first target, then of the next.
+    /// [`MorphDelta`] table: all vertices of the first target, then of the next.
     pub targets: Address,
-    /// Positions now.
+    /// Current positions, three `f32` each; written.
     pub positions: Address,
-    /// Positions one frame ago.
+    /// Positions one frame ago, three `f32` each; written.
     pub previous_positions: Address,
-    /// Attributes now.
+    /// Current attributes; written.
     pub attributes: Address,
-    /// How many vertices.
+    /// Number of vertices.
     pub vertex_count: u32,
-    /// Joints that move one vertex, at most; 0 where the mesh is not skinned.
+    /// Joints per vertex, at most; 0 where the mesh is not skinned.
     pub influence_count: u32,
-    /// How many morph targets.
+    /// Number of morph targets.
     pub target_count: u32,
-    /// Index of its first joint in the pose.
+    /// Index of the mesh's first joint in the pose.
     pub first_joint: u32,
-    /// Index of its first weight in the pose.
+    /// Index of the mesh's first morph weight in the pose.
     pub first_weight: u32,
 }
 
@@ -61,41 +61,41 @@ pub struct Deformer {
 pub struct DeformJob {
     /// Index of the [`Deformer`].
     pub deformer: u32,
-    /// First vertex.
+    /// Index of the first vertex.
     pub first: u32,
 }
 
-/// How much a joint moves a vertex.
+/// Weight of a joint for a vertex.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Influence {
     /// Index of the joint in its skin.
     pub joint: u32,
-    /// Share, the sum over a vertex being 1.
+    /// 0 to 1; the weights of a vertex sum to 1.
     pub weight: f32,
 }
 
-/// What a morph target of weight 1 adds to a vertex.
+/// Difference that a morph target of weight 1 adds to a vertex.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MorphDelta {
-    /// To its position.
+    /// Added to the position, object space.
     pub position: [f32; 3],
-    /// To its normal.
+    /// Added to the normal, before it is normalised.
     pub normal: [f32; 3],
-    /// To its tangent.
+    /// Added to the tangent, before it is normalised.
     pub tangent: [f32; 3],
 }
 
-/// Object space from the bind pose, three rows.
+/// Transform of a joint from the bind pose to the current pose, in object space.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct JointMatrix {
-    /// The rows.
+    /// The three upper rows of the affine matrix.
     pub rows: [[f32; 4]; 3],
 }
 
-/// Parameters of the pass that refits the trees of deforming meshes.
+/// Parameters of the pass that refits the BVHs of deforming meshes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct RefitParams {
@@ -103,7 +103,7 @@ pub struct RefitParams {
     pub jobs: Address,
 }
 
-/// A tree to be refitted.
+/// A BVH to refit.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct RefitJob {
@@ -111,24 +111,24 @@ pub struct RefitJob {
     pub nodes: Address,
     /// [`BvhPrimitive`](super::scene::BvhPrimitive) table.
     pub primitives: Address,
-    /// Positions now.
+    /// Current positions, three `f32` each.
     pub positions: Address,
-    /// [`NodeBox`] table, one per node: working memory.
+    /// [`NodeBox`] table, one per node: scratch memory.
     pub boxes: Address,
-    /// Indices of nodes, the deepest level first.
+    /// Indices of all nodes, deepest level first.
     pub order: Address,
-    /// Where each level begins in `order`, and where the last ends.
+    /// Offset of each level in `order`, and the end of the last.
     pub levels: Address,
-    /// How many levels.
+    /// Number of levels.
     pub level_count: u32,
 }
 
-/// The box of a node, exactly.
+/// Bounds of a node before quantisation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct NodeBox {
-    /// Least corner.
+    /// Lower corner, object space.
     pub lower: [f32; 3],
-    /// Greatest corner.
+    /// Upper corner, object space.
     pub upper: [f32; 3],
 }

@@ -2,7 +2,7 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// In the place of an image that is not there.
+/// Value of `bent_normal` where there is no such image.
 pub const NO_BENT_NORMAL: u32 = 4294967295;
 
 /// Push constants of `trace.ray`: rays over the hemisphere above every pixel.
@@ -21,11 +21,11 @@ pub struct TraceParams {
     pub ids: SampledImage,
     /// R16F: share of the rays that met nothing.
     pub openness: StorageImage,
-    /// One pixel of so many in each direction: 1, or 2 for half resolution.
+    /// Spacing of the pixels that are traced: 1, or 2 for half resolution.
     pub step: u32,
     /// Rays per pixel.
     pub samples: u32,
-    /// How far away things hide a point, metres.
+    /// Distance up to which geometry occludes, metres.
     pub range: f32,
 }
 
@@ -41,21 +41,21 @@ pub struct SearchParams {
     pub normal: SampledImage,
     /// RGBA16F: unit bent normal in the world, openness in alpha.
     pub found: StorageImage,
-    /// One pixel of so many in each direction: 1, or 2 for half resolution.
+    /// Spacing of the pixels that are searched: 1, or 2 for half resolution.
     pub step: u32,
-    /// Planes through the line of sight.
+    /// Planes through the view direction.
     pub slices: u32,
-    /// Depths that are looked up on each side of a slice.
+    /// Depth samples on each side of a slice.
     pub steps: u32,
-    /// How far away things hide a point, metres.
+    /// Distance up to which geometry occludes, metres.
     pub range: f32,
-    /// How much a horizon comes down towards a look-up below it, 0 to 1.
+    /// Share of the way by which a sample below the horizon lowers it, 0 to 1.
     pub decay: f32,
-    /// The noise of this frame, added to that of the pixel: turn of the slices, and start of the steps, 0 to 1.
+    /// Noise of this frame, added to that of the pixel, 0 to 1: rotation of the slices, and offset of the steps.
     pub noise: [f32; 2],
 }
 
-/// Push constants of `filter.comp`: the noise of `search.comp` averaged away along surfaces.
+/// Push constants of `filter.comp`: edge-aware denoising of `search.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct FilterParams {
@@ -65,17 +65,17 @@ pub struct FilterParams {
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// Of `search.comp`.
+    /// `found` of `search.comp`.
     pub found: SampledImage,
     /// At full size R16F, openness; at half size as `found`.
     pub filtered: StorageImage,
     /// At full size RG16F, the octahedral bent normal; at half size [`NO_BENT_NORMAL`].
     pub bent_normal: u32,
-    /// As of `search.comp`.
+    /// As in [`SearchParams`].
     pub step: u32,
 }
 
-/// Push constants of `upsample.comp`: half resolution brought to full.
+/// Push constants of `upsample.comp`: from half to full resolution.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct UpsampleParams {
@@ -85,7 +85,7 @@ pub struct UpsampleParams {
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// Half as large, of the upper left one of four pixels: RGBA16F, bent normal and openness, or R16F, openness alone.
+    /// Half resolution, a texel for the upper left one of four pixels: RGBA16F with bent normal and openness, or R16F with openness alone.
     pub half_size: SampledImage,
     /// R16F, full size.
     pub openness: StorageImage,

@@ -6,18 +6,18 @@ use bytemuck::{Pod, Zeroable};
 pub const CELLS: u32 = 64;
 /// Width and height of the images, pixels; one thread each.
 pub const SIDE: u32 = 4;
-/// Factor of what the pass before wrote. Odd, so that no bit is lost.
+/// Factor of the previous pass's value. Odd, so that no bit is lost.
 pub const FIRST_FACTOR: u32 = 1664525;
-/// Factor of what the pass before that one wrote.
+/// Factor of the value of the pass before that.
 pub const SECOND_FACTOR: u32 = 22695477;
-/// Factor of the number of the pass.
+/// Factor of the index of the pass.
 pub const NUMBER_FACTOR: u32 = 2654435761;
 
 /// One word of a buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Cell {
-    /// Anything.
+    /// Result of the pass for one thread.
     pub value: u32,
 }
 
@@ -25,13 +25,13 @@ pub struct Cell {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BufferParams {
-    /// What the pass before wrote, [`CELLS`] of [`Cell`]; pass 0 does not look.
+    /// Output of the previous pass, [`CELLS`] of [`Cell`]; pass 0 does not read it.
     pub first: Address,
-    /// What the pass before that one wrote; passes 0 and 1 do not look.
+    /// Output of the pass before that; passes 0 and 1 do not read it.
     pub second: Address,
-    /// What this pass writes.
+    /// Output of this pass.
     pub result: Address,
-    /// Number of the pass, from 0.
+    /// Index of the pass, from 0.
     pub number: u32,
 }
 
@@ -39,29 +39,29 @@ pub struct BufferParams {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ImageParams {
-    /// What the pass before wrote; pass 0 does not look.
+    /// Output of the previous pass; pass 0 does not read it.
     pub first: StorageImage,
-    /// What the pass before that one wrote; passes 0 and 1 do not look.
+    /// Output of the pass before that; passes 0 and 1 do not read it.
     pub second: StorageImage,
-    /// What this pass writes.
+    /// Output of this pass.
     pub result: StorageImage,
-    /// Number of the pass, from 0.
+    /// Index of the pass, from 0.
     pub number: u32,
 }
 
-/// What a [`RayTask`](super::rays::RayTask) met first.
+/// The closest hit of a [`RayTask`](super::rays::RayTask).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct RayAnswer {
-    /// Distance in lengths of the direction; that of the end of the ray where it met nothing.
+    /// Distance of the hit in lengths of the direction; the ray's `t_max` on a miss.
     pub t: f32,
-    /// Index of the instance, or all ones.
+    /// Index of the instance; all ones on a miss.
     pub instance: u32,
     /// Index of the triangle or sphere in its mesh.
     pub primitive: u32,
-    /// Weights of the second and third corner.
+    /// Barycentric weights of the second and third corner.
     pub barycentric: [f32; 2],
-    /// 1 where it met the front.
+    /// 1 for a hit on the front.
     pub front: u32,
 }
 
@@ -73,12 +73,12 @@ pub struct TraceParams {
     pub scene: Address,
     /// [`RayTask`](super::rays::RayTask) table, row after row.
     pub rays: Address,
-    /// [`RayAnswer`] table for `closest.ray`; for `any.ray` a [`Cell`] each, 1 where anything was met.
+    /// Results: a [`RayAnswer`] per ray for `closest.ray`; a [`Cell`] per ray for `any.ray`, 1 for a hit.
     pub answers: Address,
-    /// Indices of rays in the order in which they are traced; zero for the order of the table.
+    /// Indices of rays in the order in which to trace them; zero for the order of the table.
     pub order: Address,
-    /// Rays in a row.
+    /// Rays per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
 }

@@ -1,4 +1,4 @@
-//! Parameters of `shaders/check`: the scan for NaN and infinity, and the look at what lies where one was found.
+//! Parameters of `shaders/check`: the scan for NaN and infinity, and the probe that reads other resources where one was found.
 use super::types::{Address, SampledImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 pub struct ScanParams {
     /// The image to scan, a float format.
     pub image: SampledImage,
-    /// Which of its mips.
+    /// Index of the mip.
     pub mip: u32,
     /// Width and height of that mip, pixels.
     pub size: [u32; 2],
@@ -20,15 +20,15 @@ pub struct ScanParams {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ScanWordsParams {
-    /// The words.
+    /// The buffer.
     pub words: Address,
     /// The [`Counted`] to add to.
     pub counted: Address,
-    /// How many words.
+    /// Number of words.
     pub count: u32,
 }
 
-/// What a scan found. All zeros before it.
+/// Result of a scan. Zeroed before it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Counted {
@@ -36,11 +36,11 @@ pub struct Counted {
     pub nan: u32,
     /// Pixels or words with an infinity and no NaN.
     pub infinite: u32,
-    /// All ones minus the least index among them; the index of a pixel is `y * width + x`.
+    /// Bitwise complement of the least index among them; the index of a pixel is `y * width + x`.
     pub last: u32,
 }
 
-/// What lies at a place of one image or buffer.
+/// Contents of one pixel or word.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Seen {
@@ -55,12 +55,12 @@ pub const UINT_IMAGE: u32 = 1;
 /// [`ProbeParams::kind`]: a buffer.
 pub const WORDS: u32 = 2;
 
-/// Push constants of `probe.comp`: looks at one image or buffer, the source, at the place that corresponds to the first one
-/// found in another, the subject.
+/// Push constants of `probe.comp`, which reads one image or buffer, the source, at the place that corresponds to the first finding in
+/// another one, the subject.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ProbeParams {
-    /// The [`Counted`]s of the subject: of an image by layer, then mip; of a buffer one.
+    /// [`Counted`] table of the subject: of an image by layer, then mip; of a buffer a single one.
     pub counted: Address,
     /// The [`Seen`] to write.
     pub seen: Address,
@@ -68,28 +68,28 @@ pub struct ProbeParams {
     pub words: Address,
     /// The source, if it is an image: one layer.
     pub image: SampledImage,
-    /// What the source is.
+    /// Kind of the source: [`FLOAT_IMAGE`], [`UINT_IMAGE`] or [`WORDS`].
     pub kind: u32,
-    /// How many [`Counted`]s.
+    /// Entries of `counted`.
     pub pieces: u32,
     /// Size of mip 0 of the subject; zero if it is a buffer.
     pub size: [u32; 2],
-    /// First mip that was scanned.
+    /// First mip of the subject that was scanned.
     pub mip: u32,
-    /// How many mips of each layer were scanned.
+    /// Mips of each layer that were scanned.
     pub mips: u32,
-    /// First layer that was scanned.
+    /// First layer of the subject that was scanned.
     pub layer: u32,
     /// Words of the subject, if it is a buffer.
     pub count: u32,
-    /// 1 if the source is the subject itself: the same mip, not the first.
+    /// 1 if the source is the subject itself, which is then read at the mip of the finding.
     pub own: u32,
     /// Size of the first mip of the source, if it is an image.
     pub source_size: [u32; 2],
     /// Words of the source, if it is a buffer.
     pub source_count: u32,
-    /// The layer that `image` shows.
+    /// The layer of the source that `image` is a view of.
     pub source_layer: u32,
-    /// First and last of the layers of the source.
+    /// First and last layer of the source.
     pub source_layers: [u32; 2],
 }

@@ -28,7 +28,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The stage that a file name's extension stands for, if any.
+    /// The stage of a file name's extension; none for other files.
     pub fn of_file(name: &str) -> Option<Self> {
         match name.rsplit_once('.')?.1 {
             "vert" => Some(Self::Vertex),
@@ -43,10 +43,10 @@ impl Stage {
     }
 }
 
-/// How rays are traced.
+/// Backends for ray tracing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Rays {
-    /// Magpie's own tree, walked by compute shaders: on every device.
+    /// Magpie's own BVH, traversed in compute shaders; works on every device.
     #[default]
     Software,
     /// The driver's ray queries, in compute shaders.
@@ -56,7 +56,7 @@ pub enum Rays {
 }
 
 impl Rays {
-    /// Every way.
+    /// All backends.
     pub const ALL: [Self; 3] = [Self::Software, Self::Query, Self::Pipeline];
 
     /// Its name on the command line and in reports.
@@ -68,12 +68,12 @@ impl Rays {
         }
     }
 
-    /// The stage that a ray pass (`*.ray`) becomes.
+    /// The stage that a ray pass (`*.ray`) is compiled as.
     pub fn stage(self) -> Stage {
         if self == Self::Pipeline { Stage::RayGeneration } else { Stage::Compute }
     }
 
-    /// What is defined while a ray pass is compiled.
+    /// The macro that is defined while a ray pass is compiled.
     pub fn define(self) -> &'static str {
         match self {
             Self::Software => "RAYS_SOFTWARE",
@@ -98,20 +98,20 @@ pub enum CompileError {
     /// The source holds a NUL byte.
     #[error("{name}: the source holds a NUL byte")]
     Source {
-        /// The shader's name.
+        /// Name of the shader.
         name: String,
     },
     /// glslang refused the source. Warnings count as errors.
     #[error("{name}: {log}")]
     Refused {
-        /// The shader's name.
+        /// Name of the shader.
         name: String,
-        /// glslang's own words.
+        /// glslang's messages.
         log: String,
     },
 }
 
-/// Finds the text of an included file by its name (`lib/brdf.glsl`, `shared/scene.glsl`).
+/// Resolves `#include` by name (`lib/brdf.glsl`, `shared/scene.glsl`).
 pub trait Includes {
     /// The text of `name`, or `None` when there is no such file.
     fn find(&mut self, name: &str) -> Option<String>;
@@ -140,7 +140,7 @@ pub fn compile_with(
     if source.contains('\0') {
         return Err(CompileError::Source { name: name.to_owned() });
     }
-    // glslang calls the outermost text "0".
+    // glslang names the main source "0" in its messages.
     let refused = |log: &str| CompileError::Refused {
         name: name.to_owned(),
         log: log

@@ -2,7 +2,7 @@
 use super::types::{SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Value of an input that is off.
+/// Value of an input whose stage is off.
 pub const NO_INPUT: u32 = 4294967295;
 
 /// Push constants of `sum.comp`: the sum of the lighting stages.
@@ -15,9 +15,9 @@ pub struct SumParams {
     pub gi: u32,
     /// Radiance of the reflections stage, or [`NO_INPUT`].
     pub reflections: u32,
-    /// The sum, RGBA32F or RGBA16F.
+    /// Output, RGBA32F or RGBA16F.
     pub lit: StorageImage,
-    /// Greatest number that its format holds; infinite for 32-bit floats.
+    /// Greatest number in the format of `lit`; infinite for 32-bit floats.
     pub greatest: f32,
     /// Width and height, pixels.
     pub size: [u32; 2],

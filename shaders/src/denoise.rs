@@ -2,10 +2,10 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Pixels on a side of a tile, which is what is filtered or left alone: a workgroup.
+/// Side of a tile, pixels: the unit in which filtering is skipped, and a workgroup.
 pub const TILE: u32 = 8;
 
-/// Push constants of `reproject.comp`: the guide of this frame, and which pixels of the frame before show the same surface.
+/// Push constants of `reproject.comp`: writes this frame's guide, and finds the pixels of the previous frame that show the same surface.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ReprojectParams {
@@ -17,19 +17,19 @@ pub struct ReprojectParams {
     pub normal: SampledImage,
     /// Instance + 1 and primitive.
     pub ids: SampledImage,
-    /// Texture coordinates now minus one frame ago.
+    /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
-    /// The guide of the frame before.
+    /// The previous frame's guide.
     pub previous_guide: SampledImage,
-    /// The guide: RG32 uint.
+    /// This frame's guide: RG32 uint, see `lib/guide.glsl`.
     pub guide: StorageImage,
-    /// Where the surface was seen, as `lib/taps.glsl` packs it: R32 uint, 0 where it was not.
+    /// Reprojected position and weights, as `lib/taps.glsl` packs them: R32 uint, 0 without history.
     pub taps: StorageImage,
-    /// 0 where there is no frame before.
+    /// 0 in the first frame.
     pub valid: u32,
 }
 
-/// Push constants of `accumulate.comp`: the mean over frames, its variance, and over how many frames it goes.
+/// Push constants of `accumulate.comp`: temporal mean, its variance, and the history length.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct AccumulateParams {
@@ -37,131 +37,130 @@ pub struct AccumulateParams {
     pub view: Address,
     /// Counter of samples and histories that are not finite.
     pub not_finite: Address,
-    /// What is to be denoised.
+    /// Input: this frame's samples.
     pub noisy: SampledImage,
-    /// Texture coordinates now minus one frame ago.
+    /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
-    /// As `reproject.comp` wrote it.
+    /// `taps` of `reproject.comp`.
     pub taps: SampledImage,
-    /// What the frame before fed back.
+    /// Filtered result that the previous frame fed back.
     pub previous_filtered: SampledImage,
-    /// Mean of the frame before.
+    /// `mean` of the previous frame.
     pub previous_mean: SampledImage,
-    /// Variance of the frame before.
+    /// `variance` of the previous frame.
     pub previous_variance: SampledImage,
-    /// Frames of the frame before, over [`LONGEST`].
+    /// `frames` of the previous frame.
     pub previous_frames: SampledImage,
-    /// How much has changed since the frame before, 0 to 1, at a third of the size; or [`NO_IMAGE`].
+    /// Share of the history to discard, 0 to 1, at a third of the size; or [`NO_IMAGE`].
     pub gradient: u32,
     /// As in [`LevelParams`].
     pub reach: u32,
-    /// Channels of which what they are about moves by itself: a bit for each.
+    /// A bit for each channel whose subject moves by itself, such as a moving light: its history is limited even without motion vectors.
     pub moved: u32,
-    /// The mean, with what was fed back.
+    /// Output: temporal mean that includes the fed-back result.
     pub accumulated: StorageImage,
-    /// Its variance, for the filter.
+    /// Variance of `accumulated`, for the filter.
     pub error: StorageImage,
-    /// The mean, without.
+    /// Temporal mean of the samples alone.
     pub mean: StorageImage,
     /// Variance of one sample.
     pub variance: StorageImage,
-    /// How many frames it goes over, over [`LONGEST`].
+    /// History length, frames over [`LONGEST`].
     pub frames: StorageImage,
-    /// Longest history, frames, 1 to [`LONGEST`].
+    /// Limit of the history length, frames, 1 to [`LONGEST`].
     pub longest: f32,
-    /// 1: three channels of radiance with one variance. 0: four channels on their own.
+    /// 1: three channels of radiance with one variance. 0: up to four channels with a variance each.
     pub radiance: u32,
 }
 
-/// Pixels on a side of the squares of which one pixel is looked at for changes.
+/// Side of the squares of which one pixel is retraced for temporal gradients.
 pub const GRADIENT_STRATUM: u32 = 3;
 
-/// Push constants of `blur_gradient.comp`.
+/// Push constants of `blur_gradient.comp`: one step of the blur of temporal gradients.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BlurGradientParams {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Changes of each channel.
+    /// Change of each channel.
     pub change: SampledImage,
-    /// Their mean around, or the share to forget.
+    /// Blurred change; of the last step the share of the history to discard.
     pub blurred: StorageImage,
-    /// Pixels between two taps.
+    /// Distance between taps, texels.
     pub step: u32,
-    /// 1: from means to shares.
+    /// 1 in the last step.
     pub is_last: u32,
 }
 
-/// Frames that 1 stands for in the image of their number.
+/// Greatest history length, frames; 1 in the images of history length.
 pub const LONGEST: f32 = 255.0;
-/// Where an image is left out.
+/// Value of an optional image that is not there.
 pub const NO_IMAGE: u32 = 4294967295;
 
-/// Push constants of `spatial_variance.comp`: variance from neighbours where the history is short. The first of the passes over tiles:
-/// it also clears their count.
+/// Push constants of `spatial_variance.comp`: variance from neighbours where the history is short. As the first pass over tiles it also
+/// resets their count.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SpatialVarianceParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// A [`Tiles`].
+    /// The [`Tiles`] to reset.
     pub tiles: Address,
-    /// RG32 uint.
+    /// `guide` of `reproject.comp`.
     pub guide: SampledImage,
-    /// The G-buffer's, where light depends on the shading normal; or [`NO_IMAGE`].
+    /// Normals of the G-buffer for light that depends on the shading normal; or [`NO_IMAGE`].
     pub normals: u32,
-    /// What `accumulate.comp` gave.
+    /// `accumulated` of `accumulate.comp`.
     pub accumulated: SampledImage,
-    /// Its variance.
+    /// `error` of `accumulate.comp`.
     pub error: SampledImage,
-    /// How many frames it goes over, over [`LONGEST`].
+    /// `frames` of `accumulate.comp`.
     pub frames: SampledImage,
     /// As in [`LevelParams`].
     pub reach: u32,
-    /// Its variance, never 0 by lack of frames.
+    /// Variance of `accumulated`, also where the history is short.
     pub variance: StorageImage,
     /// As in [`AccumulateParams`].
     pub radiance: u32,
-    /// Numbers in the variance.
+    /// Channels of the variance.
     pub channels: u32,
 }
 
-/// Which tiles are filtered, and how many: what an indirect dispatch reads.
+/// Number of tiles to filter, in the form of an indirect dispatch.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Tiles {
-    /// How many.
+    /// Number of tiles: workgroups in x.
     pub count: u32,
-    /// 1: workgroups in y.
+    /// Always 1: workgroups in y.
     pub groups_y: u32,
-    /// 1: workgroups in z.
+    /// Always 1: workgroups in z.
     pub groups_z: u32,
 }
 
-/// Push constants of `classify.comp`: finds the tiles in which there is anything to filter, and copies the others to where the levels
-/// of the filter would have.
+/// Push constants of `classify.comp`: lists the tiles that need filtering, and copies the others to the outputs of the filter.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ClassifyParams {
-    /// A [`Tiles`].
+    /// The [`Tiles`] to count in.
     pub tiles: Address,
-    /// The tiles that were found: column in the lower, row in the upper 16 bits of each word.
+    /// Output: the listed tiles, column in the lower, row in the upper 16 bits of each word.
     pub list: Address,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// What is filtered.
+    /// Input of the filter.
     pub colour: SampledImage,
-    /// Its variance.
+    /// Variance of `colour`.
     pub error: SampledImage,
-    /// What the first level writes.
+    /// Output of the first level.
     pub first: StorageImage,
-    /// The image that takes turns with `colour`.
+    /// Output of other levels, in alternation with `colour`.
     pub other: StorageImage,
-    /// The image that takes turns with `error`.
+    /// Variance of `other`.
     pub other_error: StorageImage,
-    /// The blurred variance.
+    /// Output of `blur_variance.comp`.
     pub blurred: StorageImage,
-    /// How many channels have a variance.
+    /// Channels that have a variance.
     pub channels: u32,
 }
 
@@ -169,13 +168,13 @@ pub struct ClassifyParams {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BlurVarianceParams {
-    /// The tiles to work on.
+    /// List of tiles of `classify.comp`.
     pub list: Address,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Variance.
+    /// Variance to blur.
     pub error: SampledImage,
-    /// The same, blurred.
+    /// Blurred variance.
     pub blurred: StorageImage,
 }
 
@@ -185,35 +184,35 @@ pub struct BlurVarianceParams {
 pub struct LevelParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// The tiles to work on.
+    /// List of tiles of `classify.comp`.
     pub list: Address,
-    /// RG32 uint.
+    /// `guide` of `reproject.comp`.
     pub guide: SampledImage,
     /// As in [`SpatialVarianceParams`].
     pub normals: u32,
-    /// What is filtered.
+    /// Input.
     pub colour: SampledImage,
-    /// Its variance.
+    /// Variance of `colour`.
     pub error: SampledImage,
-    /// The same, blurred.
+    /// Output of `blur_variance.comp`.
     pub blurred: SampledImage,
-    /// How wide what noise comes from is, pixels over [`PENUMBRA_MOST`](super::shadows::PENUMBRA_MOST); or [`NO_IMAGE`].
+    /// Penumbra width around each pixel, over [`PENUMBRA_MOST`](super::shadows::PENUMBRA_MOST); or [`NO_IMAGE`].
     pub reach: u32,
-    /// Filtered.
+    /// Output.
     pub filtered: StorageImage,
-    /// Variance of that.
+    /// Variance of `filtered`.
     pub filtered_error: StorageImage,
-    /// Pixels between two taps: 2 to the power of the level.
+    /// Distance between taps, pixels: 2 to the power of the level.
     pub step: u32,
     /// As in [`AccumulateParams`].
     pub radiance: u32,
-    /// How many channels have a variance.
+    /// Channels that have a variance.
     pub channels: u32,
-    /// How many standard deviations apart two values may be to be averaged with a weight of 1/e.
+    /// Difference between two values, in standard deviations, at which their weight is 1/e.
     pub sigma: f32,
 }
 
-/// Push constants of `bilateral.comp`: one blur along surfaces, the same everywhere.
+/// Push constants of `bilateral.comp`: one edge-aware blur.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BilateralParams {
@@ -221,16 +220,16 @@ pub struct BilateralParams {
     pub view: Address,
     /// Counter of samples that are not finite.
     pub not_finite: Address,
-    /// RG32 uint.
+    /// `guide` of `reproject.comp`.
     pub guide: SampledImage,
     /// As in [`SpatialVarianceParams`].
     pub normals: u32,
-    /// What is filtered.
+    /// Input.
     pub noisy: SampledImage,
-    /// Filtered.
+    /// Output.
     pub filtered: StorageImage,
     /// As in [`LevelParams`].
     pub reach: u32,
-    /// Pixels to each side.
+    /// Radius, pixels.
     pub radius: u32,
 }

@@ -2,9 +2,9 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// A byte of [`ShadeParams::casters`]: a channel that holds no light.
+/// A byte of [`ShadeParams::casters`] for a channel without a light.
 pub const NO_CASTER: u32 = 255;
-/// [`ShadeParams::emitters`] where no surface lights others.
+/// [`ShadeParams::emitters`] if emissive surfaces do not light others.
 pub const NO_EMITTERS: u32 = 4294967295;
 
 /// Parameters of `emitters.ray` and `tinted_emitters.ray`: light of emissive surfaces.
@@ -13,9 +13,9 @@ pub const NO_EMITTERS: u32 = 4294967295;
 pub struct EmitterParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Counter of rays.
+    /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// The [`LightTables`](super::reference::LightTables), of which `near` and `emitters` are there.
+    /// The [`LightTables`](super::reference::LightTables), of which only `near` and `emitters` are set.
     pub lights: Address,
     /// Reversed depth.
     pub depth: SampledImage,
@@ -27,9 +27,9 @@ pub struct EmitterParams {
     pub base_colour: SampledImage,
     /// Metalness in red, roughness in green.
     pub material: SampledImage,
-    /// Outgoing radiance over the reflectance, RGBA32F.
+    /// Outgoing radiance over the albedo (`reflectance` of `lib/brdf.glsl`), RGBA32F.
     pub radiance: StorageImage,
-    /// Rays of a pixel.
+    /// Rays per pixel.
     pub samples: u32,
 }
 
@@ -51,21 +51,21 @@ pub struct ShadeParams {
     pub emission: SampledImage,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
-    /// Greatest number that its format holds; infinite for 32-bit floats.
+    /// Greatest number in the format of `radiance`; infinite for 32-bit floats.
     pub greatest: f32,
-    /// Light of emissive surfaces, without the reflectance, or [`NO_EMITTERS`].
+    /// Light of emissive surfaces over the albedo, or [`NO_EMITTERS`].
     pub emitters: u32,
-    /// Points of each light that has a size; 0 for its centre.
+    /// Samples per light that has a size; 0 to treat it as a point at its centre.
     pub area: u32,
-    /// How many images of visibility there are.
+    /// Number of visibility images.
     pub group_count: u32,
-    /// Their images.
+    /// Visibility images, up to four lights each.
     pub visibility: [u32; 8],
-    /// The lights of each: a byte for each channel, the first lowest, which counts in [`View::casters`](super::view::View::casters), or is
-    /// [`NO_CASTER`].
+    /// Lights of each image: a byte per channel, the first channel lowest, with an index in [`View::casters`](super::view::View::casters)
+    /// or [`NO_CASTER`].
     pub casters: [u32; 8],
-    /// A bit for each image whose first three channels belong to its first light, one for each of its colours.
+    /// A bit for each image whose first three channels hold the coloured visibility of its first light.
     pub coloured: u32,
-    /// Those that are single rays, unfiltered: a bit for each.
+    /// A bit for each image of unfiltered rays.
     pub raw: u32,
 }

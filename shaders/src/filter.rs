@@ -1,8 +1,8 @@
 //! Bilinear filtering where samplers cannot do it: devices need not blend texels of 32-bit floats.
 
-/// Ids of samplers from here on are none: shaders fetch four texels and blend them. Added to it is how the image goes on beyond its edges.
+/// First sampler id that stands for no sampler: shaders fetch four texels and blend them. The addressing mode is added to it.
 pub const FETCHED: u32 = 4294967040;
-/// It repeats from left to right; else its edge goes on.
+/// Addressing mode: repeats in u instead of clamping to the edge.
 pub const REPEATS_U: u32 = 1;
-/// The same from top to bottom.
+/// Addressing mode: repeats in v instead of clamping to the edge.
 pub const REPEATS_V: u32 = 2;

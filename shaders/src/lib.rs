@@ -15,25 +15,25 @@ pub use types::{Address, SampledImage, SamplerId, StorageImage};
 /// A compiled shader.
 #[derive(Clone, Copy, Debug)]
 pub struct Shader {
-    /// Folder and file, such as `shadows/trace.comp`.
+    /// Path below `shaders`, such as `shadows/trace.comp`.
     pub name: &'static str,
-    /// The stage that it runs in.
+    /// Its pipeline stage.
     pub stage: Stage,
     /// SPIR-V 1.6, little endian.
     pub spirv: &'static [u8],
 }
 
-/// A ray pass, compiled for every way to trace.
+/// A ray pass, compiled for every backend.
 #[derive(Clone, Copy, Debug)]
 pub struct RayShader {
-    /// Folder and file, such as `shadows/trace.ray`.
+    /// Path below `shaders`, such as `shadows/trace.ray`.
     pub name: &'static str,
     /// One per [`Rays`], in the order of [`Rays::ALL`].
     pub ways: [Shader; 3],
 }
 
 impl RayShader {
-    /// As this way wants it.
+    /// The shader for this backend.
     pub fn way(&self, rays: Rays) -> &Shader {
         &self.ways[rays as usize]
     }
@@ -57,7 +57,7 @@ pub fn compile(name: &str, source: &str, stage: Stage) -> Result<Vec<u32>, Compi
     compile_with(name, source, stage, &[], &mut Embedded)
 }
 
-/// Compiles a ray pass at run time for one way to trace.
+/// Compiles a ray pass at run time for one backend.
 ///
 /// # Errors
 /// As [`compile`].

@@ -2,26 +2,26 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Pixels of a tile, from left to right.
+/// Width of a tile, pixels.
 pub const TILE_WIDTH: u32 = 16;
-/// Pixels of a tile, from top to bottom.
+/// Height of a tile, pixels.
 pub const TILE_HEIGHT: u32 = 8;
 /// Threads of both passes: `TILE_WIDTH * TILE_HEIGHT`.
 pub const METRICS_GROUP: u32 = 128;
 
-/// Added to the squared reference where an error is relative.
+/// Added to the squared reference in the relative error.
 pub const RELMSE_EPSILON: f32 = 0.0001;
 /// Added to the sum of both values in the symmetric error.
 pub const SMAPE_EPSILON: f32 = 0.01;
 
-/// How to read an image: red, green and blue as they are.
+/// How to read an image: red, green and blue unchanged.
 pub const READ_COLOUR: u32 = 0;
-/// How to read an image: the one channel that it has, as grey.
+/// How to read an image: its single channel as grey.
 pub const READ_GREY: u32 = 1;
-/// How to read an image: what a display is sent, to be sRGB-decoded.
+/// How to read an image: sRGB-encoded display values, which are decoded.
 pub const READ_DISPLAY: u32 = 2;
 
-/// Sums over the pixels of a tile of the mean over their channels; divided by the pixels, the errors of a picture.
+/// Error sums of a tile, of the mean over the channels of each pixel; divided by the number of pixels, the errors of a picture.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct ErrorSums {
@@ -61,10 +61,10 @@ pub struct ErrorParams {
 pub struct SumParams {
     /// One [`ErrorSums`] per tile.
     pub tiles: Address,
-    /// One [`ErrorSums`]: their sum over the number of pixels.
+    /// Output, one [`ErrorSums`]: the sum of `tiles` over `pixels`.
     pub errors: Address,
-    /// How many tiles.
+    /// Number of tiles.
     pub count: u32,
-    /// How many pixels.
+    /// Number of pixels.
     pub pixels: u32,
 }

@@ -21,13 +21,13 @@ pub struct ToneMapParams {
     pub display: StorageImage,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Scale before the curve: `2^stops`.
+    /// Factor before the curve: `2^stops`.
     pub exposure: f32,
     /// `CURVE_*`.
     pub curve: u32,
 }
 
-/// Push constants of `taa.comp`. Images of the frame have its size, all others that of the output.
+/// Push constants of `taa.comp`. `colour`, `depth`, `motion` and `ids` have the size of the frame, all others that of the output.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TaaParams {
@@ -39,28 +39,27 @@ pub struct TaaParams {
     pub colour: SampledImage,
     /// Reversed depth.
     pub depth: SampledImage,
-    /// Texture coordinates now minus one frame ago.
+    /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
     /// Instance + 1.
     pub ids: SampledImage,
-    /// The picture one frame ago, linear radiance.
+    /// History: the previous output, linear radiance.
     pub picture: SampledImage,
-    /// Its moments: slow mean, variance and fast mean over time of the tone-weighted luma of the 3x3, and the weight of the
-    /// samples in the picture.
+    /// History: slow mean, variance and fast mean over time of the tone-weighted luma of the 3x3, and the weight of the history in samples.
     pub moments: SampledImage,
-    /// Its surfaces: least and greatest depth and the instances around each pixel, and how still it was.
+    /// History: range of depth and set of instances around each pixel, and how static it was.
     pub surfaces: SampledImage,
-    /// The picture now.
+    /// Output, linear radiance.
     pub next_picture: StorageImage,
-    /// Its moments.
+    /// `moments` for the next frame.
     pub next_moments: StorageImage,
-    /// Its surfaces.
+    /// `surfaces` for the next frame.
     pub next_surfaces: StorageImage,
     /// Bilinear, clamped.
     pub sampler_id: SamplerId,
-    /// 1 where there was a frame before.
+    /// 0 in the first frame.
     pub valid: u32,
-    /// Scale before the tone curve.
+    /// Factor before the tone curve.
     pub exposure: f32,
 }
 
@@ -68,11 +67,11 @@ pub struct TaaParams {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct UpscaleParams {
-    /// Linear radiance in the frame's size.
+    /// Linear radiance in the size of the frame.
     pub colour: SampledImage,
     /// Bilinear, clamped.
     pub sampler_id: SamplerId,
-    /// The same in the size of the output.
+    /// Output in `size`.
     pub radiance: StorageImage,
     /// Width and height of the output, pixels.
     pub size: [u32; 2],
@@ -84,12 +83,12 @@ pub struct UpscaleParams {
 pub struct SharpenParams {
     /// Linear radiance.
     pub colour: SampledImage,
-    /// The same, sharper.
+    /// Output.
     pub radiance: StorageImage,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Scale before the tone curve.
+    /// Factor before the tone curve.
     pub exposure: f32,
-    /// Part of the sharpening that makes no overshoot, 0 to 1.
+    /// Share of the greatest sharpening without overshoot, 0 to 1.
     pub amount: f32,
 }

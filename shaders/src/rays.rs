@@ -1,4 +1,4 @@
-//! Looking at rays, and sorting them.
+//! Parameters of the traversal heat map and of ray sorting.
 use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -8,37 +8,37 @@ use bytemuck::{Pod, Zeroable};
 pub struct HeatMapParams {
     /// [`View`](super::view::View).
     pub view: Address,
-    /// Counter of rays.
+    /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// Nodes visited and primitives tested, RG32F.
     pub steps: StorageImage,
-    /// Their sum in false colours, RGBA8.
+    /// Their sum in false colour, RGBA8.
     pub colours: StorageImage,
-    /// Steps that are shown as the hottest colour.
+    /// Number of steps that maps to the hottest colour.
     pub hottest: f32,
 }
 
-/// A ray that was made beforehand, so that every way to trace gets the very same.
+/// A precomputed ray, so that every backend traces the same ones.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct RayTask {
-    /// Where it begins, world space, metres.
+    /// Origin, world space, metres.
     pub origin: [f32; 3],
-    /// Hits count from here on, in lengths of `direction`.
+    /// Least distance of a hit, in lengths of `direction`.
     pub t_min: f32,
-    /// Where it goes; need not be a unit vector.
+    /// Direction; need not be a unit vector.
     pub direction: [f32; 3],
-    /// Hits count up to here.
+    /// Greatest distance of a hit, in lengths of `direction`.
     pub t_max: f32,
-    /// Instances that share a bit with it are seen.
+    /// Only instances whose mask shares a bit are hit.
     pub mask: u32,
     /// `RAY_CULL_*` bits of `lib/ray_types.glsl`: 1 back faces, 2 front faces.
     pub cull: u32,
 }
 
-/// Keys that rays are sorted by: three bits of direction, nine of origin.
+/// Number of sort keys: three bits of direction, nine of origin.
 pub const SORT_KEYS: u32 = 4096;
-/// Threads of a workgroup that sorts.
+/// Threads per workgroup of the sorting passes.
 pub const SORT_GROUP: u32 = 256;
 
 /// Parameters of the passes that sort rays.
@@ -49,14 +49,14 @@ pub struct SortParams {
     pub rays: Address,
     /// Key of each ray, `u32`.
     pub keys: Address,
-    /// Per key: how many rays, then where the next of them goes, `u32`.
+    /// Per key the number of rays, then the next free place in `order`, `u32`.
     pub counts: Address,
-    /// Indices of rays in their new order, `u32`.
+    /// Output: indices of rays in sorted order, `u32`.
     pub order: Address,
-    /// How many rays.
+    /// Number of rays.
     pub count: u32,
-    /// Least corner of the box that origins lie in, metres.
+    /// Lower corner of the bounding box of all origins, metres.
     pub lower: [f32; 3],
-    /// Eighths of that box per metre.
+    /// Cells per metre; the box has eight along each axis.
     pub scale: [f32; 3],
 }

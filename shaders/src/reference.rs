@@ -1,28 +1,29 @@
-//! The reference path tracer: what it is asked for, and its tables of light.
+//! Parameters of the reference path tracer, and its light tables.
 use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
 /// [`PathParams::flags`]: rays go through the centres of pixels, and textures of the first surface are filtered over the pixel.
 pub const PATH_CENTRE: u32 = 1;
-/// [`PathParams::flags`]: strategies are combined by the balance heuristic, not the power heuristic.
+/// [`PathParams::flags`]: multiple importance sampling by the balance heuristic instead of the power heuristic.
 pub const PATH_BALANCE: u32 = 2;
-/// [`PathParams::flags`]: some surfaces let light through: blended ones by their alpha, thin smooth ones by what they transmit.
+/// [`PathParams::flags`]: the scene has surfaces that transmit light straight through: blended ones by their alpha, thin smooth ones by
+/// their transmission.
 pub const PATH_CLEAR: u32 = 4;
-/// [`PathParams::flags`]: what the first surface emits counts.
+/// [`PathParams::flags`]: emission of the first surface counts.
 pub const PATH_EMISSION: u32 = 8;
-/// [`PathParams::flags`]: light that comes straight from lights and emissive surfaces to the first surface counts.
+/// [`PathParams::flags`]: light that comes directly from lights and emissive surfaces to the first surface counts.
 pub const PATH_LIGHTS: u32 = 16;
-/// [`PathParams::flags`]: the sky that the first surface sees counts.
+/// [`PathParams::flags`]: light that comes directly from the sky to the first surface counts.
 pub const PATH_SKY: u32 = 32;
-/// [`PathParams::flags`]: the sky behind everything counts.
+/// [`PathParams::flags`]: the sky counts where the camera sees it.
 pub const PATH_BACKGROUND: u32 = 64;
-/// [`PathParams::flags`]: lights are not sampled; paths find those that have a size.
+/// [`PathParams::flags`]: no light sampling; only paths find lights, if they have a size.
 pub const PATH_NO_LIGHT_SAMPLES: u32 = 128;
-/// [`PathParams::flags`]: what paths meet counts only where light samples never find it.
+/// [`PathParams::flags`]: light that paths hit counts only where light sampling cannot find it.
 pub const PATH_NO_LIGHT_HITS: u32 = 256;
 /// [`LightChoice::light`] of an emissive triangle or sphere.
 pub const CHOICE_EMITTER: u32 = 4294967295;
-/// In the table at [`LightTables::emitters`]: an instance that does not emit.
+/// Entry of [`LightTables::emitters`] for an instance that does not emit.
 pub const NO_EMITTER: u32 = 4294967295;
 
 /// Parameters of every pass of the reference.
@@ -31,7 +32,7 @@ pub const NO_EMITTER: u32 = 4294967295;
 pub struct PathParams {
     /// [`View`](super::view::View).
     pub view: Address,
-    /// Counter of rays.
+    /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// [`LightTables`].
     pub lights: Address,
@@ -39,36 +40,36 @@ pub struct PathParams {
     pub mean: StorageImage,
     /// Sum of the squared deviations from that mean, RGBA32F.
     pub squares: StorageImage,
-    /// Pixel of the picture at which the tile begins.
+    /// Upper left pixel of the tile that is traced.
     pub tile: [u32; 2],
-    /// Number of the first sample.
+    /// Index of the first sample of this pass.
     pub first_sample: u32,
-    /// Samples per pixel.
+    /// Samples per pixel of this pass.
     pub samples: u32,
     /// Greatest number of scatterings; 0 for no limit.
     pub depth: u32,
-    /// Lobes of the first scattering.
+    /// `LOBE_*` bits of `lib/bsdf.glsl`: lobes of the first scattering.
     pub first_lobes: u32,
     /// `PATH_*` bits.
     pub flags: u32,
-    /// How far away things hide a point from ambient light, metres.
+    /// Distance up to which geometry occludes ambient light, metres.
     pub range: f32,
-    /// Alpha from which on the camera sees a blended surface, and all of it, as the raster does; at 0 it sees as much as alpha covers.
+    /// Alpha from which on camera rays hit a blended surface, as the raster does; 0 to blend by alpha.
     pub blend_cutoff: f32,
 }
 
-/// What light may be sampled, and how often. A table in which nothing shines has no entries: nothing is chosen from it, and whatever is met is
-/// met at a density of 0.
+/// Sampling tables of lights. A table whose lights emit nothing has no entries: nothing is sampled from it, and hits have a light-sampling
+/// pdf of 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LightTables {
-    /// [`LightChoice`] table of lights at a place and of emissive triangles and spheres.
+    /// [`LightChoice`] table of local lights and of emissive triangles and spheres.
     pub near: Address,
     /// [`LightChoice`] table of directional lights.
     pub far: Address,
-    /// [`AreaLight`] table: lights that rays may meet.
+    /// [`AreaLight`] table: lights that rays can hit.
     pub areas: Address,
-    /// Of each instance the index in `near` of its first primitive, or [`NO_EMITTER`].
+    /// For each instance the index in `near` of its first primitive, or [`NO_EMITTER`].
     pub emitters: Address,
     /// [`LightChoice`] table of the cells of the sky, rows from the zenith down, all of the same solid angle.
     pub sky: Address,
@@ -78,7 +79,7 @@ pub struct LightTables {
     pub far_count: u32,
     /// Entries of `areas`.
     pub area_count: u32,
-    /// Entries of `sky`: as many as cells, or none where no light comes from it.
+    /// Entries of `sky`: one per cell, or 0 if the sky is black.
     pub sky_count: u32,
     /// Columns and rows of the sky's cells; zero without a sky.
     pub sky_cells: [u32; 2],
@@ -89,27 +90,27 @@ pub struct LightTables {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct LightChoice {
-    /// Below it the entry itself is chosen, else its alias. 0 to 1.
+    /// With a uniform number below it the entry itself is chosen, else its alias. 0 to 1.
     pub threshold: f32,
-    /// The other entry.
+    /// Index of the alias entry.
     pub alias: u32,
-    /// How often the entry is chosen, all in all.
+    /// Total probability of the entry.
     pub probability: f32,
     /// Index of the light, or [`CHOICE_EMITTER`].
     pub light: u32,
-    /// Instance that emits.
+    /// Index of the emissive instance.
     pub instance: u32,
-    /// Its triangle or sphere.
+    /// Index of its triangle or sphere.
     pub primitive: u32,
 }
 
-/// A light that a ray may meet: rectangle, disc, sphere, or a directional light with a size.
+/// A light that a ray can hit: rectangle, disc, sphere, or a directional light with a size.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct AreaLight {
     /// Index of the light.
     pub light: u32,
-    /// How often it is sampled.
+    /// Probability with which light sampling chooses it.
     pub probability: f32,
 }
 
@@ -121,6 +122,6 @@ pub struct PresentParams {
     pub values: Address,
     /// RGBA32F.
     pub image: StorageImage,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
 }

@@ -8,9 +8,9 @@ pub const MATERIAL_ALPHA_TEST: u32 = 1;
 pub const MATERIAL_DOUBLE_SIDED: u32 = 2;
 /// [`Material::flags`]: the base colour is emitted and nothing is reflected.
 pub const MATERIAL_UNLIT: u32 = 4;
-/// [`Material::flags`]: alpha is the share of light that the surface stops; passes that know no blending test it at 0.5.
+/// [`Material::flags`]: alpha is coverage, the share of light that the surface stops; passes without blending test it against 0.5.
 pub const MATERIAL_BLEND: u32 = 8;
-/// [`Material::flags`]: the emission is the look of a light, which alone lights what it shines on.
+/// [`Material::flags`]: the emission only depicts a light source; illumination comes from that light alone.
 pub const MATERIAL_SHOWS_LIGHT: u32 = 16;
 /// [`Light::kind`]: parallel light; `intensity` is illuminance.
 pub const LIGHT_DIRECTIONAL: u32 = 0;
@@ -28,19 +28,19 @@ pub const LIGHT_SPHERE: u32 = 5;
 pub const NO_LAYERS: u32 = 4294967295;
 /// [`TextureSlot::image`] of a slot without a texture.
 pub const NO_TEXTURE: u32 = 4294967295;
-/// [`Instance::mask`] of what every ray sees.
+/// [`Instance::mask`]: hit by every ray.
 pub const INSTANCE_MASK_ALL: u32 = 255;
-/// [`Instance::mask`] of what stops light wherever it is there.
+/// [`Instance::mask`]: opaque, or alpha-tested.
 pub const INSTANCE_MASK_SOLID: u32 = 127;
-/// [`Instance::mask`] of what lets light straight through: blended surfaces, and smooth thin ones that transmit.
+/// [`Instance::mask`]: may transmit light straight through: blended surfaces, and smooth thin ones that transmit.
 pub const INSTANCE_MASK_CLEAR: u32 = 128;
 /// [`Instance::flags`]: its material is alpha-tested.
 pub const INSTANCE_ALPHA_TEST: u32 = 1;
-/// [`Instance::flags`]: its material is double-sided, so that no ray goes through a face for its side.
+/// [`Instance::flags`]: its material is double-sided, so rays hit both sides.
 pub const INSTANCE_DOUBLE_SIDED: u32 = 2;
-/// [`Instance::flags`]: its mesh is spheres.
+/// [`Instance::flags`]: its mesh consists of spheres.
 pub const INSTANCE_SPHERES: u32 = 4;
-/// Entries of the stack that a ray's walk through both levels of the BVH has; a deeper tree is refused when it is built.
+/// Entries of the traversal stack for both levels of the BVH; deeper BVHs are refused when they are built.
 pub const TRAVERSAL_STACK: u32 = 48;
 
 /// Root of the scene's tables.
@@ -61,11 +61,11 @@ pub struct Scene {
     pub tlas: Address,
     /// Top-level CWBVH: [`BvhNode`] table; zero where the driver traces.
     pub tlas_nodes: Address,
-    /// [`BvhInstance`] of each top-level primitive, in the order of the tree.
+    /// [`BvhInstance`] of each top-level primitive, in the order of the BVH.
     pub tlas_instances: Address,
-    /// How many instances there are.
+    /// Number of instances.
     pub instance_count: u32,
-    /// How many lights there are.
+    /// Number of lights.
     pub light_count: u32,
 }
 
@@ -83,16 +83,16 @@ pub struct Instance {
     pub mesh: u32,
     /// Index of the material.
     pub material: u32,
-    /// Rays see it where they share a bit; 8 bits.
+    /// Rays hit it only if their masks share a bit; 8 bits.
     pub mask: u32,
     /// `INSTANCE_*` bits.
     pub flags: u32,
-    /// Greatest distance by which `f32` arithmetic moves a point of it in the world against a ray, metres; where rays see less detail
-    /// than the raster, with what that moves. Above 0.
+    /// Bound, metres, above 0, of the rounding errors that displace its points in world space against a ray; where rays see a coarser mesh
+    /// than the raster, plus the distance between the two.
     pub rounding: f32,
 }
 
-/// Geometry of one material: vertex tables, and its bottom-level CWBVH in object space; or spheres.
+/// Geometry with one material: vertex tables and a bottom-level CWBVH in object space; or spheres.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Mesh {
@@ -104,17 +104,17 @@ pub struct Mesh {
     pub attributes: Address,
     /// Three `u32` per triangle.
     pub indices: Address,
-    /// The same for rays, which may see fewer triangles: what a hit's primitive counts.
+    /// Three `u32` per triangle of the mesh that rays see, which may be coarser; [`BvhPrimitive::primitive`] is an index here.
     pub ray_indices: Address,
     /// [`BvhNode`] table, root first.
     pub nodes: Address,
-    /// [`BvhPrimitive`] table in the order of the tree.
+    /// [`BvhPrimitive`] table in the order of the BVH.
     pub primitives: Address,
-    /// How many triangles or spheres.
+    /// Number of triangles or spheres.
     pub primitive_count: u32,
 }
 
-/// What a vertex carries beside its position.
+/// Attributes of a vertex beside its position.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct VertexAttributes {
@@ -158,20 +158,20 @@ pub struct BvhNode {
     pub max_z: [u32; 2],
 }
 
-/// A triangle or sphere as traversal reads it. Corners and spheres lie in the table at [`Mesh::positions`], which raster reads as well.
+/// A triangle or sphere for traversal. Positions are in the table at [`Mesh::positions`], which the raster reads as well.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct BvhPrimitive {
-    /// Vertices of a triangle; zero for a sphere.
+    /// Vertex indices of a triangle; zero for a sphere.
     pub corners: [u32; 3],
     /// Index of the triangle in the mesh's index table, or of the sphere.
     pub primitive: u32,
 }
 
-/// An instance as traversal meets it, in world space.
+/// An instance for traversal, in world space.
 ///
-/// The boxes of a compressed node are up to a 255th of the node too large. In here is the whole box, which is cheaper to test than
-/// it is to enter an instance for nothing.
+/// The quantised boxes of a compressed node are up to a 255th of the node too large. Testing the exact box here is cheaper than entering an
+/// instance in vain.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct BvhInstance {
@@ -181,11 +181,11 @@ pub struct BvhInstance {
     pub instance: u32,
     /// Upper corner.
     pub max: [f32; 3],
-    /// Nothing: it makes 32 bytes, two loads of 16.
+    /// Padding to 32 bytes, two loads of 16.
     pub unused: u32,
 }
 
-/// A texture with its sampler and coordinates (KHR_texture_transform).
+/// A texture with its sampler and transform (KHR_texture_transform).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TextureSlot {
@@ -193,7 +193,7 @@ pub struct TextureSlot {
     pub image: SampledImage,
     /// Bindless sampler.
     pub sampler_id: SamplerId,
-    /// 0 or 1: which texture coordinates.
+    /// Set of texture coordinates, 0 or 1.
     pub uv_set: u32,
     /// `u' = dot(row, (u, v, 1))`, first row.
     pub row_u: [f32; 3],
@@ -235,21 +235,21 @@ pub struct Material {
     pub emission_texture: TextureSlot,
 }
 
-/// What few materials have: transmission, a volume inside, a clear coat, another reflection than a dielectric of index 1.5.
+/// Rare properties of materials: transmission, volume, clear coat, and other dielectric reflections than that of index 1.5.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MaterialLayers {
-    /// Share of the light that enters a dielectric and goes through, 0 to 1.
+    /// Share of the light entering the surface that is transmitted, 0 to 1.
     pub transmission: f32,
     /// Index of refraction, at least 1.
     pub ior: f32,
-    /// Strength of the reflection of a dielectric, 0 to 1.
+    /// Strength of the dielectric reflection, 0 to 1.
     pub specular: f32,
-    /// What its reflectance at normal incidence is multiplied with, at least 0.
+    /// Factor of the dielectric reflectance at normal incidence, at least 0.
     pub specular_colour: [f32; 3],
-    /// Above 0 where the surface is the border of a volume.
+    /// Above 0 if the surface is the boundary of a volume, 0 for a thin sheet.
     pub thickness: f32,
-    /// Absorption inside of the volume, per metre, at least 0.
+    /// Absorption coefficient of the volume, per metre, at least 0.
     pub absorption: [f32; 3],
     /// Strength of the clear coat, 0 to 1.
     pub clearcoat: f32,
@@ -275,11 +275,11 @@ pub struct Light {
     pub kind: u32,
     /// Position in the world, metres (rectangle, disc, sphere: its centre).
     pub position: [f32; 3],
-    /// Unit direction of travel (rectangle, disc: its normal, the side that emits).
+    /// Unit direction in which light travels (rectangle, disc: normal of the emitting side).
     pub direction: [f32; 3],
     /// Linear Rec.709 strength; the unit depends on the kind.
     pub intensity: [f32; 3],
-    /// Distance at which a point or spot light has faded to nothing, metres; 0 means never.
+    /// Distance at which a point or spot light has faded to 0, metres; 0 for no limit.
     pub range: f32,
     /// `1 / (cos(inner) - cos(outer))` of a spot.
     pub cone_scale: f32,
@@ -289,6 +289,6 @@ pub struct Light {
     pub half_u: [f32; 3],
     /// The other half edge.
     pub half_v: [f32; 3],
-    /// Of a disc or sphere, metres; of directional light, half the angle of its disc, radians, 0 for parallel light.
+    /// Radius of a disc or sphere, metres; for directional lights half the angular diameter, radians, 0 for parallel light.
     pub radius: f32,
 }

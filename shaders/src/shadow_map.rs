@@ -8,22 +8,22 @@ pub const MAP_FILTER_NONE: u32 = 0;
 pub const MAP_FILTER_PCF: u32 = 1;
 /// [`MapParams::filter_kind`]: a disc as wide as the penumbra (percentage-closer soft shadows).
 pub const MAP_FILTER_PCSS: u32 = 2;
-/// [`MapLight::kind`]: parallel light; its layers are cascades, the finest first.
+/// [`MapLight::kind`]: a directional light; its layers are cascades, the finest first.
 pub const MAP_CASCADES: u32 = 0;
-/// [`MapLight::kind`]: light from a point; its layers are faces that do not overlap.
+/// [`MapLight::kind`]: a local light; its layers are faces that do not overlap, such as the six of a cube.
 pub const MAP_FACES: u32 = 1;
-/// Most lights that one look at maps answers for.
+/// Greatest number of lights per lookup pass.
 pub const MAP_LIGHTS: u32 = 4;
-/// Unsure, in the bits of the first light; those of light `i` lie `i` bits higher. Some of what a soft light or the filter sees is
-/// hidden, and some is not.
+/// Unsure, as the bit of the first light; the bits of light `i` are shifted by `i`. Some of the filter's area, or of a soft light, is
+/// occluded and some is not.
 pub const UNSURE_PENUMBRA: u32 = 1;
-/// Unsure: something in the map is nearer to the surface than the map can tell apart.
+/// Unsure: an occluder is too close to the surface for the map's precision.
 pub const UNSURE_CONTACT: u32 = 16;
-/// Unsure: the edge of something in the map is near, and a texel is wider than pixels are.
+/// Unsure: an occluder's edge is near, and a texel is wider than pixels are.
 pub const UNSURE_RESOLUTION: u32 = 256;
-/// Unsure: the surface lies outside of every map of the light.
+/// Unsure: the surface is outside every layer of the light.
 pub const UNSURE_OUTSIDE: u32 = 4096;
-/// Every reason, in the bits of the first light.
+/// All reasons, as bits of the first light.
 pub const UNSURE_ANY: u32 = 4369;
 
 /// Push constants of `map.vert`, `map.frag`, `map_sphere.vert` and `map_sphere.frag`: one layer of a shadow map.
@@ -34,27 +34,27 @@ pub struct MapDrawParams {
     pub clip_from_world: [[f32; 4]; 4],
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// The light, where it has a place; else its unit direction of travel.
+    /// Position of a local light, metres; for directional lights the unit direction in which light travels.
     pub light: [f32; 3],
-    /// 1 where the light is parallel.
+    /// 1 for a directional light.
     pub is_parallel: u32,
-    /// Width of a texel, metres; of a light that has a place, at one metre from it.
+    /// Width of a texel, metres; for local lights at a distance of one metre.
     pub texel: f32,
 }
 
-/// A layer of a shadow map: a box, or a pyramid with its top at the light.
+/// A layer of a shadow map: an orthographic box, or a pyramid with its apex at the light.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MapLayer {
-    /// Centre of the far side of the box, or the top of the pyramid; world, metres.
+    /// Centre of the far side of the box, or the apex of the pyramid; world, metres.
     pub origin: [f32; 3],
-    /// From the centre of the map to its right edge: metres; of a pyramid, metres at one metre from its top.
+    /// From the centre of the map to its right edge, metres; for a pyramid at a distance of one metre.
     pub right: [f32; 3],
-    /// From the centre of the map to its lower edge.
+    /// From the centre of the map to its lower edge, likewise.
     pub down: [f32; 3],
-    /// Unit direction of travel of the light through the centre.
+    /// Unit direction in which light travels through the centre.
     pub forward: [f32; 3],
-    /// Depth of the box, or distance of the near plane from the top of the pyramid; metres.
+    /// Depth of the box, or distance of the near plane from the apex; metres.
     pub depth: f32,
 }
 
@@ -64,15 +64,15 @@ pub struct MapLayer {
 pub struct MapLight {
     /// Index of the light in the scene.
     pub light: u32,
-    /// `MAP_*`.
+    /// [`MAP_CASCADES`] or [`MAP_FACES`].
     pub kind: u32,
     /// Index of its first [`MapLayer`].
     pub first: u32,
-    /// How many layers it has.
+    /// Number of layers.
     pub layers: u32,
-    /// The tangent of half the angle of parallel light; of a lamp, the radius of a disc of its area, metres.
+    /// Tangent of half the angular diameter of a directional light; for local lights the radius of a disc of the same area, metres.
     pub size: f32,
-    /// The side that a lamp shines to, unit; zero where it shines all around.
+    /// Unit direction of a one-sided light's front; zero for all others.
     pub facing: [f32; 3],
 }
 
@@ -88,31 +88,31 @@ pub struct MapParams {
     pub lights: Address,
     /// [`MapLayer`] table.
     pub layers: Address,
-    /// The map of each light: a depth image, an array where it has several layers.
+    /// The map of each light: a depth image, with layers if there are several.
     pub maps: [SampledImage; 4],
-    /// How many lights.
+    /// Number of lights.
     pub light_count: u32,
     /// Reversed depth.
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// One light in each channel: 1 where it is seen, 0 where it is hidden.
+    /// Output, one light in each channel: 1 visible, 0 occluded.
     pub visibility: StorageImage,
-    /// `UNSURE_*` bits, where somebody wants to know.
+    /// Output: `UNSURE_*` bits; only with `classify`.
     pub unsure: StorageImage,
-    /// 1 where somebody wants to know.
+    /// 1 to write `unsure`.
     pub classify: u32,
     /// `MAP_FILTER_*`.
     pub filter_kind: u32,
-    /// Side of the box of the filter, texels.
+    /// Width of the PCF box, texels.
     pub kernel: f32,
-    /// Samples of a soft shadow; as many look for what casts it.
+    /// Samples of a soft shadow, and as many for its blocker search.
     pub taps: u32,
-    /// 1 where the box is sampled at points that are turned by noise of each pixel.
+    /// 1 for PCF at sample positions rotated by per-pixel noise.
     pub rotate: u32,
-    /// Share of the half side of a cascade over which it goes over into the next.
+    /// Width of the transition to the next cascade, as a share of the half side of a cascade.
     pub blend: f32,
-    /// How many pixels a texel may be wide before an edge near it is unsure.
+    /// Width of a texel, pixels, from which on an edge nearby is unsure.
     pub coarse: f32,
 }
 
@@ -124,16 +124,16 @@ pub struct ContactParams {
     pub view: Address,
     /// [`MapLight`] table.
     pub lights: Address,
-    /// How many lights.
+    /// Number of lights.
     pub light_count: u32,
     /// Reversed depth.
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// One light in each channel, to be darkened.
+    /// One light in each channel; set to 0 where occluded.
     pub visibility: StorageImage,
-    /// How far to march, metres.
+    /// Length of the march, metres.
     pub reach: f32,
-    /// In how many steps.
+    /// Steps of the march.
     pub steps: u32,
 }

@@ -2,11 +2,11 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// [`TraceParams::map_visibility`] without maps.
+/// Value of [`TraceParams::map_visibility`] without shadow maps.
 pub const NO_MAP: u32 = 4294967295;
-/// [`TraceParams::penumbra`] where nobody asks.
+/// Value of [`TraceParams::penumbra`] if no pass reads it.
 pub const NO_PENUMBRA: u32 = 4294967295;
-/// Width of a penumbra that 1 stands for in images, pixels; wider ones count as this wide.
+/// Penumbra width that is stored as 1, pixels; wider ones are clamped to it.
 pub const PENUMBRA_MOST: f32 = 64.0;
 
 /// Push constants of `trace.ray`: shadow rays towards up to four lights.
@@ -23,25 +23,25 @@ pub struct TraceParams {
     pub normal: SampledImage,
     /// Instance + 1 and primitive.
     pub ids: SampledImage,
-    /// A light in each channel: 1 where all of it is visible, 0 where it is hidden.
+    /// Output, a light in each channel: 1 fully visible, 0 occluded.
     pub visibility: StorageImage,
-    /// Width of the penumbra of what a ray has met, over [`PENUMBRA_MOST`], or [`NO_PENUMBRA`]; 0 where all of them arrived.
+    /// Output: penumbra width at the hits, over [`PENUMBRA_MOST`], 0 where all rays arrived; or [`NO_PENUMBRA`].
     pub penumbra: u32,
-    /// What maps say of the same lights, or [`NO_MAP`].
+    /// Visibility by shadow maps of the same lights, or [`NO_MAP`].
     pub map_visibility: u32,
-    /// Where they are not sure: `UNSURE_*` bits of [`super::shadow_map`]. Rays go from there alone.
+    /// `UNSURE_*` bits of [`super::shadow_map`] for `map_visibility`. Only pixels with any are traced.
     pub unsure: u32,
-    /// Every so many pixels in each direction have rays: 1, or 2 for half resolution.
+    /// Spacing of the pixels that are traced: 1, or 2 for half resolution.
     pub step: u32,
-    /// Rays of a pixel to each light; 0 for one to its centre.
+    /// Rays per pixel to each light; 0 for one to its centre.
     pub samples: u32,
-    /// How many lights.
+    /// Number of lights.
     pub count: u32,
-    /// Their indices in the scene.
+    /// Indices of the lights in the scene.
     pub lights: [u32; 4],
 }
 
-/// Push constants of `gradient.ray`: what has changed since the frame before.
+/// Push constants of `gradient.ray`: temporal gradients of visibility.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct GradientParams {
@@ -55,41 +55,41 @@ pub struct GradientParams {
     pub normal: SampledImage,
     /// Instance + 1 and primitive.
     pub ids: SampledImage,
-    /// Texture coordinates now minus one frame ago.
+    /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
-    /// The surfaces that the frame before remembered, one in nine pixels: RG32 uint, two texels beside each other for each.
+    /// Surfaces stored by the previous frame, one of nine pixels each: RG32 uint, two adjacent texels per surface.
     pub previous: SampledImage,
-    /// What `trace.ray` found then, of every pixel.
+    /// `visibility` of `trace.ray` one frame ago.
     pub previous_visibility: SampledImage,
-    /// The surfaces to remember: as `previous`.
+    /// Surfaces stored for the next frame, in the format of `previous`.
     pub next: StorageImage,
-    /// Difference of each channel, 0 to 1, a third as large.
+    /// Output: change of each channel, 0 to 1, at a third of the size.
     pub change: StorageImage,
-    /// 0 where there is no frame before.
+    /// 0 in the first frame.
     pub valid: u32,
     /// As in [`TraceParams`].
     pub samples: u32,
-    /// How many lights.
+    /// Number of lights.
     pub count: u32,
-    /// Their indices in the scene.
+    /// Indices of the lights in the scene.
     pub lights: [u32; 4],
 }
 
-/// Push constants of `reach.comp`: the penumbrae in which each pixel may lie.
+/// Push constants of `reach.comp`: the penumbra width that may apply to each pixel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ReachParams {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// As `trace.ray` wrote it.
+    /// `penumbra` of `trace.ray`.
     pub penumbra: SampledImage,
-    /// The widest of those around that reach as far as here, over [`PENUMBRA_MOST`].
+    /// Output: the widest penumbra around that reaches the pixel, over [`PENUMBRA_MOST`].
     pub reach: StorageImage,
-    /// Pixels for each of `penumbra`, each way: 1 or 2.
+    /// Pixels per texel of `penumbra`, in each direction: 1 or 2.
     pub step: u32,
 }
 
-/// Push constants of `upsample.comp`: visibility of half resolution brought to full.
+/// Push constants of `upsample.comp`: visibility from half to full resolution.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct UpsampleParams {
@@ -99,8 +99,8 @@ pub struct UpsampleParams {
     pub depth: SampledImage,
     /// Octahedral normals: shading in xy, geometric in zw.
     pub normal: SampledImage,
-    /// Half as large: visibility of the upper left one of four pixels.
+    /// Half resolution: visibility of the upper left one of four pixels.
     pub half_visibility: SampledImage,
-    /// Full size.
+    /// Output at full resolution.
     pub visibility: StorageImage,
 }

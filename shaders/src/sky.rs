@@ -2,7 +2,7 @@
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Push constants of `fill.comp`: the sky where nothing was drawn.
+/// Push constants of `fill.comp`: draws the sky into background pixels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct FillParams {
@@ -12,6 +12,6 @@ pub struct FillParams {
     pub depth: SampledImage,
     /// Radiance, RGBA32F or RGBA16F; only background pixels are written.
     pub lit: StorageImage,
-    /// Greatest number that its format holds; infinite for 32-bit floats.
+    /// Greatest number in the format of `lit`; infinite for 32-bit floats.
     pub greatest: f32,
 }

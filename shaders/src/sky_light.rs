@@ -1,11 +1,11 @@
-//! Parameters of `shaders/gi/sky.comp` and `shaders/reflections/sky.comp`: light of the sky on what the camera sees.
+//! Parameters of `shaders/gi/sky.comp` and `shaders/reflections/sky.comp`: sky light on visible surfaces.
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// In the place of an image that is not there.
+/// Value of an optional image that is not there.
 pub const NO_IMAGE: u32 = 4294967295;
 
-/// Push constants of both: the sky's diffuse and specular light.
+/// Push constants of both passes, the diffuse and the specular one.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SkyLightParams {
@@ -19,12 +19,12 @@ pub struct SkyLightParams {
     pub base_colour: SampledImage,
     /// Metalness in red, roughness in green.
     pub material: SampledImage,
-    /// Openness, 0 to 1; [`NO_IMAGE`] where nothing hides anything.
+    /// Openness, 0 to 1; [`NO_IMAGE`] for no ambient occlusion.
     pub openness: u32,
-    /// Octahedral bent normal, the mean direction of what is not hidden; [`NO_IMAGE`] where there is none.
+    /// Octahedral bent normal, the mean unoccluded direction; [`NO_IMAGE`] where there is none.
     pub bent_normal: u32,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
-    /// Greatest number that its format holds; infinite for 32-bit floats.
+    /// Greatest number in the format of `radiance`; infinite for 32-bit floats.
     pub greatest: f32,
 }

@@ -1,4 +1,4 @@
-//! Writes the GLSL twin of a Rust module of shared structs. Only the build script uses it.
+//! Generates the GLSL equivalent of a Rust module of shared structs. Only the build script uses it.
 use std::fmt::Write;
 use syn::{Expr, Fields, Item, Lit, Type};
 
@@ -47,18 +47,18 @@ pub fn layouts(module: &str, source: &str) -> Result<String, String> {
     Ok(out)
 }
 
-/// GLSL wants a struct before its first use, Rust does not care: used structs first, else in the order of the file.
+/// GLSL needs a struct before its first use: used structs first, else in the order of the file.
 fn by_use(mut rest: Vec<&syn::ItemStruct>) -> Vec<&syn::ItemStruct> {
     let mut sorted = Vec::new();
     while !rest.is_empty() {
-        // Rust has no cycles of structs by value, so there is always a first.
+        // Structs cannot contain each other in a cycle, so there is always a first.
         let next = rest.iter().position(|s| !s.fields.iter().any(|f| rest.iter().any(|r| mentions(&f.ty, r))));
         sorted.push(rest.remove(next.unwrap_or(0)));
     }
     sorted
 }
 
-/// Whether a field of this type holds that struct.
+/// Whether a field of this type contains that struct.
 fn mentions(ty: &Type, item: &syn::ItemStruct) -> bool {
     match ty {
         Type::Path(p) => p.path.segments.last().is_some_and(|s| s.ident == item.ident),
@@ -67,7 +67,7 @@ fn mentions(ty: &Type, item: &syn::ItemStruct) -> bool {
     }
 }
 
-/// `use super::scene::Light;` includes the twin of that module.
+/// `use super::scene::Light;` becomes an include of that module's GLSL.
 fn include(item: &syn::ItemUse, out: &mut String) {
     if let syn::UseTree::Path(path) = &item.tree
         && path.ident == "super"

@@ -12,7 +12,7 @@ impl Address {
         Self([address as u32, (address >> 32) as u32])
     }
 
-    /// As one number.
+    /// The 64-bit device address.
     pub const fn get(self) -> u64 {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }
@@ -23,46 +23,46 @@ impl Address {
     }
 }
 
-/// Index of a sampled image in the bindless set. Only a token of a pass that declared the image gives one out, and the engine's own `Image`
-/// where one lives longer than a frame.
+/// Index of a sampled image in the bindless set. Only the token of a pass that declared the image hands it out, or the engine's `Image` for
+/// one that lives longer than a frame.
 ///
-/// The default, which is also what zeroed memory holds, is the place of an image of one black pixel that every device has: a field that was
-/// left out reads zeros, and nobody's picture. Structs that hold it are plain bytes, so that whoever casts a number to it, or declares the
-/// field as a `u32`, gets past this type; what the shader reads then is up to the driver, and may end the program.
+/// The default, which is also what zeroed memory holds, is a black 1x1 image that every device has, so a field that was left out reads
+/// zeros. Structs with this type are plain bytes: whoever casts a number to it, or declares the field as `u32`, bypasses the type. What the
+/// shader then reads is up to the driver, and may crash the program.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct SampledImage(u32);
 
 impl SampledImage {
-    /// No image, for shaders that ask: `NO_TEXTURE` and `NO_IMAGE` in GLSL. Not to be read.
+    /// No image, for optional inputs: `NO_TEXTURE` and `NO_IMAGE` in GLSL. Must not be read.
     pub const NONE: Self = Self(u32::MAX);
 
-    /// The number that the shader sees.
+    /// The index that the shader uses.
     pub const fn index(self) -> u32 {
         self.0
     }
 }
 
-/// Index of a storage image in the bindless set. Only a token of a pass that declared the image gives one out. The default stands for one
-/// pixel that nobody reads, as with [`SampledImage`].
+/// Index of a storage image in the bindless set. Only the token of a pass that declared the image hands it out. The default is a 1x1 image
+/// that nothing reads, as with [`SampledImage`].
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct StorageImage(u32);
 
 impl StorageImage {
-    /// The number that the shader sees.
+    /// The index that the shader uses.
     pub const fn index(self) -> u32 {
         self.0
     }
 }
 
-/// Index of a sampler in the bindless set, which the device gives out when it makes one.
+/// Index of a sampler in the bindless set; the device assigns it when the sampler is created.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct SamplerId(u32);
 
 impl SamplerId {
-    /// The number that the shader sees.
+    /// The index that the shader uses.
     pub const fn index(self) -> u32 {
         self.0
     }

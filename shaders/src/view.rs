@@ -1,11 +1,11 @@
-//! What every pass knows of the camera, the frame and the sky.
+//! Parameters of camera, frame and sky, for every pass.
 use super::types::{Address, SampledImage, SamplerId};
 use bytemuck::{Pod, Zeroable};
 
-/// In a table of lights: none.
+/// Entry of a table of lights that stands for none.
 pub const NO_LIGHT: u32 = 4294967295;
 
-/// Most lights that cast shadows in one frame.
+/// Most shadow-casting lights in one frame.
 pub const MOST_CASTERS: u32 = 8;
 
 /// Camera, frame and sky. Matrices are column-major; clip space has reversed, infinite depth and y down.
@@ -22,37 +22,37 @@ pub struct View {
     pub previous_clip_from_world: [[f32; 4]; 4],
     /// World from clip one frame ago, with that frame's jitter.
     pub previous_world_from_clip: [[f32; 4]; 4],
-    /// Eye in the world, metres.
+    /// Position of the camera in the world, metres.
     pub eye: [f32; 3],
-    /// Eye one frame ago.
+    /// The same one frame ago.
     pub previous_eye: [f32; 3],
-    /// Where pixels are sampled: pixels from their centres, right and down.
+    /// Offset of the sample positions from the pixel centres, pixels, right and down.
     pub jitter: [f32; 2],
     /// The same one frame ago.
     pub previous_jitter: [f32; 2],
-    /// Width and height of the picture that is made in the end, pixels; [`View::size`] where that is not scaled.
+    /// Width and height of the final picture, pixels; equal to [`View::size`] without upsampling.
     pub output_size: [u32; 2],
-    /// Mip levels that textures are read finer by than the pixels of [`View::size`] ask for: log2 of those over the output's, 0 or less.
+    /// Bias of the mip level of textures: log2 of the height of [`View::size`] over that of the output, 0 or less.
     pub mip_bias: f32,
     /// Frame number, from 0.
     pub frame: u32,
-    /// Width and height, pixels.
+    /// Width and height of the frame, pixels.
     pub size: [u32; 2],
     /// Seed of the run.
     pub seed: u32,
-    /// How many of [`View::casters`] there are.
+    /// Valid entries of [`View::casters`].
     pub caster_count: u32,
-    /// Indices of the lights that can cast shadows, the one that matters most first; [`NO_LIGHT`] behind the last.
+    /// Indices of the shadow-casting lights, most important first; then [`NO_LIGHT`].
     pub casters: [u32; 8],
     /// Root of the scene's tables.
     pub scene: Address,
-    /// 1 when the scene has a sky.
+    /// 1 if the scene has a sky.
     pub has_sky: u32,
-    /// The sky, if any.
+    /// The sky; ignored without `has_sky`.
     pub sky: Sky,
 }
 
-/// Light from all around: an environment map, or analytic daylight (Preetham et al. 1999), scaled, over a Lambertian ground.
+/// Distant light: an environment map, or analytic daylight (Preetham et al. 1999), scaled, over a Lambertian ground.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct Sky {
@@ -72,14 +72,13 @@ pub struct Sky {
     pub sun_radiance: [f32; 3],
     /// Cosine of the sun's angular radius; above 1 when there is no disc.
     pub sun_cos_radius: f32,
-    /// An image that takes the place of sky, ground and disc, latitude over longitude, or
-    /// [`NO_TEXTURE`](super::scene::NO_TEXTURE).
+    /// Environment map in place of sky, ground and sun disc, latitude over longitude, or [`NO_TEXTURE`](super::scene::NO_TEXTURE).
     pub environment: SampledImage,
-    /// Its sampler: repeats from left to right.
+    /// Its sampler, which repeats in u.
     pub environment_sampler: SamplerId,
-    /// What its texels are multiplied with.
+    /// Factor of the environment map's radiance.
     pub environment_scale: f32,
-    /// Sine and cosine of the angle about +y by which it is turned.
+    /// Sine and cosine of the environment map's rotation about +y.
     pub environment_turn: [f32; 2],
     /// Irradiance of the sky and the ground as order-2 spherical harmonics (Ramamoorthi and Hanrahan 2001), cosine-convolved.
     pub irradiance_sh: [[f32; 3]; 9],

@@ -57,7 +57,7 @@ fn a_nul_byte_is_an_error() {
 #[test]
 fn includes_work_at_run_time() {
     for (name, _) in INCLUDES {
-        // What belongs to one way to trace is compiled for that one.
+        // A backend's file is compiled for that backend.
         let ways = match name.strip_prefix("lib/ray_") {
             Some("query.glsl") => vec![Rays::Query],
             Some("pipeline.glsl" | "payload.glsl") => vec![Rays::Pipeline],
@@ -119,7 +119,7 @@ void main() {{
     );
     let with = [("RAYS_SOFTWARE", None), ("RAYS_STEPS", None)];
     assert!(compile_with("steps.ray", &source, Stage::Compute, &with, &mut Embedded).is_ok());
-    // Without the define there is no counter, so it can cost nothing.
+    // Without the define there is no counter, and so no cost.
     let error = compile_with("steps.ray", &source, Stage::Compute, &with[..1], &mut Embedded).expect_err("no counter");
     assert!(error.to_string().contains("ray_steps"), "{error}");
 }

@@ -22,10 +22,10 @@ static LAYOUTS: &[Layout] = include!(concat!(env!("OUT_DIR"), "/layouts.rs"));
 /// Modules of `src` that hold no shared structs.
 const NOT_SHARED: [&str; 4] = ["lib", "compile", "twin", "types"];
 
-/// Most that a pass may push.
+/// Limit of push constants, bytes.
 const PUSH_LIMIT: usize = 128;
 
-/// Most that a ray pass may push: the rest is the scene's address.
+/// Limit of a ray pass's push constants, bytes: the rest is the scene's address.
 const RAY_PUSH_LIMIT: usize = 120;
 
 /// A struct type with explicit layout, as SPIR-V decorates it.
@@ -33,7 +33,7 @@ const RAY_PUSH_LIMIT: usize = 120;
 struct Decorated {
     name: String,
     members: BTreeMap<u32, (String, u32)>,
-    /// Stride of a runtime array of it, where the module has one.
+    /// Stride of a runtime array of this struct, if the module has one.
     stride: Option<u32>,
 }
 
@@ -87,7 +87,7 @@ fn decorated(module: &Module) -> HashMap<u32, Decorated> {
     found
 }
 
-/// What differs between the two, if anything.
+/// Describes the first difference between the two layouts.
 fn compare(rust: &Layout, spirv: &Decorated) -> Result<(), String> {
     let name = format!("{}::{}", rust.module, rust.name);
     if rust.fields.len() != spirv.members.len() {
@@ -135,7 +135,7 @@ fn every_struct_agrees() {
     for module in modules() {
         let found = probe(module);
         for layout in LAYOUTS.iter().filter(|l| l.module == module) {
-            // glslang may make one type of a struct for each of its uses.
+            // glslang may emit a separate type for each use of a struct.
             let mut sized = false;
             for spirv in found.iter().filter(|d| d.name == layout.name) {
                 compare(layout, spirv).unwrap_or_else(|e| panic!("{e}"));
@@ -197,7 +197,7 @@ fn no_struct_is_forgotten() {
     assert_eq!(in_sources, compared);
 }
 
-/// The structs as the shipped shaders use them, and the size of what they push.
+/// The structs as the shipped shaders use them, and the sizes of their push constants.
 #[test]
 fn shipped_shaders_agree() {
     for shader in ALL {
@@ -225,7 +225,7 @@ fn shipped_shaders_agree() {
         assert!(compared > 0, "{}: no shared struct", shader.name);
         assert_eq!(pushed(&module, &found), vec!["Push".to_owned()], "{}: push constant blocks", shader.name);
         let params = found.values().find(|d| d.name == "Push").expect("Push");
-        // The last eight bytes are for hit shaders, which know nothing of the pass.
+        // The last eight bytes are for the shaders of hit groups, which do not know the pass.
         let hit = matches!(shader.stage, Stage::AnyHit | Stage::Intersection);
         let wanted = if hit { ("scene_address", RAY_PUSH_LIMIT as u32) } else { ("params", 0) };
         let members: Vec<_> = params.members.values().map(|(n, o)| (n.as_str(), *o)).collect();

@@ -1,4 +1,4 @@
-//! Radiance of the slot `direct` against the reference.
+//! Radiance of the slot `direct`, compared with the reference.
 use crate::harness::config;
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
@@ -8,20 +8,20 @@ use magpie_accuracy::metrics::RELMSE_EPSILON;
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 
-/// Picture and moment.
+/// Size and time of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown {
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Seconds.
+    /// Scene time, seconds.
     pub time: f64,
 }
 
-/// Mean radiance of the slot over so many frames of a configuration, each checked, and how long `direct.` passes took, milliseconds per
+/// Mean radiance of the slot over `frames` frames of a configuration, each checked, and the time of its `direct.` passes, milliseconds per
 /// frame.
 ///
 /// # Errors
-/// What the renderer says, and anything that is not finite.
+/// Any error of the renderer, and values that are not finite.
 pub fn mean(gpu: &Gpu, scene: &Scene, changes: &[&str], shown: Shown, frames: u32) -> Result<(Vec<DVec3>, f64)> {
     let [width, height] = shown.size;
     let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
@@ -42,10 +42,10 @@ pub fn mean(gpu: &Gpu, scene: &Scene, changes: &[&str], shown: Shown, frames: u3
     Ok((sums, ns as f64 * 1e-6 / f64::from(frames)))
 }
 
-/// What it should be.
+/// The ground truth.
 ///
 /// # Errors
-/// What the reference says.
+/// Any error of the reference.
 pub fn truth(gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Estimate> {
     let options = ReferenceOptions {
         width: shown.size[0],
@@ -61,7 +61,7 @@ pub fn truth(gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Est
     Ok(reference.estimate().clone())
 }
 
-/// relMSE, and what of it is the noise of the truth.
+/// relMSE, and the part of it that is due to the ground truth's noise.
 pub fn relmse(found: &[DVec3], truth: &Estimate) -> [f64; 2] {
     let (mut error, mut noise) = (0.0, 0.0);
     for ((found, wanted), deviation) in found.iter().zip(&truth.mean).zip(truth.standard_error()) {

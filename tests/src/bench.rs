@@ -1,4 +1,4 @@
-//! Frames of a test's own, run with every check, and the images and buffers that a test wants to see.
+//! Frames of a test's own, run with every check, and read-back of any of their images and buffers.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::frame::{View, ViewDesc};
@@ -17,66 +17,66 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Runs frames of a test's own on one device.
+/// Runs a test's frames on one device.
 pub struct Bench {
     /// The device.
     pub gpu: Gpu,
-    /// Runs the frames.
+    /// Executes the frames.
     pub executor: Executor,
     scan: Scan,
-    /// Where everything found so far came from; frames count from 0.
+    /// Origins of all non-finite values so far; frames count from 0.
     pub trail: Trail,
     frame: u32,
 }
 
-/// What is seen, and from where.
+/// A view of a scene.
 #[derive(Clone, Copy)]
 pub struct Shot<'a> {
     /// The scene on the device.
     pub scene: &'a SharedScene,
     /// The camera.
     pub camera: &'a Camera,
-    /// Pixels.
+    /// Size of the picture, pixels.
     pub extent: Extent,
 }
 
-/// A frame that ran without a message from the validation layers.
+/// Results of a frame that ran without a validation message.
 pub struct Ran {
-    /// The images that were asked for, by `pass:output`.
+    /// The requested images by `pass:output`.
     images: HashMap<String, Pixels>,
-    /// What the scan found.
+    /// Non-finite values found by the scan.
     pub findings: Vec<Finding>,
-    /// What it could not look at.
+    /// Outputs that the scan could not read.
     pub unscanned: Vec<Unscanned>,
     /// Declaration, plan and times.
     pub executed: Executed,
 }
 
 impl Ran {
-    /// An image that was asked for.
+    /// A requested image.
     pub fn image(&self, name: &str) -> Result<&Pixels> {
         self.images.get(name).with_context(|| format!("no pass wrote {name}"))
     }
 
-    /// Its pixels as numbers.
+    /// Its pixels as floats.
     pub fn values(&self, name: &str) -> Result<Vec<[f32; 4]>> {
         Ok(self.image(name)?.values())
     }
 
-    /// Fails when the scan found anything.
+    /// Fails if the scan found anything.
     pub fn clean(self) -> Result<Self> {
         ensure!(self.findings.is_empty(), "{}", self.findings[0]);
         Ok(self)
     }
 
-    /// Closest-hit and any-hit rays that a pass counted.
+    /// Number of closest-hit and any-hit rays of a pass.
     pub fn rays(&self, pass: &str) -> Result<[u64; 2]> {
         let found = self.executed.sample.passes.iter().find(|p| p.name == pass);
         found.map(|p| [p.rays_closest, p.rays_any]).with_context(|| format!("{pass} did not run"))
     }
 }
 
-/// Objects that a frame brings in; the scan and the copies add to them while it is declared.
+/// Resources that a frame imports; the scan and the copies add to them during declaration.
 pub type Shared = Rc<RefCell<Imports>>;
 
 impl Bench {
@@ -91,7 +91,7 @@ impl Bench {
         })
     }
 
-    /// How many frames ran: the number of the next one.
+    /// Number of frames so far, which is the number of the next one.
     pub fn frames(&self) -> u32 {
         self.frame
     }
@@ -108,8 +108,8 @@ impl Bench {
         Ok(self.gpu.ray_kernel_from_words(name, &words, rays)?)
     }
 
-    /// Runs the frame that `declare` makes, with the scan for NaN and infinity on every pass and the images of `wanted`
-    /// (`pass:output`) copied as they were right after that pass. Messages of the validation layers are errors.
+    /// Runs the frame that `declare` makes, with the scan for NaN and infinity on every pass, and copies of the `wanted` images
+    /// (`pass:output`) directly after their pass. Validation messages are errors.
     pub fn run(
         &mut self,
         extent: Extent,
@@ -155,7 +155,7 @@ impl Bench {
         Ok(Ran { images, findings, unscanned, executed })
     }
 
-    /// The camera jumps: histories are of no use to the next frame.
+    /// Marks a camera cut: the next frame discards all histories.
     pub fn cut(&mut self) {
         self.executor.cut();
     }
@@ -165,7 +165,7 @@ impl Bench {
         self.frame_with(shot, config, wanted, |_| ())
     }
 
-    /// The same with one output spoilt.
+    /// The same with one output overwritten by `poison`.
     pub fn poisoned_frame(&mut self, shot: Shot<'_>, config: &Config, poison: Poison) -> Result<Ran> {
         self.frame_with(shot, config, &[], |g| g.poison(poison))
     }
@@ -189,7 +189,7 @@ impl Bench {
 }
 
 impl Shot<'_> {
-    /// Brings the camera into a frame.
+    /// Imports the camera into a frame.
     pub fn view(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<View> {
         let Self { scene, camera, extent } = *self;
         let desc = ViewDesc::new(camera, extent);
@@ -203,7 +203,7 @@ impl Shot<'_> {
         Ok(frame(stages, g, &view, AccelerationIn::Resident { scene, imports: imports.clone(), camera })?)
     }
 
-    /// Brings camera and scene into a frame.
+    /// Imports camera and scene into a frame.
     pub fn declare(&self, gpu: &Gpu, g: &mut FrameGraph, imports: &Shared) -> Result<(View, SceneHandles)> {
         let view = self.view(gpu, g, imports)?;
         let policy = Policy::default();
@@ -212,7 +212,7 @@ impl Shot<'_> {
     }
 }
 
-/// A buffer that the host can read after the frame.
+/// A buffer that the CPU can read after the frame.
 pub fn results(
     gpu: &Gpu,
     g: &mut FrameGraph,

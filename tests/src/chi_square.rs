@@ -1,20 +1,20 @@
-//! Pearson's χ² test: whether counts are as expected.
+//! Pearson's χ² goodness-of-fit test.
 
-/// What a test came to.
+/// Result of a test.
 #[derive(Clone, Copy, Debug)]
 pub struct ChiSquare {
-    /// Sum of squared deviations over what was expected.
+    /// Sum of squared deviations over expected counts.
     pub statistic: f64,
-    /// Bins, small ones put together, less one.
+    /// Degrees of freedom: bins, after merging small ones, less one.
     pub freedom: f64,
-    /// The statistic as a standard normal deviate (Wilson and Hilferty 1931): above 3.7 in one of ten thousand right cases.
+    /// The statistic as a standard normal deviate (Wilson and Hilferty 1931): above 3.7 in one of ten thousand true cases.
     pub deviate: f64,
 }
 
-/// Bins that expect fewer are put together.
+/// Bins with a smaller expected count are merged.
 const LEAST: f64 = 10.0;
 
-/// Counts against expectations of the same sum, up to noise.
+/// Tests counts against expected counts of the same sum.
 pub fn chi_square(counts: &[f64], expected: &[f64]) -> ChiSquare {
     assert_eq!(counts.len(), expected.len(), "bins");
     let (mut statistic, mut bins) = (0.0, 0.0);
@@ -33,7 +33,7 @@ pub fn chi_square(counts: &[f64], expected: &[f64]) -> ChiSquare {
     if rest.1 >= LEAST {
         add(rest.0, rest.1);
     } else {
-        // Too few to tell, but what cannot be must not be.
+        // The merged bins are too small to test, but must not exceed their expectation by far.
         assert!(rest.0 <= LEAST * 4.0, "{} samples where {} are expected", rest.0, rest.1);
     }
     let freedom: f64 = f64::max(bins - 1.0, 1.0);

@@ -1,10 +1,10 @@
-//! How different two images look: FLIP, as the metrics of `magpie-accuracy` have it.
+//! Perceived difference of two images: FLIP as in the metrics of `magpie-accuracy`.
 use anyhow::Result;
 use magpie::graph::Format;
 use magpie::pixels::Pixels;
 use magpie_accuracy::metrics::{Picture, flip_ldr};
 
-/// Mean FLIP of two images as a display shows them, from 0 (the same) to 1, seen from 67 pixels per degree.
+/// Mean FLIP of the display values of two images, from 0 (equal) to 1, at 67 pixels per degree.
 pub fn mean_flip(a: &Pixels, b: &Pixels) -> Result<f64> {
     let picture = |pixels: &Pixels| {
         Picture::from_pixels(&Pixels { format: Format::Rgba8Unorm, bytes: pixels.presentable(), ..*pixels })

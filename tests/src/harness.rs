@@ -12,8 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 use std::{env, thread};
 
-/// A device with validation that a test has to itself, or `None` when the caller asked for no GPU (`MAGPIE_NO_GPU`). No device at all is
-/// a failure.
+/// A device with validation for the exclusive use of a test, or `None` if `MAGPIE_NO_GPU` is set. The absence of a device is an error.
 pub fn gpu() -> Result<Option<Lent>> {
     if env::var_os("MAGPIE_NO_GPU").is_some() {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
@@ -25,10 +24,10 @@ pub fn gpu() -> Result<Option<Lent>> {
     Ok(Some(Lent { gpu: devices.lend(), devices }))
 }
 
-/// The devices of this process: as many as tests run at once, four at the most, all opened before the first is used, none closed before
-/// the process ends.
-/// The validation layer looks every call's device up in a map that it changes, without a lock, when a device comes or goes: whoever calls
-/// meanwhile, on another thread and another device, may crash (Vulkan-ValidationLayers, issue 4391).
+/// The devices of this process: as many as tests run in parallel, at most four, all created before the first is used and none destroyed
+/// before the process ends.
+/// The validation layer looks up the device of every call in a map that it modifies, without a lock, when a device is created or destroyed.
+/// A call on another thread and device at that time may crash (Vulkan-ValidationLayers, issue 4391).
 static DEVICES: OnceLock<Result<Devices>> = OnceLock::new();
 
 struct Devices {
@@ -62,8 +61,7 @@ impl Devices {
     }
 }
 
-/// A device, until this is dropped; the next test gets it then. A message of the validation layers that nobody asked for is a failure of
-/// the test that leaves it behind.
+/// A device, returned to the pool on drop. A test fails if it leaves behind validation messages that it did not ask for.
 pub struct Lent {
     gpu: Gpu,
     devices: &'static Devices,
@@ -91,15 +89,15 @@ impl Drop for Lent {
     }
 }
 
-/// A built-in scene with everything supplied.
+/// A built-in scene with camera and lights supplied where missing.
 pub fn builtin(name: &str) -> Result<Scene> {
     let mut scene = magpie::scene::builtin(name).with_context(|| format!("built-in scene {name}"))?;
     supply_missing(&mut scene);
     Ok(scene)
 }
 
-/// A scene from the folder of real scenes: `MAGPIE_ASSETS`, else `../shared/assets` beside the checkout. `None`, and said so,
-/// when the folder is not there.
+/// A scene from the folder of real scenes: `MAGPIE_ASSETS`, else `../shared/assets` beside the checkout. `None`, with a message, if the
+/// folder does not exist.
 pub fn asset(file: &str) -> Result<Option<Scene>> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/assets");
     let folder = env::var_os("MAGPIE_ASSETS").map_or(beside, PathBuf::from);
@@ -112,7 +110,7 @@ pub fn asset(file: &str) -> Result<Option<Scene>> {
     Ok(Some(scene))
 }
 
-/// The real scenes, for [`asset`].
+/// File names of the real scenes, for [`asset`].
 pub const REAL_SCENES: [&str; 4] = [
     "damaged_helmet/DamagedHelmet.glb",
     "flight_helmet/FlightHelmet.gltf",
@@ -153,7 +151,7 @@ pub fn render(
     bail!("no frame was asked for")
 }
 
-/// The image that a render was made for.
+/// The linear image of a render.
 pub fn linear(result: FrameResult) -> Result<Pixels> {
     Ok(result.images.context("no image was read back")?.linear)
 }
@@ -163,11 +161,12 @@ pub fn display(result: FrameResult) -> Result<Pixels> {
     result.images.and_then(|i| i.display).context("no display image was read back")
 }
 
-/// Compares what an image looks like with `tests/images/NAME.png`.
+/// Compares an image with the golden `tests/images/NAME.png`.
 ///
-/// Fails when the golden is missing, the size differs, the root of the mean square difference (0 to 1) is over `limit`, or the
-/// golden says so little that an image of one flat colour, black included, would come within five times the limit. The actual image and the difference, eight times
-/// brighter, are written to `target/images`. `MAGPIE_BLESS=1` writes the golden instead: look at it before you commit it.
+/// Fails if the golden is missing, the size differs, the root mean square difference (0 to 1) exceeds `limit`, or the golden has so little
+/// contrast that some image of one flat colour, black included, would come within five times the limit. The actual image and the
+/// difference, amplified eight times, are written to `target/images`. `MAGPIE_BLESS=1` writes the golden instead: look at it before you
+/// commit it.
 pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let golden_file = root.join("images").join(format!("{name}.png"));
@@ -206,7 +205,7 @@ pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()
     Ok(())
 }
 
-/// Root of the mean square difference from the nearest image of one colour, which is that of the mean.
+/// Root mean square difference from the nearest image of one colour, which is the mean colour.
 fn distance_from_flat(image: &image::RgbaImage) -> f64 {
     let count = f64::from(image.width()) * f64::from(image.height());
     let variance = |c: usize| {

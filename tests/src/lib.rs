@@ -1,4 +1,4 @@
-//! Tests of Magpie, in tiers.
+//! Shared code of Magpie's tests: test devices, scenes, and CPU implementations to compare with.
 
 pub mod against;
 pub mod bench;

@@ -1,4 +1,4 @@
-//! Scenes that tests make: planes, spheres, boxes, one light.
+//! Scenes built in code: planes, spheres, boxes, a sun.
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene};
 use std::f32::consts::{PI, TAU};
@@ -12,14 +12,14 @@ pub fn mesh(name: &str, positions: Vec<Vec3>, normals: Vec<Vec3>, indices: Vec<u
     Mesh { name, positions, normals, tangents, uv0, uv1, colours, indices, ..Mesh::default() }
 }
 
-/// A horizontal square around the origin that faces up.
+/// A horizontal square around the origin that faces up; `half` is half its side, metres.
 pub fn plane(half: f32) -> Mesh {
     let corners = [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]];
     let positions = corners.iter().map(|[x, z]| Vec3::new(*x, 0.0, *z) * half).collect();
     mesh("plane", positions, vec![Vec3::Y; 4], vec![0, 1, 2, 0, 2, 3])
 }
 
-/// A unit sphere around the origin, `rings` from pole to pole, with the sphere's own normals.
+/// A unit sphere around the origin with smooth normals; `rings` from pole to pole.
 pub fn sphere(rings: u32) -> Mesh {
     let sectors = 2 * rings;
     let (mut points, mut indices) = (Vec::new(), Vec::new());
@@ -36,7 +36,7 @@ pub fn sphere(rings: u32) -> Mesh {
     mesh("sphere", points.clone(), points, indices)
 }
 
-/// A box around the origin with flat faces.
+/// A box around the origin with flat normals; `half` is half its extent, metres.
 pub fn block(half: Vec3) -> Mesh {
     let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
     for axis in 0..3 {
@@ -54,22 +54,22 @@ pub fn block(half: Vec3) -> Mesh {
     mesh("block", positions, normals, indices)
 }
 
-/// An empty scene with one camera.
+/// An empty scene with a camera.
 pub fn scene(name: &str, camera: Camera) -> Scene {
     Scene { name: name.to_owned(), cameras: vec![camera], ..Scene::default() }
 }
 
-/// A camera of 40 degrees.
+/// A camera with a vertical angle of view of 40 degrees.
 ///
 /// # Panics
-/// When eye and target are one point.
+/// If eye and target coincide.
 pub fn camera(eye: impl Into<DVec3>, target: impl Into<DVec3>) -> Camera {
     let (eye, target) = (eye.into(), target.into());
     let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::Z } else { Vec3::Y };
     Camera::look_at("test", eye, target, up, 40_f32.to_radians()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Adds one instance of a mesh with a material of its own.
+/// Adds one instance of a mesh with its own material.
 pub fn add(scene: &mut Scene, mesh: Mesh, material: Material, world_from_object: Affine3A) {
     let (m, n) = (scene.materials.len() as u32, scene.meshes.len() as u32);
     scene.instances.push(Instance::fixed(mesh.name.clone(), n, m, world_from_object));
@@ -77,19 +77,19 @@ pub fn add(scene: &mut Scene, mesh: Mesh, material: Material, world_from_object:
     scene.materials.push(material);
 }
 
-/// A material of numbers only.
+/// A material without textures.
 pub fn material(base_colour: [f32; 3], metalness: f32, roughness: f32) -> Material {
     let base_colour = Vec3::from(base_colour).extend(1.0);
     Material { base_colour, metalness, roughness, ..Material::default() }
 }
 
-/// A sun that shines from this direction, illuminance pi.
+/// A directional light from this direction with an illuminance of pi.
 pub fn sun(towards: Vec3) -> Light {
     Light::Directional { direction: -towards.normalize(), illuminance: Vec3::splat(PI), angular_radius: 0.0 }
 }
 
-/// Eight by four texels: a ground, a sky that is bluer higher up and redder to the right, and one bright texel ahead, above the
-/// horizon and to the right.
+/// An environment map of eight by four texels: a ground, a sky that is bluer at the top and redder to the right, and one bright texel
+/// ahead, above the horizon and to the right.
 pub fn environment() -> Environment {
     let texel = |x: u32, y: u32| match (x, y) {
         (5, 1) => Vec3::new(30.0, 26.0, 20.0),

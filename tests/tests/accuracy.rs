@@ -1,4 +1,4 @@
-//! A whole sweep at a tiny size: truths, measurements, report, parts of it on two machines, and the configuration that it recommends.
+//! A complete sweep at a tiny size: ground truths, measurements, report, two shards of it, and the configuration that it recommends.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
@@ -33,7 +33,7 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
     }
 }
 
-/// Magpie's slots, but for shadows: hard ones, of full and of half resolution, or none. All that shadows can be would take minutes.
+/// Magpie's slots with fewer shadow variants: hard shadows at full or half resolution, or none. All variants would take minutes.
 fn slots() -> Slots {
     let all = Slots::default();
     let original = all.shadows.clone();
@@ -68,19 +68,19 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     for file in [REPORT_JSON, REPORT_CSV, REPORT_HTML] {
         ensure!(std::fs::metadata(whole.join(file))?.len() > 1000, "{file}");
     }
-    // All of it to nine digits: the last one of a number may be another after it was in a file.
+    // Compared to nine digits, as reading a number back may change its last one.
     let read = Report::read(&whole)?;
     ensure!(format!("{read:.9?}") == format!("{report:.9?}"), "the JSON does not read back");
     rows_are_plausible(&report)?;
 
-    // Again: nothing is left to do.
+    // A second sweep has nothing left to do.
     let before = std::fs::read(whole.join(RESULTS_FILE))?;
     let mut skipped = 0;
     sweep(&subject, &options(&whole, None), &mut |at: &Progress| skipped = at.skipped)?;
     ensure!(skipped == last.all, "{skipped} of {}", last.all);
     ensure!(std::fs::read(whole.join(RESULTS_FILE))? == before, "something was measured again");
 
-    // In two parts: the same errors, whoever measured them.
+    // In two shards: the errors are the same.
     let parts: Vec<_> = (1..=2).map(|i| place.path().join(format!("part{i}"))).collect();
     for (index, part) in (1..).zip(&parts) {
         sweep(&subject, &options(part, Some(Shard { index, count: 2 })), &mut |_| {})?;
@@ -96,7 +96,7 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     let (a, b) = (report.combination.as_ref(), merged.combination.as_ref());
     ensure!(a.context("no pictures")?.setups == b.context("no pictures")?.setups, "pictures of both parts");
 
-    // The cheapest configuration keeps its promise.
+    // The cheapest configuration comes out as predicted.
     let mut tuner = Tuner::new(&report, &whole, Metric::FlipLdr)?;
     let cheapest = tuner.front()[0].error();
     let mut confirmer = Confirmer::new(&subject, &report, &tuner, &whole, Rays::Software)?;
@@ -124,7 +124,7 @@ fn a_race_keeps_its_time_and_says_how_sure_it_is() -> Result<()> {
     let start = Instant::now();
     let folder = sweep(&subject, &options, &mut |_| {})?;
     let seconds = start.elapsed().as_secs_f64();
-    // What has begun is brought to its end.
+    // Measurements in progress are completed after the time limit.
     ensure!(seconds < 40.0, "{seconds} s of 30");
     let report = Report::build(&folder, &out)?;
     println!("{}in {seconds:.1} s", report.table());
@@ -133,7 +133,7 @@ fn a_race_keeps_its_time_and_says_how_sure_it_is() -> Result<()> {
     for row in report.effects.iter().flat_map(|e| &e.rows) {
         let label = &row.variant.label;
         ensure!(!row.rounds.is_empty() && row.ms_interval >= 0.0 && (0.0..=1.0).contains(&row.sure), "{label}");
-        // Slots that look back at frames before were seen in motion, and nothing else was.
+        // Only rows of slots with history, and the default, were measured in motion.
         ensure!(row.moving.is_some() == (row.variant.slot == "post" || row.variant.is_default), "{label}");
     }
     let same = Agreement::of(&report, &report);
@@ -141,7 +141,7 @@ fn a_race_keeps_its_time_and_says_how_sure_it_is() -> Result<()> {
     Ok(())
 }
 
-/// Light as radiance and as the display has it, of the default frame.
+/// The display values of the default frame follow from its radiance.
 #[test]
 fn a_display_on_the_host_shows_what_the_frame_shows() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -170,7 +170,7 @@ fn rows_are_plausible(report: &Report) -> Result<()> {
     ensure!(slots == ["gbuffer", "shadows", "gi"], "{slots:?}");
     let shadows = report.effect("shadows").context("shadows")?;
     let error = |at: usize, image| shadows.rows[at].error(image).map(|c| Metric::Rmse.of(c)).context("no error");
-    // Full, half, off: more and more wrong, less and less dear.
+    // Full, half, off: increasing error, decreasing time.
     for image in [Image::Slot, Image::Picture] {
         let errors = [error(0, image)?, error(1, image)?, error(2, image)?];
         ensure!(errors[0] > 0.0 && errors[0] < errors[1] && errors[1] < errors[2], "{image:?}: {errors:?}");

@@ -1,16 +1,16 @@
-//! The same hit from every way to trace, and from a double-precision search through all triangles.
+//! Every backend finds the same hit, and so does a double-precision search through all triangles.
 //!
-//! Every ray is put into one class, and the classes are printed:
+//! Every ray falls into one class, and the counts are printed:
 //!
-//! - *same*: instance, primitive and side are those of the software walk;
-//! - *in one place*: both are crossed, in double precision, at distances that `f32` cannot tell apart. Decals, the bottom of a box on
-//!   the floor, and the two triangles at an edge are such. Which of them is met first is nobody's to say;
-//! - *outline*: one way meets a triangle whose edge the ray passes within rounding, or an alpha-tested one, whose cut-off lies
-//!   between two floats; the other goes on behind it;
-//! - *unexplained*: a fault.
+//! - *same*: instance, primitive and side equal those of the software traversal;
+//! - *in one place*: both surfaces are crossed, in double precision, at distances that `f32` cannot tell apart, such as decals, the bottom
+//!   of a box on the floor, and the two triangles at an edge. Which one is hit first is unspecified;
+//! - *outline*: one backend hits a triangle whose edge the ray passes within rounding, or an alpha-tested one near its cutoff; the other
+//!   continues behind it;
+//! - *unexplained*: an error.
 //!
-//! Distances of the same hits are the same to 1e-4 of themselves, or to the rounding of the coordinates: the latter counts for hits
-//! much nearer than the scene is large, and for rays that graze a surface. They are counted as well.
+//! Distances of equal hits agree to a relative 1e-4, or to the rounding of the coordinates: the latter for hits much nearer than the scene
+//! is large, and for rays that graze a surface. Those are counted too.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::{Context, Result, ensure};
 use glam::Vec3;
@@ -25,15 +25,15 @@ use magpie_tests::oracle::rays::{Crossing, Triangles};
 use rayon::prelude::*;
 use std::env;
 
-/// Share of the rays that must meet the same thing, or another in the same place.
+/// Least share of the rays with the same hit, or another in the same place.
 const AGREE: f64 = 0.9999;
-/// Share of the rays that may meet another thing in the same place: boxes that stand on a floor.
+/// Greatest share of the rays with another hit in the same place: boxes that stand on a floor.
 const IN_ONE_PLACE: f64 = 0.01;
-/// Distances that differ by so much of themselves are the same.
+/// Relative difference up to which distances count as equal.
 const DISTANCE: f64 = 1e-4;
-/// Roundings of `f32` that transforms and intersection may add up.
+/// Bound of the accumulated `f32` rounding of transform and intersection.
 const ROUNDINGS: f64 = 32.0 * f32::EPSILON as f64;
-/// An edge is missed within rounding where the barycentric coordinate is above minus this.
+/// Barycentric coordinate, negated, down to which missing an edge counts as rounding.
 const EDGE: f64 = 1e-3;
 
 fn full() -> bool {
@@ -47,13 +47,13 @@ struct Classes {
     in_one_place: u64,
     outline: u64,
     unexplained: u64,
-    /// Same hits whose distances differ by more than [`DISTANCE`], but not by more than rounding.
+    /// Equal hits whose distances differ by more than [`DISTANCE`], but within rounding.
     rounded: u64,
     worst: f64,
 }
 
-/// What rounding can make of a distance: of the corners against the ray, more where it grazes, and along a sliver, whose point is told
-/// by weights that are small differences.
+/// Bound of the rounding error of a distance: that of the corners relative to the ray, larger at grazing angles and along slivers, whose
+/// barycentric weights are small differences.
 fn rounding(crossing: &Crossing, ray: &RayTask, reach: f64) -> f64 {
     let length = f64::from(Vec3::from(ray.direction).length());
     let largest = reach.max(f64::from(Vec3::from(ray.origin).abs().max_element()));
@@ -67,7 +67,7 @@ fn name(answer: &RayAnswer) -> String {
     format!("{}/{} at {}", answer.instance, answer.primitive, answer.t)
 }
 
-/// Sorts one ray into its class.
+/// Adds one ray to its class.
 fn classify(triangles: &Triangles, ray: &RayTask, a: &RayAnswer, b: &RayAnswer, classes: &mut Classes) {
     let at = |answer: &RayAnswer| triangles.crossing(ray, answer.instance, answer.primitive);
     let reach = triangles.reach();
@@ -106,7 +106,7 @@ fn classify(triangles: &Triangles, ray: &RayTask, a: &RayAnswer, b: &RayAnswer, 
     }
 }
 
-/// The scene for every way.
+/// The scene for every backend.
 struct Ways {
     tracer: Tracer,
     software: SharedScene,
@@ -127,7 +127,7 @@ impl Ways {
         })
     }
 
-    /// The closest hits of each way, the software walk first; each agrees with its own any-hit rays.
+    /// The closest hits of each backend, software first; each is checked against its own any-hit rays.
     fn answers(&mut self, table: &RayTable) -> Result<Vec<(Rays, Vec<RayAnswer>)>> {
         let closest = self.tracer.upload(table)?;
         let any = self.tracer.upload(&RayTable { question: Question::Any, ..table.clone() })?;
@@ -145,8 +145,8 @@ impl Ways {
     }
 }
 
-/// Whether an answer is what the search through all triangles allows: the first opaque one, an alpha-tested one before it, or one
-/// in the same place, or one whose edge is within rounding.
+/// Whether the search through all triangles allows an answer: the first opaque hit, an alpha-tested one before it, one in the same place,
+/// or one whose edge is within rounding.
 fn allowed(triangles: &Triangles, ray: &RayTask, answer: &RayAnswer) -> bool {
     let crossings = triangles.crossings(ray, EDGE);
     let sure = crossings.iter().find(|c| !c.tested && c.inside > EDGE);

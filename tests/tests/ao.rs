@@ -1,5 +1,5 @@
-//! Ambient occlusion: rays against the reference and against what is known on paper, horizons in the depth image against the reference,
-//! and what a slot without a range, or that is off, leaves out.
+//! Ambient occlusion: rays against the reference and against closed forms, horizons of the depth image against the reference, and the
+//! effect of a range of 0 and of a slot that is off.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
@@ -16,7 +16,7 @@ use magpie_tests::made;
 use std::env;
 use std::f64::consts::PI;
 
-/// Runs frames with every check on and hands each to `look`.
+/// Renders frames with every check on and passes each to `look`.
 fn frames(
     gpu: &Gpu,
     scene: &Scene,
@@ -68,7 +68,7 @@ fn picture(size: [u32; 2], values: impl IntoIterator<Item = f64>) -> Picture {
     Picture::grey(size[0] as usize, size[1] as usize, &values)
 }
 
-/// The relMSE that the standard error of a truth makes by itself.
+/// relMSE due to the standard error of a ground truth.
 fn noise_floor(estimate: &Estimate) -> f64 {
     let errors = estimate.standard_error();
     let share = |(e, m): (&DVec3, &DVec3)| e.x * e.x / (m.x * m.x + RELMSE_EPSILON);
@@ -78,8 +78,8 @@ fn noise_floor(estimate: &Estimate) -> f64 {
 #[test]
 fn rays_converge_to_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // Where next to nothing of the hemisphere is open, as between leaves, the noise of the truth is large beside its value: what it adds
-    // is known, and is taken off unless there is time for a truth without it.
+    // Where hardly any of the hemisphere is open, as between leaves, the ground truth's noise is large relative to its value: its known
+    // contribution is subtracted unless there is time for a converged one.
     let full = env::var_os("MAGPIE_FULL").is_some();
     let (samples, most_noise) = if full { (65536, 5e-5) } else { (4096, 4e-4) };
     for (name, size) in [("cornell", [24, 24]), ("courtyard", [32, 18])] {
@@ -93,7 +93,7 @@ fn rays_converge_to_the_reference() -> Result<()> {
             if full { 1024 } else { 64 },
         )?;
         let wanted = picture(size, truth.mean.iter().map(|m| m.x));
-        // At the edges of leaves raster and ray may see one leaf or the next: another surface, with an openness of its own.
+        // At the edges of leaves raster and ray may see different leaves, with different openness.
         let is_another = |(f, m): (&f64, &DVec3)| (f - m.x).abs() > 0.05;
         let others = found.iter().zip(&truth.mean).filter(|pair| is_another(*pair)).count();
         ensure!(others * 100 <= found.len(), "{name}: {others} pixels are off by more than 0.05");
@@ -112,7 +112,7 @@ fn rays_converge_to_the_reference() -> Result<()> {
     Ok(())
 }
 
-/// The mean of one ray per pixel over frames is nearer to the truth than as many independent rays would be.
+/// The mean of one ray per pixel over frames has less error than as many independent rays.
 #[test]
 fn frames_add_up() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -127,7 +127,7 @@ fn frames_add_up() -> Result<()> {
         let most = if count == 1 { 1.1 } else { 0.6 };
         ensure!(error < most * random, "{count} frames: {error} against {random}");
     }
-    // The same rays, whether of one frame or of eight.
+    // The same rays, in one frame or over eight.
     let (one, eight) = ("ao.rays=8", "ao.rays=1");
     let at_once = openness(&gpu, &scene, &["stages.ao=ray-traced", "ao.denoiser=none", one], size, 1)?;
     ensure!(
@@ -137,7 +137,7 @@ fn frames_add_up() -> Result<()> {
     Ok(())
 }
 
-/// A point of a plane that a pixel's centre shows.
+/// The point of a plane at a pixel's centre.
 fn seen_on(camera: &Camera, size: [u32; 2], pixel: usize, normal: Vec3) -> Option<Vec3> {
     let clip: Mat4 = camera.clip_from_view(size[0] as f32 / size[1] as f32) * camera.view_from_world(DVec3::ZERO);
     let (x, y) = (pixel % size[0] as usize, pixel / size[0] as usize);
@@ -149,7 +149,7 @@ fn seen_on(camera: &Camera, size: [u32; 2], pixel: usize, normal: Vec3) -> Optio
     (t > 0.0).then(|| eye + t * along)
 }
 
-/// A floor and, where wanted, a wall at x = 0, much larger than every range. The wall is seen to a height of 1.6 metres.
+/// A floor and optionally a wall at x = 0, much larger than every range. The wall is visible up to a height of 1.6 metres.
 fn floor(wall: bool) -> Scene {
     let mut scene = made::scene("crease", made::camera(Vec3::new(3.0, 3.0, 0.4), Vec3::ZERO));
     made::add(&mut scene, made::plane(50.0), made::material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
@@ -160,8 +160,8 @@ fn floor(wall: bool) -> Scene {
     scene
 }
 
-/// Openness at a distance from an endless wall of which only what is nearer than `range` hides. Projected onto the ground, the cosine
-/// is gone (Nusselt 1928): hidden is the part of the unit disc beyond distance / range.
+/// Openness at a distance from an infinite wall that occludes within `range`: projected onto the ground, which cancels the cosine (Nusselt
+/// 1928), the wall covers the part of the unit disc beyond distance / range.
 fn beside_a_wall(distance: f64, range: f64) -> f64 {
     let c = (distance / range).min(1.0);
     1.0 - (c.acos() - c * (1.0 - c * c).sqrt()) / PI
@@ -181,7 +181,7 @@ fn a_crease_is_as_dark_as_known_on_paper() -> Result<()> {
         let mut pixels = 0.0;
         for pixel in 0..rays.len() {
             let Some(on_floor) = seen_on(camera, size, pixel, Vec3::Y) else { continue };
-            // To the left of the crease the pixel shows the wall.
+            // To the left of the edge the pixel shows the wall.
             let distance = match seen_on(camera, size, pixel, Vec3::X) {
                 Some(on_wall) if on_floor.x < 0.0 => on_wall.y,
                 _ => on_floor.x,
@@ -199,7 +199,7 @@ fn a_crease_is_as_dark_as_known_on_paper() -> Result<()> {
         );
         ensure!(pixels > 2000.0 && darkest < 0.6, "range {range}: the crease is not in the picture");
         ensure!(of_rays < 2e-3 && worst < 0.02, "range {range}: {of_rays}, at most {worst}");
-        // What lies outside of the picture is not in the depth image.
+        // Geometry outside the picture is missing in the depth image.
         ensure!(range > 1.5 || of_horizons < 0.05, "range {range}: horizons are off by {of_horizons}");
     }
     Ok(())
@@ -228,7 +228,7 @@ fn nothing_hides_an_open_floor() -> Result<()> {
 fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let (scene, size) = (builtin("courtyard")?, [48, 27]);
-    // Passes of the slot, the picture, direct light, and whether there is openness.
+    // Names of the slot's passes, the picture, direct light, and whether there is an openness image.
     type Told = (Vec<String>, Vec<u8>, Vec<u8>, bool);
     let run = |changes: &[&str]| -> Result<Told> {
         let mut told = None;
@@ -261,7 +261,7 @@ fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
     Ok(())
 }
 
-/// What the settings of the screen-space way cost in accuracy. White, and the best picture of one grey, are far beyond every limit.
+/// Accuracy of the screen-space implementation by settings. A white picture, and the best constant grey, exceed every limit by far.
 #[test]
 fn horizons_are_near_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -314,7 +314,7 @@ fn curve(openness: f64, n_v: f64, alpha: f64) -> f64 {
     ((n_v + openness).powf((-16.0 * alpha - 1.0).exp2()) - 1.0 + openness).clamp(0.0, 1.0)
 }
 
-/// Share of a GGX lobe that is not hidden, Fresnel left out: visible normals, masking and shadowing of Smith, correlated in height.
+/// Unoccluded share of a GGX lobe without Fresnel: visible normals, height-correlated Smith masking and shadowing.
 fn seen_share(alpha: f64, v: DVec3, hidden: impl Fn(DVec3) -> bool) -> f64 {
     let lambda = |c: f64| ((1.0 + alpha * alpha * (1.0 / (c * c) - 1.0)).sqrt() - 1.0) / 2.0;
     let (mut all, mut seen) = (0.0, 0.0);
@@ -339,11 +339,11 @@ fn points() -> impl Iterator<Item = (f64, f64)> {
     (0..COUNT).map(|i| ((f64::from(i) + 0.5) / f64::from(COUNT), (f64::from(i) * 0.618_033_988_7).fract()))
 }
 
-/// The shader's curve has the numbers that its source gives on paper, and against rays it errs no more with alpha than with perceptual
-/// roughness, which is twice too rough a reading of the source.
+/// The shader's curve has the values that its source implies, and its error against ray-traced lobes is no greater with alpha than with
+/// perceptual roughness, a misreading of the source that doubles the roughness.
 #[test]
 fn specular_openness_follows_its_source_and_errs_no_more() -> Result<()> {
-    // Openness, n·v and alpha; then the result on paper, such as 1.3^(2^-5) - 0.5 = 1.008233 - 0.5.
+    // Openness, n·v and alpha; then the value computed by hand, such as 1.3^(2^-5) - 0.5 = 1.008233 - 0.5.
     let paper = [
         ([0.5, 0.8, 0.25], 0.508_233),
         ([0.3, 0.2, 0.04], 0.100_594),
@@ -377,7 +377,7 @@ fn specular_openness_follows_its_source_and_errs_no_more() -> Result<()> {
         }
     }
 
-    // What hides: walls of three heights, pits of three depths, an overhang, a corner.
+    // Occluders: walls of three heights, pits of three depths, an overhang, a corner.
     let hides: [fn(DVec3) -> bool; 8] = [
         |l| l.x > 0.0 && l.z < 0.33 * l.x,
         |l| l.x > 0.0 && l.z < l.x,
@@ -392,7 +392,7 @@ fn specular_openness_follows_its_source_and_errs_no_more() -> Result<()> {
         DVec3::new(x.sqrt() * (2.0 * PI * y).cos(), x.sqrt() * (2.0 * PI * y).sin(), (1.0 - x).sqrt())
     };
     let open = hides.map(|hidden| points().filter(|p| !hidden(cosine(*p))).count() as f64 / points().count() as f64);
-    // Squares of errors: with alpha, with perceptual roughness, with nothing hidden.
+    // Squared errors: with alpha, with perceptual roughness, without occlusion.
     let (mut all, mut count) = ([0.0; 3], 0.0);
     for roughness in (1..=10).map(|i| 0.1 * f64::from(i)) {
         let (mut own, before) = ([0.0; 3], count);

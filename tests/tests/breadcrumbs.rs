@@ -1,5 +1,5 @@
-//! A device that is lost in the middle of a frame is told with the names of the passes. Losing a real one cannot be arranged, so
-//! frames stop in a pass as if it had hung, and the error is made from the markers that the device had written by then.
+//! A device that is lost during a frame is reported with the names of the passes. A real loss cannot be provoked, so frames stop in a pass
+//! as if it had hung, and the error is made from the markers that the device had written by then.
 use anyhow::{Context, Result, ensure};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Trail};
 use magpie::graph::{Extent, Plan, Queue, Switches};
@@ -19,7 +19,7 @@ fn frame(bench: &mut Bench, scene: &Scene, resident: &SharedScene) -> Result<Exe
     Ok(bench.frame(shot, &config(&[])?, &[])?.clean()?.executed)
 }
 
-/// What the trails must be when the pass at `stop` began, everything before it in the plan ended, and nothing after it began.
+/// The expected trails if the pass at `stop` began, everything before it in the plan ended, and nothing after it began.
 fn expected(ran: &Executed, stop: usize) -> Vec<Trail> {
     let plan: &Plan = &ran.plan;
     let name = |position: usize| ran.declaration.pass_name(plan.order[position]).to_owned();
@@ -51,7 +51,7 @@ fn every_pass_of_a_whole_frame_leaves_its_crumbs() -> Result<()> {
         ensure!(trails == expected(&ran, ran.plan.order.len()), "{trails:?}");
         ensure!(trails.iter().all(|t| t.first_unfinished.is_none() && t.last_begun.is_some()), "{trails:?}");
         ensure!(queues == 1 || trails.len() > 1, "only one queue was used");
-        // Without being asked, only a device that can do it on its way lays them.
+        // By default only devices that can write markers cheaply do so.
         bench.executor.set_options(options(queues, false));
         let ran = frame(&mut bench, &scene, &resident)?;
         ensure!(bench.executor.trails(&ran).is_empty() != gpu.has_markers(), "{:?}", bench.executor.trails(&ran));

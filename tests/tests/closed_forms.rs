@@ -1,4 +1,4 @@
-//! The reference on the device where the answer is known on paper, to 0.2 %.
+//! The reference on the device against closed forms, to 0.2 %.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie::gpu::Gpu;
@@ -8,11 +8,11 @@ use magpie_tests::harness::gpu;
 use magpie_tests::made::{add, camera, plane, scene};
 use std::f64::consts::PI;
 
-/// Relative.
+/// Greatest relative difference.
 const LIMIT: f64 = 0.002;
 const EDGE: u32 = 16;
 
-/// Without a reflection on top: the index of refraction is that of air.
+/// Without a specular reflection, as the index of refraction is that of air.
 fn diffuse(colour: Vec3) -> Material {
     Material { base_colour: colour.extend(1.0), metalness: 0.0, ior: 1.0, double_sided: true, ..Material::default() }
 }
@@ -21,7 +21,7 @@ fn unit_ball() -> Mesh {
     Mesh { name: "ball".to_owned(), spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }], ..Mesh::default() }
 }
 
-/// All pixels look at the same point, or at points that are alike.
+/// All pixels see the same point, or equivalent ones.
 fn check(gpu: &Gpu, what: &str, scene: &Scene, samples: u32, wanted: DVec3) -> Result<()> {
     let options = ReferenceOptions { width: EDGE, height: EDGE, check: true, ..ReferenceOptions::default() };
     let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
@@ -38,7 +38,7 @@ fn check(gpu: &Gpu, what: &str, scene: &Scene, samples: u32, wanted: DVec3) -> R
     Ok(())
 }
 
-/// Every point sees only points like itself: L = emission + albedo L.
+/// Every point sees only equivalent points: L = emission + albedo L.
 #[test]
 fn a_closed_sphere() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -53,7 +53,7 @@ fn a_closed_sphere() -> Result<()> {
     Ok(())
 }
 
-/// Irradiance of a plane by lights above it, as textbooks have it.
+/// Irradiance of a plane by lights above it, in closed form.
 #[test]
 fn lights_over_a_plane() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -64,7 +64,7 @@ fn lights_over_a_plane() -> Result<()> {
         let r2 = f64::from(radius).powi(2);
         (Light::Disc { centre: above, normal: Vec3::NEG_Y, radius, radiance }, PI * r2 / (r2 + above.y.powi(2)))
     };
-    // Four corners of a rectangle right above the point, each with the view factor of Hamilton and Morgan 1952.
+    // Four rectangles with a corner directly above the point, each with the view factor of Hamilton and Morgan 1952.
     let rectangle = {
         let x = f64::from(half) / above.y;
         let factor = 2.0 * x / (1.0 + x * x).sqrt() * (x / (1.0 + x * x).sqrt()).atan() / (2.0 * PI);
@@ -96,7 +96,7 @@ fn lights_over_a_plane() -> Result<()> {
     Ok(())
 }
 
-/// What is convex under even light shows its albedo; what loses nothing is not to be seen.
+/// A convex object under uniform light shows its albedo; one that absorbs nothing is invisible.
 #[test]
 fn a_furnace() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

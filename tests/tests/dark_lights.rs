@@ -1,4 +1,4 @@
-//! Lights without power: every table of them, alone and beside lights that shine, in the frame and in the reference.
+//! Lights without power: every light table of them, alone and together with real lights, in the frame and in the reference.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie::gpu::Gpu;
@@ -14,7 +14,7 @@ fn at(x: f32, y: f32, z: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::new(x, y, z))
 }
 
-/// A floor with a block on it, and nothing that shines.
+/// A floor with a block on it, without lights.
 fn stage(name: &str) -> Scene {
     let mut s = scene(name, camera([0.0, 1.6, 3.4], [0.0, 0.3, 0.0]));
     add(&mut s, plane(4.0), material([0.7; 3], 0.0, 0.6), at(0.0, 0.0, 0.0));
@@ -22,7 +22,7 @@ fn stage(name: &str) -> Scene {
     s
 }
 
-/// One light of each kind, so bright, so large.
+/// One light of each kind with this strength and size.
 fn lamps(strength: f32, size: f32) -> Vec<Light> {
     let (place, radiance) = (DVec3::new(0.4, 1.5, 0.6), Vec3::splat(strength));
     let direction = Vec3::new(-0.2, -1.0, 0.1).normalize();
@@ -48,7 +48,7 @@ fn emits(emission: Vec3) -> Material {
     Material { emission, double_sided: true, ..material([0.0; 3], 0.0, 1.0) }
 }
 
-/// Triangles without area.
+/// Degenerate triangles.
 fn thread() -> Mesh {
     let mut mesh = plane(0.5);
     mesh.positions.iter_mut().for_each(|p| p.z = 0.0);
@@ -57,7 +57,7 @@ fn thread() -> Mesh {
 
 type Change = Box<dyn FnOnce(&mut Scene)>;
 
-/// Everything without power, by name: what it adds to a scene.
+/// All kinds of lights without power, by name, and how each is added to a scene.
 fn dark() -> Vec<(String, Change)> {
     let mut all: Vec<(String, Change)> = vec![
         (
@@ -123,7 +123,7 @@ fn alone_they_give_black() -> Result<()> {
         change(&mut scene);
         for strategy in [Strategy::Power, Strategy::LightsOnly, Strategy::SurfacesOnly] {
             let seen = estimate(&gpu, &scene, strategy, 4)?;
-            // The thread and the ball are black, and too thin to be seen.
+            // The degenerate mesh and the ball of radius 0 are too thin to be visible.
             ensure!(seen.mean.iter().all(|v| *v == DVec3::ZERO), "{name}, {strategy:?}: {:?}", seen.mean);
         }
         let values = frame(&gpu, &scene)?;
@@ -132,7 +132,7 @@ fn alone_they_give_black() -> Result<()> {
     Ok(())
 }
 
-/// A panel, lamps of every kind, and a sky.
+/// A panel, lights of every kind, and a sky.
 fn bright(name: &str) -> Scene {
     let mut scene = stage(name);
     scene.lights = lamps(0.4, 0.3);
@@ -151,7 +151,7 @@ fn beside_others_they_change_nothing() -> Result<()> {
         let mut scene = bright(&name);
         change(&mut scene);
         scene.environment.clone_from(&without.environment);
-        // Other samples, so that the two are known to their errors.
+        // With independent samples, so that the difference is known from both standard errors.
         let found = estimate(&gpu, &scene, Strategy::Power, 256)?;
         let (mut off, mut variance, mut sum) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
         for (at, (a, b)) in found.standard_error().iter().zip(truth.standard_error()).enumerate() {
@@ -162,7 +162,7 @@ fn beside_others_they_change_nothing() -> Result<()> {
         let (error, deviate) = (variance.map(f64::sqrt), (off / variance.map(f64::sqrt)).abs().max_element());
         println!("{name:<26} {:+.3} % of the light, {deviate:.2} standard errors", 100.0 * off.y / sum.y);
         ensure!(deviate < 4.5 && (error / sum).max_element() < 0.02, "{name}: {off} +- {error} of {sum}");
-        // The same numbers, but where a table of three entries takes the place of one with two: other points of the panel.
+        // The same values, except that a table of three entries instead of two gives other sample points on the panel.
         let changed = frame(&gpu, &scene)?.iter().zip(&wanted).map(|(a, b)| (a[1] - b[1]).abs()).fold(0.0, f32::max);
         let allowed = if name.contains("ball") { 0.1 } else { 0.0 };
         ensure!(changed <= allowed, "{name}: the frame is {changed} off");

@@ -1,4 +1,4 @@
-//! Vertices that the device deforms against the same in double precision (`magpie::scene::deform`).
+//! Vertices deformed on the device against double precision (`magpie::scene::deform`).
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -105,7 +105,7 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
                 ensure!(at.iter().all(|d| d.is_finite()), "vertex {i} of {}: {at:?}", mesh.name);
                 worst = [0, 1, 2].map(|k| worst[k].max(at[k]));
                 ensure!(vertex.tangent[3] == tangent.w, "vertex {i} of {}: the bitangent is turned", mesh.name);
-                // The first frame of this test follows the one in which the scene was made, at the same time.
+                // The first frame of this test follows the one that created the scene, at the same time.
                 if let Some(previous) = before[slot].get(i) {
                     ensure!(vertex.previous == *previous, "vertex {i} of {} was elsewhere", mesh.name);
                 }

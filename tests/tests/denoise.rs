@@ -1,5 +1,5 @@
-//! The denoisers on patterns whose answer is known: what is constant stays so, what does not vary is not touched, surfaces do not mix,
-//! nothing becomes NaN, and what was not seen before has no history.
+//! The denoisers on patterns with known results: constants stay, values without variance are unchanged, surfaces do not mix, no NaN
+//! appears, and disoccluded pixels have no history.
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -19,8 +19,8 @@ use magpie_tests::made::{add, camera, material, plane, scene, sun};
 
 const SIZE: [u32; 2] = [96, 54];
 
-/// `low + (high - low) * x`, where x is 1 (kind 0), a number of each pixel's own (1), one of each pixel and frame (2), or that on
-/// instances with odd numbers and its negative on the others (3), or in the left half of the picture, beside `low` in the right one (4).
+/// `low + (high - low) * x`, where x is, by `kind`: 0 the constant 1; 1 random per pixel; 2 random per pixel and frame; 3 the same on
+/// instances with odd numbers and its negative on the others; 4 the same in the left half of the picture and 0 in the right half.
 const PATTERN: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -51,7 +51,7 @@ struct Params {
     high: f32,
 }
 
-/// A pattern, denoised, in the place of shadows.
+/// A slot that denoises a pattern in place of shadows.
 struct Patterned {
     pattern: Kernel,
     denoiser: Denoiser,
@@ -59,7 +59,7 @@ struct Patterned {
     kind: u32,
     low: f32,
     high: f32,
-    /// Pixels; none below 0.
+    /// Penumbra width passed to the denoiser, pixels; negative for none.
     reach: f32,
 }
 
@@ -134,7 +134,7 @@ fn slots() -> Slots {
     slots
 }
 
-/// The images under these names in the last of some frames, each from a run of its own, all scanned for NaN.
+/// The images of these names in the last of some frames, each from its own run, all scanned for NaN.
 fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) -> Result<Option<Vec<Pixels>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let mut found = Vec::new();
@@ -166,7 +166,7 @@ fn patterned(settings: &[&str]) -> Result<Config> {
     Ok(config)
 }
 
-/// Two boards that meet at a right angle, and one that floats before them.
+/// Two boards that meet at a right angle, and one that floats in front of them.
 fn boards() -> Scene {
     let mut s = scene("boards", camera(Vec3::new(0.3, 2.0, 4.0), Vec3::new(0.0, 0.6, 0.0)));
     let grey = || material([0.5; 3], 0.0, 0.8);
@@ -185,7 +185,7 @@ fn boards() -> Scene {
 }
 
 const PATTERN_MADE: (&str, &str) = ("shadows.pattern", "made");
-/// The last of four levels writes the image that the first but one wrote.
+/// Output of the last of four levels, which writes to the same image as the second.
 const SVGF: (&str, &str) = ("shadows.level_3", "colour");
 const BILATERAL: (&str, &str) = ("shadows.bilateral", "filtered");
 const IDS: (&str, &str) = ("gbuffer.draw", "ids");
@@ -212,7 +212,7 @@ fn constant_input_stays_constant() -> Result<()> {
 
 #[test]
 fn what_does_not_vary_over_frames_is_not_touched() -> Result<()> {
-    // Each pixel has a number of its own, in all frames. From the fourth frame on variances are known, and are 0.
+    // Random per pixel, the same in all frames. From the fourth frame on the variance is known to be 0.
     let pattern = ["kind=1", "channels=4", "history=8"];
     let Some(given) = images(&boards(), &patterned(&pattern)?, 1, &[PATTERN_MADE, IDS])? else { return Ok(()) };
     let [made, ids] = [0, 1].map(|k| given[k].values());
@@ -234,8 +234,8 @@ fn what_does_not_vary_over_frames_is_not_touched() -> Result<()> {
 
 #[test]
 fn no_noise_goes_further_than_its_reach() -> Result<()> {
-    // Noise on the left, nothing on the right: what lies further than the reach from the middle stays nothing, to the last bit; what lies
-    // beside it does not.
+    // Noise in the left half, zero in the right half: pixels further than the reach from the middle stay exactly zero, those next to it do
+    // not.
     let floor = {
         let mut s = scene("floor", camera(Vec3::new(0.0, 4.0, 0.01), Vec3::ZERO));
         add(&mut s, plane(20.0), material([0.5; 3], 0.0, 0.8), Affine3A::IDENTITY);
@@ -251,7 +251,7 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
             let values = found[0].values();
             let far = (0..values.len()).filter(|at| values[*at][0] != 0.0).map(|at| at % width + 1).max();
             let beyond = far.context("nothing is left")?.saturating_sub(middle);
-            // Half to each side, by all levels together.
+            // Half the width to each side, for all levels together.
             ensure!(
                 2 * beyond <= reach,
                 "{denoiser}: reach of {reach} pixels, noise {beyond} pixels from where it was"
@@ -266,7 +266,7 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
 #[test]
 fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // A camera that goes a pixel to the side in every frame, before a wall: each frame's sample is another pixel's.
+    // A camera in front of a wall that moves by one pixel per frame, so that each frame's sample comes from another pixel.
     let (frames, away) = (12, 4.0);
     let step = 2.0 * away * 20_f64.to_radians().tan() / f64::from(SIZE[1]);
     let at = |frame: u32| {
@@ -295,18 +295,18 @@ fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples()
         (0..images[0].len()).filter(|i| (images[2][*i][0] * 255.0).round() as u32 == frames).collect();
     ensure!(known.len() > 2000, "{} pixels know all frames", known.len());
     let mean = |values: &dyn Fn(usize) -> f64| known.iter().map(|i| values(*i)).sum::<f64>() / known.len() as f64;
-    // Numbers from 0 to 1 have the mean 1/2.
+    // Uniform values in 0 to 1 have the mean 1/2.
     let true_variance = mean(&|i| (f64::from(images[0][i][0]) - 0.5).powi(2));
     let told = mean(&|i| f64::from(images[1][i][0]));
     println!("variance of the mean over {frames} frames: {true_variance:.5}, estimate {told:.5}");
-    // What the samples vary by is taken about their own mean, which takes off one in so many frames.
+    // The sample variance is about the samples' own mean, which lowers it by one in the number of frames.
     ensure!((told / true_variance - 1.0).abs() < 0.2, "{told} is told, {true_variance} is true");
     Ok(())
 }
 
 #[test]
 fn surfaces_do_not_mix() -> Result<()> {
-    // On one of two neighbours numbers from 0.5 to 1.5, on the other their negatives: nothing between -0.5 and 0.5 can come of either.
+    // Values from 0.5 to 1.5 on one of two neighbours, their negatives on the other: values between -0.5 and 0.5 would show that they mix.
     let Some(ids) = images(&boards(), &patterned(&[])?, 1, &[IDS])? else { return Ok(()) };
     let ids = ids[0].values();
     for (denoiser, output, reach) in
@@ -325,7 +325,7 @@ fn surfaces_do_not_mix() -> Result<()> {
                 smooth += i32::from((filtered[0] * side - 1.0).abs() < 0.15);
             }
         }
-        // That it is filtered at all.
+        // The filter does something.
         ensure!(smooth * 10 > surfaces * 8, "{denoiser}: {smooth} of {surfaces} pixels are near their mean");
     }
     Ok(())
@@ -333,7 +333,7 @@ fn surfaces_do_not_mix() -> Result<()> {
 
 #[test]
 fn nothing_becomes_nan() -> Result<()> {
-    // The scan of every image is the test: empty pictures, black ones, a million nits beside black.
+    // The scan of every image is the test: empty pictures, black ones, radiance of a million next to black.
     let mut empty = scene("empty", camera(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 1.0, 0.0)));
     empty.lights.push(sun(Vec3::Y));
     for scene in [empty, boards()] {
@@ -355,7 +355,7 @@ fn nothing_becomes_nan() -> Result<()> {
 
 #[test]
 fn what_was_not_seen_before_has_no_history() -> Result<()> {
-    // Nothing stands still for the camera: what a moving thing uncovers was hidden in the frame before.
+    // With a static camera only moving objects disocclude.
     let scene = builtin("carousel")?;
     let config = patterned(&["kind=2", "channels=1"])?;
     let frames = 8;

@@ -1,5 +1,5 @@
-//! Denoised shadows while something moves, frame by frame against the truth of that frame: the camera, a thing, the light; and a light that
-//! is switched.
+//! Denoised shadows in motion, frame by frame against the ground truth of that frame: moving camera, object and light, and a light that is
+//! switched.
 use anyhow::{Context, Result, ensure};
 use glam::{DQuat, DVec3, Vec3};
 use magpie::gpu::Gpu;
@@ -15,10 +15,10 @@ mod rig;
 use rig::{SIZE, things};
 
 const FRAME: f64 = 1.0 / 60.0;
-/// Where a node stands that moves a thing from its place.
+/// Default position and orientation of a node that moves an object.
 const HERE: (DVec3, DQuat) = (DVec3::ZERO, DQuat::IDENTITY);
 
-/// A disc of light aside of the things of the rig.
+/// A disc light beside the objects of the scene.
 fn lamp(radius: f32) -> Light {
     Light::Disc {
         centre: DVec3::new(2.5, 5.0, 1.5),
@@ -28,7 +28,7 @@ fn lamp(radius: f32) -> Light {
     }
 }
 
-/// What a frame of a run shows.
+/// State of the scene in a frame.
 struct Moment {
     camera: Camera,
     time: f64,
@@ -39,7 +39,7 @@ fn still(time: f64) -> Moment {
     Moment { camera: camera(DVec3::new(0.5, 4.0, 7.0), DVec3::new(0.0, 0.3, 0.0)), time, factor: 1.0 }
 }
 
-/// Frames of one renderer.
+/// A renderer that renders frames of a path.
 struct Run {
     renderer: Renderer,
 }
@@ -63,7 +63,7 @@ impl Run {
     }
 }
 
-/// The mean of 128 rays of every pixel.
+/// The mean of 128 rays per pixel.
 fn truth(gpu: &Gpu, scene: &Scene, moment: &Moment) -> Result<Vec<f64>> {
     let mut run = Run::new(gpu, scene, &["shadows.denoiser=none", "shadows.rays=8"])?;
     let mut sums = run.frame(moment)?;
@@ -77,7 +77,7 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// Errors of one ray, and of that denoised, in each frame.
+/// Errors of one ray per pixel, and of its denoised result, in each frame.
 fn errors(gpu: &Gpu, scene: &Scene, path: &[Moment]) -> Result<Vec<[f64; 2]>> {
     let (mut noisy, mut denoised) = (Run::new(gpu, scene, &["shadows.denoiser=none"])?, Run::new(gpu, scene, &[])?);
     let mut told = Vec::new();
@@ -98,7 +98,7 @@ fn stays_below(name: &str, told: &[[f64; 2]]) -> Result<()> {
     Ok(())
 }
 
-/// A node that goes by so much in a second, and back.
+/// Adds a node that moves by `amount` in a second, and back in the next.
 fn swings(scene: &mut Scene, (from, rotation): (DVec3, DQuat), amount: Vec3) -> u32 {
     let node = scene.nodes.len() as u32;
     let local = Local::Trs { translation: from, rotation, scale: DVec3::ONE };
@@ -143,7 +143,7 @@ fn denoised_shadows_are_better_than_a_ray_while_things_move() -> Result<()> {
     stays_below("light", &errors(&gpu, &scene, &moments)?)
 }
 
-/// How much of a switch from off to on is seen, frame by frame: mean visibility over what it will be.
+/// Response to a light that is switched on: mean visibility over its final value, per frame.
 fn switch(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<f64>> {
     let wanted: f64 = truth(gpu, scene, &still(0.0))?.iter().sum();
     let mut run = Run::new(gpu, scene, changes)?;
@@ -177,7 +177,7 @@ fn thirty_frames_after_a_thing_has_left_nothing_is_left_of_its_shadow() -> Resul
         run.frame(&still(0.0))?;
     }
     let (before, after) = (truth(&gpu, &scene, &still(0.0))?, truth(&gpu, &scene, &still(1.0))?);
-    // What is darker than it should be, where the shadow was and is no more.
+    // Where the shadow was before: remaining darkness.
     let energy = |seen: &[f64]| -> f64 {
         (0..seen.len()).filter(|i| after[*i] - before[*i] > 0.5).map(|i| (after[i] - seen[i]).max(0.0)).sum()
     };

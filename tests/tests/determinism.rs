@@ -1,4 +1,4 @@
-//! The same frames on two devices, opened one after the other: the same bytes.
+//! The same frames on two devices, opened one after the other, are equal to the byte.
 use anyhow::{Context, Result, ensure};
 use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, ReadBack, RenderOptions, Renderer, Slots};
@@ -6,7 +6,7 @@ use magpie_tests::harness::{asset, builtin, config, gpu};
 
 const FRAMES: usize = 8;
 
-/// Images of every frame from a device of its own; `None` without a GPU.
+/// Images of every frame on a device of its own; `None` without a GPU.
 fn run(scene: &Scene) -> Result<Option<Vec<ReadBack>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let options = RenderOptions { width: 160, height: 90, seed: 7, check: true, ..RenderOptions::default() };

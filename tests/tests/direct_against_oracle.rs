@@ -1,13 +1,13 @@
-//! Direct lighting of scenes with one light against the double-precision oracle.
+//! Direct lighting of scenes with one light against a double-precision CPU implementation.
 //!
 //! Two comparisons:
-//! - **from the G-buffer**: position, normal and material as the lighting pass reads them, everything after that in double
-//!   precision. Relative error at most 1e-3 of the largest channel, on every lit pixel; plus a millionth of the median of the lit
-//!   pixels: where a range or a cone fades to nothing, and where a surface turns away, the last bits of a 32-bit distance or cosine
-//!   decide what is left. How many pixels need that is printed and bounded.
-//! - **from the scene**: position, normal and colours of the flat surfaces as the scene has them, no G-buffer at all. This one also
-//!   holds what the G-buffer rounds away, and the device's own decoding of sRGB (half an 8-bit step by the specification, which
-//!   is 4e-3 of these colours): 5e-3, plus a ten-thousandth of the median for the fading edges, where depth is rounded.
+//! - **from the G-buffer**: position, normal and material as the lighting pass reads them, everything after that in double precision.
+//!   Relative error at most 1e-3 of the largest channel on every lit pixel, plus a millionth of the median of the lit pixels: where a range
+//!   or a cone fades out, and where a surface turns away, the result depends on the last bits of a 32-bit distance or cosine. The number of
+//!   pixels that need this is printed and limited.
+//! - **from the scene**: position, normal and colours of the flat surfaces from the scene itself. This includes the rounding of the
+//!   G-buffer, and the device's decoding of sRGB (half an 8-bit step by the specification, which is 4e-3 of these colours): 5e-3, plus a
+//!   ten-thousandth of the median where lights fade out and depth is rounded.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -23,7 +23,7 @@ use magpie_tests::oracle::shading::{SurfacePoint, direct, incident};
 
 const EXTENT: Extent = Extent { width: 320, height: 180 };
 
-/// What a shader reads from the base colour: the device decodes sRGB itself, to a precision of its own.
+/// Reads back the base colour as shaders see it, since the precision of sRGB decoding depends on the device.
 const DECODED: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -43,23 +43,23 @@ struct Params {
     size: [u32; 2],
 }
 
-/// IEC 61966-2-1: the linear value of an 8-bit number.
+/// sRGB decoding (IEC 61966-2-1) of an 8-bit code.
 fn linear(code: u8) -> f64 {
     let x = f64::from(code) / 255.0;
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The 8-bit number, not rounded, of a linear value: the inverse of [`linear`].
+/// sRGB encoding of a linear value to an 8-bit code, not rounded: the inverse of [`linear`].
 fn code(x: f64) -> f64 {
     255.0 * if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// A material of numbers that 8 bits hold exactly.
+/// A material with values that are exact in 8 bits.
 fn coded(rgb: [u8; 3], metalness: u8, roughness: u8) -> Material {
     material(rgb.map(|c| linear(c) as f32), f32::from(metalness) / 255.0, f32::from(roughness) / 255.0)
 }
 
-/// The floor, the tilted board, the ball that only glows and the unlit one; then balls of many materials.
+/// Indices: the floor, the tilted board, the emissive ball and the unlit one; then balls of many materials.
 const FLOOR: u32 = 0;
 const BOARD: u32 = 1;
 const GLOW: u32 = 2;
@@ -94,7 +94,7 @@ fn world(light: Light) -> Scene {
         let (x, z) = ((i % 4) as f32 - 1.5, (i / 4) as f32);
         add(&mut s, sphere(32), coded(rgb, metalness, roughness), at(1.3 * x, 0.45, 1.5 * z - 0.4, 0.45));
     }
-    // A polished slab where all four lights are mirrored: the highlight itself, not only its tail.
+    // A polished slab that mirrors all four lights: tests the peak of the highlight, not only its tail.
     let slab =
         Affine3A::from_scale_rotation_translation(Vec3::new(3.0, 1.0, 0.7), Quat::IDENTITY, Vec3::new(0.0, 0.01, 2.3));
     add(&mut s, plane(1.0), coded([255, 220, 180], 255, 12), slab);
@@ -102,7 +102,7 @@ fn world(light: Light) -> Scene {
     s
 }
 
-/// One pixel as the lighting pass reads it, and what it made of it.
+/// One pixel as the lighting pass reads it, and its result.
 struct Pixel {
     instance: Option<u32>,
     point: SurfacePoint,
@@ -158,7 +158,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let (codes, base_colour, visibility) = (&ran.image(wanted[4])?.bytes, v(5)?, v(6)?);
     let (radiance, emission) = (v(7)?, v(8)?);
 
-    // A device decodes sRGB to a precision of its own; what it reads must at least mean the same 8-bit number.
+    // Devices differ in the precision of sRGB decoding, but the value must round to the same 8-bit code.
     let off = codes.chunks_exact(4).zip(&base_colour);
     let off = off.flat_map(|(codes, read)| (0..3).map(|c| (code(read[c].into()) - f64::from(codes[c])).abs()));
     let off = off.fold(0.0, f64::max);
@@ -187,13 +187,13 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     Ok(pixels.collect())
 }
 
-/// Error over the largest channel of what is expected: all of it, and what is left of it beyond `floor`.
+/// Relative error by the largest expected channel: in full, and what exceeds `floor`.
 fn off(actual: DVec3, expected: DVec3, floor: f64) -> (f64, f64) {
     let (error, size) = ((actual - expected).abs().max_element(), expected.max_element());
     (error / size, (error - floor).max(0.0) / size)
 }
 
-/// Median of the largest channel of what the lit pixels should show.
+/// Median over the lit pixels of the expected largest channel.
 fn median(pixels: &[Pixel], lights: &[Light]) -> f64 {
     let lit = pixels.iter().filter(|p| p.instance.is_some() && p.visibility > 0.0);
     let mut sizes: Vec<f64> = lit.map(|p| direct(&p.point, lights).max_element()).collect();
@@ -201,7 +201,7 @@ fn median(pixels: &[Pixel], lights: &[Light]) -> f64 {
     sizes.get(sizes.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Everything that is compared for one light. `lit` is the least share of the pixels that must be lit.
+/// All comparisons for one light. `lit` is the least share of lit pixels.
 fn check(label: &str, light: Light, lit: f64) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
@@ -227,7 +227,7 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
             };
             *count += 1;
             ensure!(pixel.radiance == pixel.emission, "{}: {} is not {}", at(), pixel.radiance, pixel.emission);
-            // One step of a half float, which may be rounded towards zero; the interpolated vertex colour is 1 but for rounding.
+            // One step of a half float, which may be rounded towards zero; the interpolated vertex colour is 1 up to rounding.
             let off = ((pixel.emission - wanted) / wanted).abs().max_element();
             ensure!(off < 1.0 / 1024.0, "{}: emission {} instead of {wanted}", at(), pixel.emission);
             continue;
@@ -286,14 +286,14 @@ fn check(label: &str, light: Light, lit: f64) -> Result<()> {
     shadows(label, &scene, light, &pixels)
 }
 
-/// Whether the light is hidden, by double-precision rays against every triangle near enough.
+/// Whether the light is occluded, by double-precision rays against every triangle near enough.
 fn hidden(scene: &Scene, pixel: &Pixel, light: &Light) -> bool {
     hidden_at(scene, pixel.point.position, pixel.geometric, light)
 }
 
 /// The same for a point of a plane.
 fn hidden_at(scene: &Scene, position: DVec3, normal: DVec3, light: &Light) -> bool {
-    // A tenth of a millimetre off the surface: far less than a pixel.
+    // A tenth of a millimetre off the surface: much less than a pixel.
     let origin = position + 1e-4 * normal;
     let to = incident(light, origin);
     scene.instances.iter().any(|instance| {
@@ -324,7 +324,7 @@ fn hidden_at(scene: &Scene, position: DVec3, normal: DVec3, light: &Light) -> bo
     })
 }
 
-/// Visibility against double-precision shadow rays: where they differ there is a shadow's edge within a pixel.
+/// Visibility against double-precision shadow rays: differences are allowed within a pixel of a shadow's edge only.
 fn shadows(label: &str, scene: &Scene, light: &Light, pixels: &[Pixel]) -> Result<()> {
     let expected: Vec<f32> = pixels
         .iter()
@@ -347,7 +347,7 @@ fn shadows(label: &str, scene: &Scene, light: &Light, pixels: &[Pixel]) -> Resul
         let around = near
             .filter(|(x, y)| (0..width).contains(x) && (0..i64::from(EXTENT.height)).contains(y))
             .any(|(x, y)| expected[(y * width + x) as usize] != expected[i]);
-        // An edge may also lie inside of the pixel, as at the foot of a wall: then the light is hidden from a part of the pixel's plane.
+        // An edge may also be inside the pixel, as at the foot of a wall: then the light is hidden from part of the pixel's plane.
         let within = || {
             let steps = (-4..=4).flat_map(|v| (-4..=4).map(move |u| (f64::from(u) / 8.0, f64::from(v) / 8.0)));
             let on_plane = |(u, v): (f64, f64)| {

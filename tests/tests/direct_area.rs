@@ -1,4 +1,4 @@
-//! Lamps with a size against the reference, nothing hidden: what they light is in closed form, their highlights are by points.
+//! Area lights without occlusion against the reference: the diffuse part is in closed form, highlights are sampled.
 use anyhow::{Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::scene::{Light, Material, Mesh, Scene, Sphere};
@@ -9,16 +9,16 @@ use magpie_tests::made::{add, camera, material, plane, scene};
 const SHOWN: Shown = Shown { size: [48, 27], time: 0.0 };
 const RADIANCE: Vec3 = Vec3::new(4.0, 3.0, 2.0);
 
-/// Colours and numbers that eight bits hold.
+/// A white material with values that are exact in 8 bits.
 fn white(metalness: f32, roughness: f32) -> Material {
     material([1.0; 3], metalness, (roughness * 255.0).round() / 255.0)
 }
 
-/// A floor of four strips, from left to right rougher, glossy and matte ones, under a light.
+/// A floor of four strips under a light, with roughness increasing from left to right.
 fn strips(name: &str, light: Light) -> Scene {
     let mut s = scene(name, camera([0.0, 2.2, 4.2], [0.0, 0.3, 0.0]));
     for (i, roughness) in (0_u8..).zip([0.05, 0.25, 0.5, 0.9]) {
-        // Before metal, behind plastic.
+        // Metal in front, plastic behind.
         for (metalness, z) in [(1.0, 3.0), (0.0, -3.0)] {
             let place = Affine3A::from_scale_rotation_translation(
                 Vec3::new(0.25, 1.0, 1.5),
@@ -71,7 +71,7 @@ fn lamps_look_like_their_shape() -> Result<()> {
         let [centre, _] = relmse(&found("direct.area=0", 1)?.0, &truth);
         println!("{:<10}{line}; converged {error:.1e}, of which {noise:.1e} is noise of the truth", scene.name);
         ensure!(noise < 1e-3, "{}: the truth is too noisy to tell: {noise:.1e}", scene.name);
-        // Fresnel's share of what the horizon cuts is that of one direction.
+        // Fresnel is evaluated for a single direction, which is less accurate where the horizon cuts the light.
         let limit = if scene.name == "sunk" { 2e-3 } else { 5e-4 };
         ensure!(error - noise < limit, "{}: relMSE {error:.1e}, noise of the truth {noise:.1e}", scene.name);
         ensure!(centre > 10.0 * (error - noise), "{}: the centre alone comes to {centre:.1e}", scene.name);
@@ -79,7 +79,7 @@ fn lamps_look_like_their_shape() -> Result<()> {
     Ok(())
 }
 
-/// In the light, inside of it, edge on, next to nothing and as large as the world: all is finite.
+/// Surfaces on and inside the light, lights that are edge-on, tiny or huge: all results are finite.
 #[test]
 fn nothing_is_not_finite() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -104,7 +104,7 @@ fn nothing_is_not_finite() -> Result<()> {
         let scene = strips(what, light);
         render(&gpu, &scene, &config(&["shadows.edges=hard"])?, [48, 27], 2, Some(("direct.shade", "radiance")))?;
     }
-    // Points of the lit surface lie on the lamp itself.
+    // Points of the lit surface are on the light itself.
     let mut scene = strips("on it", Light::Sphere { centre: at + DVec3::Y, radius: 0.5, radiance });
     let spheres = vec![Sphere { centre: Vec3::new(0.0, 1.0, 0.3), radius: 0.5 }];
     let ball = Mesh { name: "ball".to_owned(), spheres, ..Mesh::default() };
@@ -113,12 +113,12 @@ fn nothing_is_not_finite() -> Result<()> {
     Ok(())
 }
 
-/// What is far away and rough is lit as by the centre alone, which costs no more than that.
+/// Distant lights on rough surfaces are treated as points at their centre, at the cost of a point light.
 #[test]
 fn what_is_skipped_is_not_seen() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // Just below both limits: four times as wide as the sun, a 15th of the lobe. From right above no half vector is further than 45 degrees
-    // from the eye.
+    // Just below both limits: four times as wide as the sun, a 15th of the lobe. From directly above no half vector is further than 45
+    // degrees from the view direction.
     let direction = Vec3::NEG_Y;
     let mut scene = strips("skipped", Light::Directional { direction, illuminance: RADIANCE, angular_radius: 0.0199 });
     scene.materials.iter_mut().for_each(|m| m.roughness = 172.0 / 255.0);

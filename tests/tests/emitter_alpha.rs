@@ -1,4 +1,4 @@
-//! Emissive surfaces that alpha cuts out or blends: every way to find their light finds the same, and no more than there is.
+//! Emissive surfaces with alpha test or blending: every strategy finds the same light, which is what coverage leaves.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use magpie::gpu::Gpu;
@@ -19,12 +19,12 @@ fn at(x: f32, y: f32, z: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::new(x, y, z))
 }
 
-/// Eight bits hold its numbers.
+/// A white material with values that are exact in 8 bits.
 fn white(metalness: f32, roughness: f32) -> Material {
     material([1.0; 3], metalness, (roughness * 255.0).round() / 255.0)
 }
 
-/// A floor, matte before and glossy behind, with a block on it.
+/// A floor, matte in front and glossy behind, with a block on it.
 fn stage(name: &str) -> Scene {
     let mut s = scene(name, camera([0.0, 2.6, 3.4], [0.0, 0.0, 0.2]));
     add(&mut s, plane(4.0), white(0.0, 0.9), at(0.0, 0.0, 4.0));
@@ -38,10 +38,10 @@ fn glowing(alpha: AlphaMode, share: f32) -> Material {
     Material { emission: Vec3::new(6.0, 5.0, 3.0), alpha, base_colour, ..white(0.0, 1.0) }
 }
 
-/// The floor under a panel that faces down, with a place on its texture for each point.
+/// The floor under a textured panel that faces down.
 fn under(name: &str, emits: Material, change: impl FnOnce(&mut Mesh)) -> Scene {
     let mut s = stage(name);
-    // Alpha as a checkerboard in the left half, and half of it to the right.
+    // Alpha is a checkerboard in the left half, and one half in the right half.
     let rgba = (0..64_u8)
         .flat_map(|i| [90, 90, 90, [[0, 255], [128, 128]][usize::from(i % 8 >= 4)][usize::from((i + i / 8) % 2)]]);
     s.textures.push(Texture::new("holes".to_owned(), [8, 8], ColourSpace::Srgb, rgba.collect()));
@@ -59,12 +59,12 @@ fn textured(alpha: AlphaMode) -> Material {
     Material { base_colour_texture, ..glowing(alpha, 1.0) }
 }
 
-/// From 0 on one side to 1 on the other.
+/// Vertex alpha from 0 at one side to 1 at the other.
 fn fading(mesh: &mut Mesh) {
     mesh.colours = mesh.positions.iter().map(|p| Vec4::new(1.0, 1.0, 1.0, p.x + 0.5)).collect();
 }
 
-/// A blended ball.
+/// A blended sphere.
 fn ball() -> Scene {
     let mut s = stage("blended ball");
     let spheres = vec![Sphere { centre: Vec3::new(0.4, 0.9, 0.3), radius: 0.3 }];
@@ -73,10 +73,10 @@ fn ball() -> Scene {
     s
 }
 
-/// What alpha leaves of an emitter, in every way that it may.
+/// Emitters with partial coverage of every kind.
 fn partly_there() -> Vec<Scene> {
     let double_sided = |m: Material| Material { double_sided: true, ..m };
-    // Leaves of a blended veil hang between the panel and the floor.
+    // A blended sheet hangs between the panel and the floor.
     let mut veiled = under("panel behind a veil", textured(AlphaMode::Mask(0.5)), |_| ());
     let veil = Material { base_colour: Vec4::new(0.5, 0.5, 0.5, 0.4), double_sided: true, ..white(0.0, 1.0) };
     add(&mut veiled, plane(0.4), Material { alpha: AlphaMode::Blend, ..veil }, at(0.3, 0.8, 0.1));
@@ -91,7 +91,7 @@ fn partly_there() -> Vec<Scene> {
     ]
 }
 
-/// Panels of which nothing is there.
+/// Panels with a coverage of 0.
 fn nowhere() -> Vec<Scene> {
     vec![
         under("cut out by a factor", glowing(AlphaMode::Mask(0.5), 0.2), |_| ()),
@@ -105,7 +105,7 @@ fn nowhere() -> Vec<Scene> {
     ]
 }
 
-/// Light that is scattered once. The camera sees blended surfaces by their alpha, as the witness does.
+/// Light with one scattering. The camera blends surfaces by alpha, as the CPU path tracer does.
 fn options(strategy: Strategy) -> ReferenceOptions {
     let ([width, height], seed) = (SIZE, strategy as u32 + 1);
     ReferenceOptions { width, height, depth: 1, strategy, seed, ..ReferenceOptions::default() }
@@ -133,7 +133,7 @@ fn of(estimate: &Estimate) -> [f64; 2] {
 fn each_strategy_alone_finds_what_is_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for scene in partly_there() {
-        // The ball is small and seen itself.
+        // The ball is small and itself visible, which takes more samples.
         let patience = if scene.name.contains("ball") { 4 } else { 1 };
         let wanted = WitnessOptions { samples: 512 * patience, depth: 1, ..WitnessOptions::default() };
         let witness = Witness::new(&scene, 0.0).radiance(&scene.cameras[0], SIZE[0], SIZE[1], wanted);
@@ -150,7 +150,7 @@ fn each_strategy_alone_finds_what_is_there() -> Result<()> {
     Ok(())
 }
 
-/// In proportion to the share that is there: to rounding where one number says it, as the samples are the same.
+/// Proportional to the coverage: up to rounding if coverage is uniform, as the samples are the same.
 #[test]
 fn a_blended_panel_gives_its_share_of_the_light() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -181,7 +181,7 @@ fn what_is_cut_out_whole_lights_nothing() -> Result<()> {
     Ok(())
 }
 
-/// Rays of the frame, to points of the emitter and along lobes, against the reference.
+/// The frame's rays, to points of the emitter and along lobes, against the reference.
 #[test]
 fn the_frame_finds_the_same() -> Result<()> {
     const RAW: [&str; 3] = ["direct.denoiser=none", "direct.emitter_rays=8", "stages.shadows=off"];
@@ -200,7 +200,7 @@ fn the_frame_finds_the_same() -> Result<()> {
     Ok(())
 }
 
-/// Odds follow the share that is there; any would be unbiased.
+/// Selection probabilities follow coverage. Others would be unbiased too, but noisier.
 #[test]
 fn odds_know_alpha() {
     let both = |alpha: [f32; 2]| {
@@ -212,6 +212,6 @@ fn odds_know_alpha() {
     assert_eq!(both([1.0, 1.0]).len(), 4);
     assert_eq!(both([1.0, 0.0]).len(), 2, "what is nowhere is not in the table");
     let uneven = both([1.0, 0.25]);
-    // Five hundredths are even.
+    // Five hundredths of the probability are uniform.
     assert!((uneven[2] / uneven[0] - (0.05 + 0.95 * 0.25)).abs() < 1e-4, "{uneven:?}");
 }

@@ -1,4 +1,4 @@
-//! Light of emissive meshes: rays without a denoiser, as the mean over many frames, against the reference.
+//! Light of emissive meshes: rays without a denoiser, averaged over many frames, against the reference.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use magpie::gpu::Gpu;
@@ -15,12 +15,12 @@ use std::f32::consts::PI;
 const STILL: Shown = Shown { size: [40, 22], time: 0.0 };
 const RAW: [&str; 3] = ["direct.denoiser=none", "direct.emitter_rays=8", "stages.shadows=off"];
 
-/// Every base colour is 0 or 1, which eight bits hold; the rest of what is seen is smooth.
+/// A white material whose base colour is exact in 8 bits; everything else in view varies smoothly.
 fn white(metalness: f32, roughness: f32) -> Material {
     material([1.0; 3], metalness, (roughness * 255.0).round() / 255.0)
 }
 
-/// A floor, matte before and glossy behind, with a block on it, under a panel that is never seen: it faces down.
+/// A floor, matte in front and glossy behind, with a block on it, under a panel that faces down and is itself not visible.
 fn panel(textured: bool) -> Scene {
     let mut s = scene("panel", camera([0.0, 2.6, 3.4], [0.0, 0.0, 0.2]));
     let at = |x: f32, y: f32, z: f32| Affine3A::from_translation(Vec3::new(x, y, z));
@@ -30,7 +30,7 @@ fn panel(textured: bool) -> Scene {
     let mut shape = plane(0.5);
     let mut emits = Material { emission: Vec3::new(6.0, 5.0, 3.0), ..white(0.0, 1.0) };
     if textured {
-        // A bright corner, and dark elsewhere.
+        // Bright in one corner, dark elsewhere.
         let rgba = (0..16_u8).flat_map(|i| if i < 2 { [255, 200, 90, 255] } else { [30, 30, 60, 255] }).collect();
         s.textures.push(Texture::new("glow".to_owned(), [4, 4], ColourSpace::Srgb, rgba));
         s.samplers.push(Sampler::default());
@@ -43,7 +43,7 @@ fn panel(textured: bool) -> Scene {
     s
 }
 
-/// Two glowing spheres of one mesh over the floor.
+/// Two emissive spheres of one mesh above the floor.
 fn balls() -> Scene {
     let mut s = panel(false);
     s.instances.pop();
@@ -55,7 +55,7 @@ fn balls() -> Scene {
     s
 }
 
-/// The panel goes aside and grows longer within a second.
+/// The panel moves aside and stretches within a second.
 fn moving() -> Scene {
     let mut s = panel(false);
     let instance = s.instances.last_mut().map(|i| (i.node.insert(0), i.world_from_object));
@@ -99,7 +99,7 @@ fn rays_converge_to_the_reference() -> Result<()> {
     converges(&gpu, "spheres", &balls(), STILL)
 }
 
-/// The odds are those of the rest pose, the densities those of the moment.
+/// Selection probabilities are those of the rest pose, pdfs those of the current pose.
 #[test]
 fn what_moves_is_unbiased() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -130,14 +130,14 @@ fn the_denoiser_helps() -> Result<()> {
     Ok(())
 }
 
-/// What the slot gives in one frame, after those before it.
+/// The slot's radiance in the last of some frames.
 fn last_frame(gpu: &Gpu, scene: &Scene, changes: &[&str], size: [u32; 2], frames: u32) -> Result<Vec<DVec3>> {
     let result = render(gpu, scene, &config(changes)?, size, frames, Some(("direct.shade", "radiance")))?;
     let image = result.images.context("no image")?.linear;
     Ok(image.values().iter().map(|v| Vec3::new(v[0], v[1], v[2]).as_dvec3()).collect())
 }
 
-/// Names of the passes of the slot, and bytes of the scene.
+/// Names of the slot's passes, and bytes of the scene.
 fn plan(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<(Vec<String>, u64)> {
     let result = render(gpu, scene, &config(changes)?, [32, 18], 1, None)?;
     Ok(of(&result))
@@ -152,7 +152,7 @@ fn of(result: &FrameResult) -> (Vec<String>, u64) {
 fn where_nothing_emits_there_is_nothing() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let alone = vec!["direct.shade".to_owned()];
-    // The lamp of the box shows a light, which is sampled itself.
+    // The emissive panel of the box depicts a light, which is sampled itself.
     let cornell = builtin("cornell")?;
     let (passes, bytes) = plan(&gpu, &cornell, &[])?;
     let (none, without) = plan(&gpu, &cornell, &["direct.emitter_rays=0"])?;
@@ -167,7 +167,7 @@ fn where_nothing_emits_there_is_nothing() -> Result<()> {
     );
     ensure!(none == alone && bytes > without, "{none:?}, {bytes} and {without} bytes");
 
-    // The table comes and goes with the setting.
+    // The emitter table is created and dropped with the setting.
     let options = RenderOptions { width: 32, height: 18, check: true, ..RenderOptions::default() };
     let off = config(&["direct.emitter_rays=0"])?;
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &off, options)?;

@@ -1,8 +1,8 @@
-//! Environment maps on the device against double precision: where the image lies around the world, what is between its texels, and
-//! that the slots that show the sky show it.
+//! Environment maps on the device against double precision: orientation, interpolation between texels, and their use in all slots that show
+//! the sky.
 //!
-//! A device may place a sample between two texels to 1/256 of their distance (`subTexelPrecisionBits`, 4 at least by Vulkan, 8 on
-//! devices of today): radiance agrees to two such steps of the greatest texel. A wrong direction is off by whole texels.
+//! Devices may quantise a sample's position between two texels to 1/256 of their distance (`subTexelPrecisionBits`, at least 4 in Vulkan, 8
+//! on current devices): radiance agrees to two such steps of the greatest texel. A wrong direction is off by whole texels.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Vec2, Vec3};
@@ -57,7 +57,7 @@ struct Seen {
     irradiance: [f32; 3],
 }
 
-/// A floor under this sky, and no light beside it.
+/// A floor under this sky, without other lights.
 fn world(environment: Environment) -> Scene {
     let mut s = scene("surrounded", camera(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 1.2, 0.0)));
     add(&mut s, plane(2.0), material([0.5; 3], 0.0, 0.5), Affine3A::IDENTITY);
@@ -65,7 +65,7 @@ fn world(environment: Environment) -> Scene {
     s
 }
 
-/// Directions all over the sphere, the poles, the axes, and both sides of the seam.
+/// Directions all over the sphere, including the poles, the axes, and both sides of the seam.
 fn directions() -> Vec<Vec3> {
     let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
     let spread = (0..4000).map(|i| {
@@ -135,7 +135,7 @@ fn the_device_looks_where_the_processor_looks() -> Result<()> {
         let (mut worst_uv, mut worst, mut bright) = (0.0_f32, 0.0_f32, 0);
         for (d, seen) in directions.iter().zip(&seen) {
             let at = || format!("turn {turn}, direction {d}: {seen:?}");
-            // Where the image begins and ends is one place, and at the poles every u is.
+            // u wraps around at the seam, and is arbitrary at the poles.
             let off = (e.uv(*d) - Vec2::from(seen.uv)).abs();
             let around = off.x.min(1.0 - off.x) * (1.0 - d.y * d.y).max(0.0).sqrt();
             worst_uv = worst_uv.max(around.max(off.y));

@@ -1,4 +1,4 @@
-//! Devices whose samplers do not blend 32-bit floats show the same pictures: shaders blend the texels themselves.
+//! Devices that cannot filter 32-bit float textures give the same pictures: shaders filter the texels themselves.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -13,7 +13,7 @@ use magpie_tests::harness::{builtin, config};
 
 const SIZE: u32 = 64;
 
-/// Some picture; then samples of it, from one image left of it to one right of it, and the same from top to bottom.
+/// Draws an image, then samples it from one image width left of it to one right of it, and likewise vertically.
 const MAKE: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -37,7 +37,7 @@ struct Params {
     size: u32,
 }
 
-/// The samples, by whatever the device has to filter with.
+/// The samples, filtered by sampler or by shader as the device allows.
 fn samples(gpu: &Gpu, wrap: [Wrap; 2]) -> Result<(SamplerId, Vec<[f32; 4]>)> {
     let mut bench = Bench::new(gpu)?;
     let (kernel, extent) = (bench.kernel("make.comp", MAKE)?, Extent::new(SIZE, SIZE));
@@ -65,7 +65,7 @@ fn samples(gpu: &Gpu, wrap: [Wrap; 2]) -> Result<(SamplerId, Vec<[f32; 4]>)> {
     Ok((filter, ran.clean()?.values("test.sample:image")?))
 }
 
-/// The linear picture of the last of some frames of what moves.
+/// The linear picture of the last of some frames of a moving scene.
 fn picture(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4]>> {
     let options = RenderOptions { width: 64, height: 36, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
@@ -87,7 +87,7 @@ fn pictures_are_the_same_where_samplers_do_not_blend_floats() -> Result<()> {
     if std::env::var_os("MAGPIE_NO_GPU").is_some() {
         return Ok(());
     }
-    // One after another, in a process without other tests: see `harness::gpu`.
+    // One after the other, in a process without other tests: see `harness::gpu`.
     let open = |without_float_filter: bool| {
         let device = std::env::var("MAGPIE_DEVICE").ok();
         Gpu::new(&GpuOptions { device, validation: true, without_float_filter, ..GpuOptions::default() })
@@ -105,7 +105,7 @@ fn pictures_are_the_same_where_samplers_do_not_blend_floats() -> Result<()> {
         ensure!(sampler.index() < FETCHED && fetched.index() >= FETCHED, "{sampler:?} {fetched:?}");
         let spread = wanted.iter().flatten().fold(0.0_f32, |most, v| most.max(*v));
         ensure!(spread > 20.0, "the picture is plain: {spread}");
-        // Samplers may blend in steps of 1/256 of a texel each way.
+        // Samplers may quantise weights to 1/256 of a texel in each direction.
         let step = 2.0 * 31.0 / 256.0;
         let worst =
             wanted.iter().flatten().zip(found.iter().flatten()).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));

@@ -1,4 +1,4 @@
-//! The frames that the ways to trace make look the same: mean FLIP under 0.01, with every check on.
+//! Frames of all backends look the same: mean FLIP below 0.01, with every check on.
 use anyhow::{Result, ensure};
 use magpie::config::Config;
 use magpie::gpu::Gpu;
@@ -10,9 +10,9 @@ use magpie_tests::flip::mean_flip;
 use magpie_tests::harness::{REAL_SCENES, asset, builtin, display, gpu};
 
 const SIZE: [u32; 2] = [320, 180];
-/// Greatest mean FLIP between two ways.
+/// Greatest mean FLIP between two backends.
 const LIMIT: f64 = 0.01;
-/// Least mean FLIP between the picture and one of a single colour: what is compared shows something.
+/// Least mean FLIP between the picture and a uniform one, so that the comparison means something.
 const TOLD: f64 = 0.05;
 
 fn picture(gpu: &Gpu, scene: &Scene, rays: Rays) -> Result<Pixels> {
@@ -24,7 +24,7 @@ fn picture(gpu: &Gpu, scene: &Scene, rays: Rays) -> Result<Pixels> {
     display(result)
 }
 
-/// The same size in the mean colour.
+/// A picture of the same size in its mean colour.
 fn flat(picture: &Pixels) -> Pixels {
     let seen = picture.presentable();
     let pixels = seen.as_chunks::<4>().0;

@@ -1,5 +1,5 @@
-//! The white furnace: surfaces that absorb nothing, in light that is the same from everywhere. What the device's sampler brings back is
-//! what quadrature of the formulas in double precision says, and never more than came in.
+//! White furnace tests: surfaces without absorption in uniform light. The mean over the device's BSDF samples equals numerical integration
+//! of the formulas in double precision, and never exceeds the incident light.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 const ROUGHNESS: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0];
-/// Angles of the viewer, degrees.
+/// View angles, degrees.
 const ANGLES: [f64; 5] = [0.0, 30.0, 60.0, 80.0, 87.0];
 const KINDS: [&str; 9] = [
     "metal",
@@ -31,10 +31,10 @@ const KINDS: [&str; 9] = [
 ];
 /// Index of refraction of the glasses.
 const IOR: f64 = 1.5;
-/// Sums of so many samples each, per case.
+/// Samples per sum, and sums per case.
 const SUMS: u32 = 2048;
 const SAMPLES: u32 = 128;
-/// Allowed above what comes in.
+/// Tolerance above the incident light.
 const ABOVE: f64 = 1e-3;
 
 const SHADER: &str = r#"#version 460
@@ -108,7 +108,7 @@ fn schlick(f0: f64, cosine: f64) -> f64 {
     f0 + (1.0 - f0) * (1.0 - cosine).powi(5)
 }
 
-/// Fresnel's equations through Snell's law.
+/// Fresnel's equations with Snell's law.
 fn fresnel(cosine: f64, eta: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt() / eta;
     if sine >= 1.0 {
@@ -120,19 +120,19 @@ fn fresnel(cosine: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Integral over all microfacets, of which `scatter` says what becomes of light that goes to the viewer: a factor and the cosine of
-/// where it comes from; with the masking that goes with it.
+/// Integral over all microfacets with masking. `scatter` returns, for a microfacet and the viewer, a factor and the cosine of the incident
+/// direction.
 fn over_microfacets(cosine: f64, alpha: f64, scatter: impl Fn(DVec3, DVec3) -> f64 + Sync) -> f64 {
     const N: usize = 700;
     let v = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
     let row = |i: usize| -> f64 {
-        // Slopes of GGX by the inverse of their distribution: D(h) n·h is the density. Steep ones are rare and weigh much: more points.
+        // Slopes of GGX by inverse transform sampling: D(h) n·h is the pdf. Steep ones are rare but have large weights, hence the spacing.
         let left = 1.0 - (i as f64 + 0.5) / N as f64;
         let (u, density) = (1.0 - left.powi(4), 4.0 * left.powi(3));
         let tangent = alpha * (u / (1.0 - u)).sqrt();
         let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
         let ring = |j: usize| {
-            let phi = (j as f64 + 0.5) / N as f64 * PI; // the other half is the same
+            let phi = (j as f64 + 0.5) / N as f64 * PI; // symmetric: half of the circle is enough
             let h = DVec3::new(tangent * cos * phi.cos(), tangent * cos * phi.sin(), cos);
             let v_h = v.dot(h);
             if v_h > 0.0 { scatter(v, h) * v_h / (cosine * h.z) } else { 0.0 }
@@ -142,7 +142,7 @@ fn over_microfacets(cosine: f64, alpha: f64, scatter: impl Fn(DVec3, DVec3) -> f
     (0..N).into_par_iter().map(row).sum::<f64>() / (N * N) as f64
 }
 
-/// Share of light that a rough surface of this reflectance returns after one scattering.
+/// Albedo of a rough surface with this Fresnel function, single scattering.
 fn reflected(cosine: f64, alpha: f64, f: impl Fn(f64) -> f64 + Sync) -> f64 {
     over_microfacets(cosine, alpha, |v, h| {
         let l = 2.0 * v.dot(h) * h - v;
@@ -150,7 +150,7 @@ fn reflected(cosine: f64, alpha: f64, f: impl Fn(f64) -> f64 + Sync) -> f64 {
     })
 }
 
-/// Share that goes through.
+/// Transmitted share.
 fn transmitted(cosine: f64, alpha: f64, eta: f64, thin: bool) -> f64 {
     over_microfacets(cosine, alpha, |v, h| {
         let v_h = v.dot(h);
@@ -241,7 +241,7 @@ fn no_surface_returns_more_than_it_gets() -> Result<()> {
         }
         println!("{name:<18} returns {least:.4} to {most:.4}; the sampler is within {apart:.5} of that");
     }
-    // The greatest loss has a closed form: roughness 1 seen face on has D = 1 / pi and G = 2 c / (1 + c), which comes to 1 - ln 2.
+    // The greatest loss has a closed form: roughness 1 at normal incidence has D = 1 / pi and G = 2 c / (1 + c), which gives 1 - ln 2.
     let rough = closed_form(0, 1.0, 1.0);
     ensure!((rough - (1.0 - 2.0_f64.ln())).abs() < 1e-4, "a metal of roughness 1 returns {rough}");
     Ok(())
@@ -266,7 +266,7 @@ fn in_the_furnace(name: &str, material: Material) -> Scene {
     made
 }
 
-/// Whole pictures: a ball of each kind can hardly be told from the background.
+/// Whole pictures: a ball of each kind is nearly invisible against the background.
 #[test]
 fn balls_in_the_furnace() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

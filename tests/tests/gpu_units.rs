@@ -1,4 +1,4 @@
-//! Small frames: what goes up comes back, textures, the scan for NaN, ray counts, and errors with names.
+//! Small frames: upload and read-back, textures, the scan for NaN, ray counts, and errors that name their cause.
 use anyhow::{Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, GpuOptions, ImageUse};
@@ -63,7 +63,7 @@ void main() {
     bench.run(Extent::new(1, 1), &[], |g, imports| {
         let key = imports.borrow_mut().buffer(&source);
         let from = g.import_buffer("from", BufferDesc::new(bytes), Access::BufferRead, key).read();
-        // Through a transient of the device's own memory, and from there by a copy.
+        // Through a device-local transient, and from there by a copy.
         let squares = g.pass("test.square", Queue::Graphics, |p| {
             let from = p.read(from);
             let (squares, to) = p.create_buffer("squares", BufferDesc::new(bytes));
@@ -89,7 +89,7 @@ void main() {
     Ok(())
 }
 
-/// Reads texels of an uploaded image at several mip levels, in the middle, through a sampler.
+/// Samples an uploaded image at the centre at several mip levels.
 fn sampled(
     bench: &mut Bench,
     format: Format,
@@ -183,11 +183,11 @@ fn every_mip_is_found_where_it_was_put() -> Result<()> {
         for c in 0..4 {
             let mix = |i: usize| f32::from(LEVELS[i.min(3)][c]) / 255.0;
             let expected = mix(low) * (1.0 - part) + mix(low + 1) * part;
-            // Devices blend mips with 8 bits of fraction at least.
+            // Devices blend mips with at least 8 fractional bits.
             ensure!((colour[c] - expected).abs() < 1.0 / 256.0, "lod {lod}, channel {c}: {} not {expected}", colour[c]);
         }
     }
-    // Without mips the finest is read whatever the level.
+    // Without mips the finest level is read at any lod.
     let sampler = Sampler { mips: false, ..Sampler::default() };
     let read = sampled(&mut bench, Format::Rgba8Unorm, &LEVELS, sampler, &[0.0, 3.0])?;
     ensure!(read[0] == read[1] && read[0][0] == 1.0, "{read:?}");
@@ -201,7 +201,7 @@ fn srgb_is_decoded_when_sampled_and_alpha_is_not() -> Result<()> {
     let read = sampled(&mut bench, Format::Rgba8Srgb, &LEVELS, Sampler::default(), &[0.0, 1.0, 2.0, 3.0])?;
     for (level, colour) in LEVELS.iter().zip(&read) {
         for c in 0..3 {
-            // Back to the 8-bit number (IEC 61966-2-1): within half a step, as the specification of Vulkan demands.
+            // Rounded back to the 8-bit code (IEC 61966-2-1): within half a step, as Vulkan requires.
             let x = f64::from(colour[c]);
             let code = 255.0 * if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
             ensure!((code - f64::from(level[c])).abs() < 0.5, "{} was read as {x}, which is {code}", level[c]);
@@ -251,7 +251,7 @@ fn the_scan_finds_nan_and_infinity_and_nothing_later_hides_them() -> Result<()> 
                 })
             };
             let spoilt = make("user.spoil", 1);
-            // Nobody needs this one: neither it nor its scan may run.
+            // This output is unused, so neither the pass nor its scan may run.
             let _ = make("user.idle", 1);
             g.pass("user.mend", Queue::Graphics, |p| {
                 let (_, target) = p.write(spoilt);
@@ -279,7 +279,7 @@ fn the_scan_finds_nan_and_infinity_and_nothing_later_hides_them() -> Result<()> 
     Ok(())
 }
 
-/// Rays that `shadows.trace` counts against the pixels that must trace one, by the shader's rule in double precision.
+/// The number of rays of `shadows.trace` against the pixels that must trace one, by the shader's rule in double precision.
 fn shadow_rays(scene: &Scene) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
@@ -304,7 +304,7 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
         let n = [octahedral(normal[i][0], normal[i][1]), octahedral(normal[i][2], normal[i][3])];
         let least = n.map(|n| n.dot(i_light.direction)).into_iter().fold(f64::INFINITY, f64::min);
         let reached = i_light.irradiance.max_element();
-        // 32 bits may see the last millionth otherwise.
+        // In 32 bits values within a millionth of the limit may fall on either side.
         match (least > 1e-6 && reached > 1e-9, least < -1e-6 || reached == 0.0) {
             (true, _) => sure += 1,
             (false, true) => ensure!(visibility[i][0] == 0.0, "a pixel that faces away sees the light"),
@@ -413,7 +413,7 @@ fn sizes_beyond_the_device_are_errors_with_numbers() -> Result<()> {
 fn the_validation_layers_report_a_wrong_pipeline() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     gpu.check_validation()?;
-    // More threads in a workgroup than any device has. It is never dispatched.
+    // More threads per workgroup than any device supports. It is never dispatched.
     let text = "layout(local_size_x = 1024, local_size_y = 8) in;
         layout(push_constant, scalar) uniform Push { uint image; };
         void main() { store(image, ivec2(0), vec4(0.0)); }";
@@ -422,11 +422,11 @@ fn the_validation_layers_report_a_wrong_pipeline() -> Result<()> {
     let Err(GpuError::Validation { messages }) = gpu.check_validation() else { bail!("nothing was reported") };
     println!("{}", messages[0]);
     ensure!(messages.iter().any(|m| m.to_lowercase().contains("workgroup")), "{}", messages[0]);
-    gpu.check_validation()?; // taken once
+    gpu.check_validation()?; // returns messages once
     Ok(())
 }
 
-/// The messages that running a frame gives.
+/// The validation messages of a frame.
 fn reported(bench: &mut Bench, declare: impl FnOnce(&mut FrameGraph, &Shared) -> Result<()>) -> Result<Vec<String>> {
     match bench.run(Extent::new(16, 16), &[], declare) {
         Err(error) => match error.downcast::<GpuError>()? {
@@ -442,7 +442,7 @@ fn synchronization_validation_is_on() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
     let data = upload(&gpu, &[1; 1024])?;
-    // A pass is one copy: between two there is no barrier, and both write the same bytes.
+    // Each pass is one copy: without a barrier between two, both write the same bytes.
     let messages = reported(&mut bench, |g, imports| {
         let key = imports.borrow_mut().buffer(&data);
         let from = g.import_buffer("data", BufferDesc::new(1024), Access::CopyRead, key);
@@ -472,7 +472,7 @@ fn a_lie_about_an_imported_image_is_reported() -> Result<()> {
     let (format, extent) = (Format::Rgba8Unorm, Extent::new(16, 16));
     let image = Arc::new(magpie::gpu::Image::new(&gpu, "fresh", format, extent, 1, usage)?);
     let kernel = bench.kernel("spoil.comp", &format!("{HEAD}{SPOIL}"))?;
-    // It was never written, so it has no layout yet.
+    // It was never written, so its layout is undefined.
     let messages = reported(&mut bench, |g, imports| {
         let state = ImageState { access: Some((Access::Sample, Domain::Compute)) };
         let image = g.import_image("fresh", ImageDesc::full(format), state, imports.borrow_mut().image(&image));

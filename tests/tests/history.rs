@@ -1,4 +1,4 @@
-//! What outlives a frame, through effects that do nothing else: every value, over many frames, whatever happens between them.
+//! Histories and kept buffers, tested by minimal effects: every value over many frames, across resizes, cuts and failures.
 use anyhow::{Result, ensure};
 use magpie::gpu::Buffer;
 use magpie::graph::execute::ExecuteError;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 #[path = "history/rig.rs"]
 mod rig;
 
-/// Switches under which everything here must be the same.
+/// Graph switches under which all results must be the same.
 const SWITCHES: [&str; 7] = ["", "serial", "no-alias", "no-cache", "no-cull,no-reorder", "no-async", "queues=3"];
 
 const EXTENT: Extent = Extent { width: 21, height: 13 };
@@ -62,7 +62,7 @@ fn sizes_follow_the_frame_or_do_not() -> Result<()> {
         let mut half = Accumulate::new("half", ImageDesc::half(Format::R32Float));
         let mut fixed = Accumulate::new("fixed", ImageDesc::fixed(Format::R32Float, table));
         let mut whole = full(Format::R32Float);
-        // Of odd sizes the halves are rounded up: 22 by 13 has the same half as 21 by 13, so that history goes on.
+        // Half sizes are rounded up: 22 by 13 has the same half as 21 by 13, so the history continues.
         let steps = [
             ((21, 13), [false, false, false]),
             ((21, 13), [true, true, true]),
@@ -126,7 +126,7 @@ fn formats_mips_and_layers() -> Result<()> {
             }
             rig.executor.cut();
             rig.images(EXTENT, &mut [&mut e], &[false])?;
-            // The same pixels in another number of layers are another image.
+            // The same size with another number of layers is another image.
             e.desc.layers += 1;
             rig.images(EXTENT, &mut [&mut e], &[false])?;
             rig.images(EXTENT, &mut [&mut e], &[true])?;
@@ -145,7 +145,7 @@ fn depth_and_what_cannot_be_stored_are_copied_into_a_history() -> Result<()> {
                 if cut {
                     rig.executor.cut();
                 }
-                // Of the sRGB curve only the ends are exact.
+                // Of the sRGB encoding only the ends are exact.
                 let value = if format.is_depth() { (frame + 1) as f32 / 8.0 } else { 1.0 };
                 let ((valid, before), _) = rig.frame(EXTENT, |f| copied(f, &scope, format, value))?;
                 let expected = if cut { 0.0 } else { last };
@@ -160,7 +160,7 @@ fn depth_and_what_cannot_be_stored_are_copied_into_a_history() -> Result<()> {
     })
 }
 
-/// A history of an attachment, cleared to one value and copied. Gives validity and what was there before.
+/// A history of an attachment, cleared to one value and copied. Returns validity and a buffer with the previous contents.
 fn copied(f: &mut Frame<'_>, scope: &HistoryScope, format: Format, value: f32) -> Result<(bool, Arc<Buffer>)> {
     let desc = ImageDesc::full(format);
     let history = f.g.history(scope, "copied", desc);
@@ -219,15 +219,15 @@ fn a_kept_buffer_grows_and_keeps_its_bytes() -> Result<()> {
         };
         step(rig, 25, 20, 0)?;
         step(rig, 25, 25, 100)?;
-        // By half: what comes later is there already, and is zero.
+        // It grows by half of its size, and new space is zeroed.
         step(rig, 27, 26, 100)?;
         step(rig, 37, 30, 150)?;
         rig.executor.cut();
         step(rig, 1000, 900, 150)?;
         step(rig, 3, 2, 4000)?;
-        // Asked for less, it is still there.
+        // Asked for less, it keeps its size.
         step(rig, 1000, 10, 4000)?;
-        // A frame that fails asks for more than there is; the one after it does not have to.
+        // A frame that fails asks for more; the next one need not get it.
         let failed = rig.frame(EXTENT, |f| {
             f.kept(&scope, 1 << 30, 1)?;
             f.g.kept_buffer(&scope, "kept", BufferDesc::new(4));
@@ -248,13 +248,13 @@ fn a_kept_buffer_that_is_left_out_is_forgotten() -> Result<()> {
             ensure!(words_of(&words, 50) == (1..=50).collect::<Vec<u32>>(), "not zeros before");
             rig.nothing()?;
         }
-        // What is new takes a free place, and nothing of what was there.
+        // A new one takes free memory, without affecting the others.
         let pair = HistoryScope::new();
         let _ = rig.frame(EXTENT, |f| f.words(&pair, 50))?;
         rig.nothing()?;
         let ((valid, words), _) = rig.frame(EXTENT, |f| f.kept(&pair, 50, 50))?;
         ensure!(valid == 0 && words_of(&words, 50)[0] == 1, "{valid} bytes are valid");
-        // One name, first for a pair and then for a kept buffer.
+        // One name, first for a history pair and then for a kept buffer.
         let one = HistoryScope::new();
         let desc = BufferDesc::new(200);
         rig.frame(EXTENT, |f| {
@@ -274,7 +274,7 @@ fn what_is_not_written_is_not_valid() -> Result<()> {
         let mut e = full(Format::R32Float);
         rig.images(EXTENT, &mut [&mut e], &[false])?;
         rig.images(EXTENT, &mut [&mut e], &[true])?;
-        // Declared, read, and no pass writes it.
+        // Declared and read, but not written by any pass.
         let (valid, _) = rig.frame(EXTENT, |f| {
             let history = f.g.history(&e.scope, "colour", e.desc);
             f.read("before", history.previous, &[(Part::ALL.of(1, 1), EXTENT, 0)], false)?;
@@ -282,7 +282,7 @@ fn what_is_not_written_is_not_valid() -> Result<()> {
         })?;
         ensure!(valid, "the frame before wrote it");
         rig.images(EXTENT, &mut [&mut e], &[false])?;
-        // The pass that would write it is left out, for nobody wants anything of it; unless passes are not left out.
+        // The writing pass is culled, as nothing needs its output, unless culling is off.
         let (_, executed) = rig.frame(EXTENT, |f| {
             let history = f.g.history(&e.scope, "colour", e.desc);
             let _ = f.g.pass("left_out", Queue::Graphics, |p| {
@@ -318,7 +318,7 @@ fn mistakes_name_the_history_and_leave_none_half_valid() -> Result<()> {
         ensure!(error.contains("`reservoirs` is declared twice"), "{error}");
         rig.images(EXTENT, &mut [&mut e], &[false])?;
         rig.images(EXTENT, &mut [&mut e], &[true])?;
-        // A frame that is declared, in another size even, and then thrown away, is none.
+        // A frame that is declared, even in another size, and then discarded has no effect.
         let mut g = rig.executor.begin(Extent::new(5, 5));
         g.history(&e.scope, "colour", e.desc);
         drop(g);
@@ -367,13 +367,13 @@ fn memory_is_given_back() -> Result<()> {
     Ok(())
 }
 
-/// Events in any order, against rules that are written down here once more: a history is valid where the newest frame that ran
-/// wrote it, in this size, for this instance, and neither a cut nor a frame that failed came after.
+/// Random sequences of events, against an independent statement of the rules: a history is valid if the newest frame that ran wrote it, in
+/// this size, for this instance, and neither a cut nor a failed frame came after.
 #[test]
 fn anything_in_any_order() -> Result<()> {
     let seed = std::cell::Cell::new(0x2545_f491_4f6c_dd1d_u64);
     let random = |below: u64| {
-        // Xorshift (Marsaglia 2003).
+        // Xorshift random numbers (Marsaglia 2003).
         let mut x = seed.get();
         x ^= x << 13;
         x ^= x >> 7;

@@ -1,8 +1,7 @@
-//! The rules of the architecture page, held by a machine.
+//! Enforces the rules of the architecture page.
 //!
-//! Each rule is a function from a file tree to the places that break it, so each is also shown to find a fault in a small
-//! tree made for it: a rule that cannot fail is no rule.
-#![allow(clippy::unwrap_used)] // helpers of tests may fail as tests do
+//! Each rule is a function from a file tree to the places that break it, and each is tested on a small tree that breaks it.
+#![allow(clippy::unwrap_used)] // helpers of tests may panic
 
 #[path = "house_rules/code.rs"]
 mod code;

@@ -1,4 +1,4 @@
-//! One image per effect on the courtyard, against a golden, with what must hold beyond it.
+//! Image tests: the output of each effect on the courtyard against a golden, with further checks.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, Quat, Vec3};
 use magpie::pixels::Pixels;
@@ -16,10 +16,10 @@ mod metrics;
 mod reference;
 
 const SIZE: [u32; 2] = [240, 135];
-/// Different drivers round differently; a black, shifted or unshadowed picture is far beyond this.
+/// Greatest difference from a golden. Drivers round differently; a black, shifted or unshadowed picture exceeds this by far.
 const LIMIT: f64 = 0.01;
 
-/// The output of one pass on the courtyard.
+/// The output of a pass on the courtyard.
 fn output(pass: &str, output: &str, changes: &[&str]) -> Result<Option<Pixels>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
@@ -42,7 +42,7 @@ fn gbuffer() -> Result<()> {
         assert!((1..100).contains(&glowing), "{glowing} pixels glow");
         assert_eq!(glowing + dark, emission.values().len(), "all others emit nothing");
     }
-    // A still camera and still objects do not move.
+    // With a static camera and static objects there is no motion.
     if let Some(motion) = output("gbuffer.draw", "motion", &[])? {
         assert!(motion.values().iter().all(|v| v[0].abs() < 1e-6 && v[1].abs() < 1e-6));
     }
@@ -61,7 +61,7 @@ fn shadows() -> Result<()> {
 
 #[test]
 fn denoise() -> Result<()> {
-    // Soft shadows, after a few frames: what one ray gave is no longer noise, and nothing that was fully lit or dark has changed.
+    // Soft shadows after a few frames: less noise than one ray, and fully lit or dark pixels are unchanged.
     let Some(noisy) = output("shadows.trace", "visibility", &[])? else { return Ok(()) };
     let Some(image) = output("shadows.level_3", "colour", &[])? else { return Ok(()) };
     let between = |image: &Pixels| image.values().iter().filter(|v| v[0] > 0.0 && v[0] < 1.0).count();
@@ -119,7 +119,7 @@ fn sky() -> Result<()> {
     golden("sky", output("sky.fill", "lit", &[])?.as_ref())
 }
 
-/// A floor and three balls: white, polished metal, blue gloss. No light but that of the map.
+/// A floor and three balls: white, polished metal, glossy blue. Lit by an environment map only.
 #[test]
 fn sky_of_an_environment_map() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -135,7 +135,7 @@ fn sky_of_an_environment_map() -> Result<()> {
     let picture = |scene: &Scene| display(render(&gpu, scene, &config(&[])?, SIZE, 1, None)?);
     let seen = picture(&scene)?;
     golden("sky.environment", Some(&seen))?;
-    // It takes the place of the sky of daylight.
+    // The environment map replaces the analytic sky.
     scene.daylight = Some(Daylight::default());
     ensure!(picture(&scene)?.bytes == seen.bytes, "daylight shows beside the map");
     scene.environment = None;
@@ -151,7 +151,7 @@ fn post() -> Result<()> {
         let picture = render(&gpu, &scene, &config(&[&format!("post.tone_map={curve}")])?, SIZE, 1, None)?;
         compare_with_golden(&format!("post.{curve}"), &display(picture)?, LIMIT)?;
     }
-    // Two stops are four times the light.
+    // Two stops are a factor of four.
     let picture = |stops: &str| -> Result<Pixels> {
         let changes = ["post.tone_map=none", stops];
         display(render(&gpu, &scene, &config(&changes)?, SIZE, 1, None)?)
@@ -173,7 +173,7 @@ fn cornell() -> Result<()> {
     compare_with_golden("cornell", &display(picture)?, LIMIT)
 }
 
-/// The carousel at a time, with rays traced in one way: the picture, and what ran.
+/// The carousel at a time, with this backend for rays.
 fn carousel(rays: Rays, time: f64) -> Result<Option<FrameResult>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     if !gpu.rays().contains(&rays) {

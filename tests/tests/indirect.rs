@@ -1,5 +1,5 @@
-//! What the device decides for itself, how much is dispatched and drawn, and images that passes write and read part by part. All
-//! against the CPU, under the switches that change how the graph goes about it.
+//! Device-side conditions, indirect dispatches and draws, and images that are read and written by parts, compared with the CPU under all
+//! switches of the graph.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Cull, Gpu, Kernel, RasterDesc, RasterKernel};
@@ -21,7 +21,7 @@ const HEAD: &str = r#"#version 460
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
 "#;
 
-/// Two addresses and a number: what every kernel over words is given.
+/// Push constants of kernels over words: two addresses and a number.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 struct Over {
@@ -30,7 +30,7 @@ struct Over {
     count: u32,
 }
 
-/// Two images, by whichever ids, and a size: what every kernel over texels is given.
+/// Push constants of kernels over texels: two images, by either kind of id, and a size.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Texels {
@@ -83,7 +83,7 @@ fn under_all(test: impl Fn(&mut Runner) -> Result<()>) -> Result<()> {
     Ok(())
 }
 
-/// Words that the device can read.
+/// A buffer with these words.
 fn upload(gpu: &Gpu, words: &[u32], usage: BufferUse) -> Result<Arc<Buffer>> {
     let mut buffer = Buffer::new(gpu, "upload", words.len() as u64 * 4, BufferMemory::Upload, usage)?;
     buffer.write(0, bytemuck::cast_slice(words))?;
@@ -95,7 +95,7 @@ fn import(g: &mut FrameGraph, imports: &Shared, name: &str, buffer: &Arc<Buffer>
     g.import_buffer(name, BufferDesc::new(buffer.bytes()), Access::BufferRead, key).read()
 }
 
-/// Brings a buffer to the host.
+/// Reads back a buffer.
 fn bring(
     (g, imports, gpu): (&mut FrameGraph, &Shared, &Gpu),
     from: Handle<graph::Buffer>,
@@ -115,7 +115,7 @@ fn words_of(buffer: &Buffer) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(buffer.contents())
 }
 
-/// Copies words into a buffer of the device's own, as a pass that decides something would write them.
+/// Copies words into a device-local buffer, in place of a pass that computes them.
 const DECIDE: &str = r#"
 layout(local_size_x = 1) in;
 layout(push_constant, scalar) uniform Push { uvec2 from; uvec2 to; uint count; };
@@ -139,7 +139,7 @@ void main() {
 }
 "#;
 
-/// A pass that writes words which only the device knows.
+/// A pass that writes words which are known on the device only.
 fn decide(g: &mut FrameGraph, kernel: Kernel, given: Handle<graph::Buffer>, count: u32) -> Handle<graph::Buffer> {
     g.pass("test.decide", Queue::AsyncCompute, |p| {
         let from = p.read(given);
@@ -157,7 +157,7 @@ fn the_device_decides_how_much_is_dispatched() -> Result<()> {
         let (decider, fill) = (r.kernel("decide.comp", DECIDE)?, r.kernel("fill.comp", FILL)?);
         let number = r.kernel("number.comp", NUMBER)?;
         for groups in [[0, 0, 0], [1, 1, 1], [5, 1, 1], [3, 2, 2], [5, 0, 1], [0, 4, 4], [4, 3, 0]] {
-            // The middle one of three: what stands around it must not count.
+            // The middle one of three, with other words around it that must not matter.
             let all = [9, 9, 9, groups[0], groups[1], groups[2], 8, 8, 8];
             let given = upload(&r.gpu, &all, BufferUse::Storage)?;
             let seen = r.frame(Extent::new(1, 1), |g, imports, gpu| {
@@ -206,7 +206,7 @@ layout(location = 0) out vec4 colour;
 void main() { colour = vec4(float(column) + 1.0, 0.0, 0.0, 1.0); }
 "#;
 
-/// A pipeline that draws columns of one pixel.
+/// A pipeline that draws columns one pixel wide.
 fn columns(r: &Runner) -> Result<RasterKernel> {
     let shader = |name: &'static str, glsl: &str, stage| -> Result<Shader> {
         let spirv = Runner::compile(name, glsl, stage)?.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
@@ -229,9 +229,9 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
     const WIDTH: u32 = 12;
     under_all(|r| {
         let (decider, column) = (r.kernel("decide.comp", DECIDE)?, columns(r)?);
-        // The first three indices are there to be skipped.
+        // The first three indices are skipped.
         let indices = upload(&r.gpu, &[50, 50, 50, 0, 1, 2, 2, 1, 3], BufferUse::Index)?;
-        // Each draw: indices, instances, first index, what is added to indices, first instance.
+        // Fields of an indexed draw: indices, instances, first index, vertex offset, first instance.
         let draw = |instances: u32, column: u32| [6, instances, 3, 4 * column, 0];
         let cases: [(&[[u32; 5]], &[u32]); 4] = [
             (&[draw(0, 1)], &[]),
@@ -240,7 +240,7 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
             (&[[0, 5, 3, 0, 0], draw(0, 0), draw(0, 3)], &[]),
         ];
         for (draws, drawn) in cases {
-            // Behind one draw that is not asked for.
+            // After one draw that is skipped.
             let all: Vec<u32> = draw(12, 0).into_iter().chain(draws.iter().flatten().copied()).collect();
             let given = upload(&r.gpu, &all, BufferUse::Storage)?;
             let extent = Extent::new(WIDTH, 3);
@@ -269,7 +269,7 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
     })
 }
 
-/// Brings mips of an image of single floats to the host, one after another.
+/// Reads back mips of an image of single floats, one after another.
 fn bring_mips(
     (g, imports, gpu): (&mut FrameGraph, &Shared, &Gpu),
     image: Handle<Image>,
@@ -322,7 +322,7 @@ void main() {
 }
 "#;
 
-/// Adds up one texel of every mip of the whole image.
+/// Sums one texel of every mip of the whole image.
 const CLIMB: &str = r#"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { uint from; uint to; uvec2 size; uint extra; };
@@ -336,7 +336,7 @@ void main() {
 }
 "#;
 
-/// A pass that reads a part of an image and writes another of the same one.
+/// A pass that reads one mip of an image and writes another.
 fn reduce(g: &mut FrameGraph, kernel: Kernel, image: WriteHandle<Image>, mip: u32, size: Extent) -> WriteHandle<Image> {
     let queue = if mip.is_multiple_of(2) { Queue::Graphics } else { Queue::AsyncCompute };
     g.pass(&format!("test.reduce.{mip}"), queue, |p| {
@@ -398,7 +398,7 @@ fn a_pyramid_is_made_mip_by_mip_in_one_image() -> Result<()> {
     })
 }
 
-/// The mips, on the CPU: whole numbers below 2^24, so that no sum is rounded.
+/// The mips on the CPU: integers below 2^24, so that no sum is rounded.
 fn pyramid_of(extent: Extent) -> Vec<Vec<f32>> {
     let texels = |size: Extent| (0..size.height).flat_map(move |y| (0..size.width).map(move |x| (x, y)));
     let mut mips = vec![texels(extent).map(|(x, y)| start(x, y, 0)).collect::<Vec<f32>>()];
@@ -427,7 +427,7 @@ fn bring_named(
     Ok(buffer)
 }
 
-/// Every layer into every layer, the other way round and with one more.
+/// Copies every layer to another in reverse order, plus one.
 const TURN: &str = r#"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { uint from; uint to; uvec2 size; uint extra; };

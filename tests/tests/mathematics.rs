@@ -1,4 +1,4 @@
-//! Closed forms and furnace tests of the surface model and of the lights. No GPU.
+//! Closed forms and furnace tests of the CPU implementations of surface model and lights. No GPU.
 use glam::{DVec3, Vec3};
 use magpie::scene::Light;
 use magpie_tests::oracle::shading::{SurfacePoint, alpha, brdf, direct, ggx_d, incident, reflected, smith_g2};
@@ -30,7 +30,7 @@ fn close(got: f64, want: f64, relative: f64) {
 fn ggx_normals_cover_the_surface_once() {
     for roughness in ROUGHNESS {
         let a = alpha(roughness);
-        // tan theta = a x / (1 - x) spreads the peak over 0..1.
+        // tan theta = a x / (1 - x) maps the peak evenly to 0..1.
         let n = 20_000;
         let sum: f64 = (0..n)
             .map(|i| {
@@ -45,14 +45,14 @@ fn ggx_normals_cover_the_surface_once() {
     }
 }
 
-/// Directional albedo: the integral of the BRDF times cosine, half vectors drawn from D on a regular grid.
+/// Directional albedo: integral of the BRDF times cosine, with half vectors sampled from D on a regular grid.
 fn specular_albedo(p: &SurfacePoint, v: DVec3) -> f64 {
     let (a, n) = (alpha(p.roughness), 300);
     let mut sum = 0.0;
     for i in 0..n {
         for j in 0..n {
             let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
-            // Walter et al. 2007, equation 35.
+            // Sampling of D: Walter et al. 2007, equation 35.
             let theta = (a * (x / (1.0 - x)).sqrt()).atan();
             let h = at(theta, 2.0 * PI * y);
             let v_h = v.dot(h);
@@ -74,7 +74,7 @@ fn a_perfect_metal_reflects_no_more_than_it_gets() {
         for theta in [0.0, 0.3, 0.7, 1.1, 1.4, 1.55] {
             let albedo = specular_albedo(&p, at(theta, 0.4));
             assert!(albedo <= 1.0 + 1e-4, "roughness {roughness}, angle {theta}: {albedo}");
-            // One bounce between microfacets is lost: little when smooth, at most a bit more than half at roughness 1.
+            // Multiple scattering between microfacets is not modelled: little is lost when smooth, and a bit more than half at roughness 1.
             let least = if roughness <= 0.1 && theta < 1.2 { 0.99 } else { 0.3 };
             assert!(albedo >= least, "roughness {roughness}, angle {theta}: {albedo}");
         }
@@ -87,7 +87,7 @@ fn a_white_dielectric_returns_all_light_and_no_more() {
         let (white, black) = (surface(1.0, 0.0, roughness), surface(0.0, 0.0, roughness));
         for (theta, least) in [(0.0_f64, 0.97), (0.7, 0.97), (1.1, 0.9), (1.4, 0.6), (1.5, 0.3)] {
             let v = at(theta, 0.0);
-            // Cosine-distributed directions for the difference, which is the diffuse part.
+            // Cosine-weighted directions for the difference, which is the diffuse part.
             let n = 300;
             let mut diffuse = 0.0;
             for i in 0..n {
@@ -177,7 +177,7 @@ fn a_surface_lit_and_seen_face_on_has_a_closed_form() {
     for roughness in [0.2, 0.5, 1.0] {
         let p = surface(0.5, 0.0, roughness);
         let a = alpha(roughness);
-        // F = 0.04, D = 1 / (pi a²), G2 = 1; light goes in and out through 0.96, over 1 less the mean of F, 0.04 + 0.96 / 21.
+        // F = 0.04, D = 1 / (pi a²), G2 = 1; light enters and leaves with 0.96, over 1 less the mean of F, 0.04 + 0.96 / 21.
         let diffuse = 0.998 * 0.5 / PI * 0.96 * 0.96 / (0.96 * 20.0 / 21.0);
         let want = 3.0 * (diffuse + 0.04 / (4.0 * PI * a * a));
         let sun = Light::Directional { direction: Vec3::NEG_Z, illuminance: Vec3::splat(3.0), angular_radius: 0.0 };
@@ -212,7 +212,7 @@ fn lights_follow_their_laws() {
 
     let lamp =
         Light::Rectangle { centre: DVec3::Z, half_u: 0.01 * Vec3::Y, half_v: 0.01 * Vec3::X, radiance: Vec3::ONE };
-    // Emits downwards: y cross x is -z. Far away it is a point of intensity radiance * area * cos.
+    // Emits downwards: y cross x is -z. Far away it acts as a point of intensity radiance * area * cos.
     close(incident(&lamp, DVec3::ZERO).irradiance.x, 0.0004, 1e-6);
     close(incident(&lamp, DVec3::new(1.0, 0.0, 0.0)).irradiance.x, 0.0004 * 0.5_f64.sqrt() / 2.0, 1e-6);
     assert_eq!(incident(&lamp, DVec3::new(0.0, 0.0, 2.0)).irradiance, DVec3::ZERO);

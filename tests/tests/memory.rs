@@ -1,4 +1,4 @@
-//! What aliasing gives: memory of the transients against the most that is alive at once, and against a place for each.
+//! Memory saved by aliasing: memory of the transients against the most that is alive at once, and against the sum of all.
 use anyhow::{Context, Result, ensure};
 use magpie::graph::plan::{Memory, Packed, Plan};
 use magpie::graph::{
@@ -8,9 +8,9 @@ use magpie::scene::BUILTIN;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
 
-/// How far above the most bytes alive at once a placement may be.
+/// Greatest ratio of placed memory to the most bytes alive at once.
 const OVER_LOWER_BOUND: f64 = 1.05;
-/// How much of the unaliased sum it may be once effects are many.
+/// Greatest ratio of placed memory to the unaliased sum, for a frame with many effects.
 const OF_UNALIASED: f64 = 0.6;
 
 fn step(g: &mut FrameGraph, name: &str, inputs: &[Handle<Image>], desc: ImageDesc) -> Handle<Image> {
@@ -22,8 +22,8 @@ fn step(g: &mut FrameGraph, name: &str, inputs: &[Handle<Image>], desc: ImageDes
     })
 }
 
-/// As many passes as a frame with every effect has: a G-buffer that most of them read, denoised shadows of four lights, ambient
-/// occlusion, reflections and indirect light at half size, bloom over a pyramid, and a chain of post-processing.
+/// A frame as large as one with every effect: a G-buffer that most passes read, denoised shadows of four lights, ambient occlusion,
+/// reflections and indirect light at half size, bloom with a mip pyramid, and a chain of post-processing.
 fn sixty_passes(full: Extent) -> FrameGraph {
     let mut g = FrameGraph::new(full);
     let formats = [
@@ -124,7 +124,7 @@ fn the_default_frame_on_the_device() -> Result<()> {
         let result =
             renderer.frame(FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false })?;
         let result = result.context("a size of zero")?;
-        // What the device really holds, not what the plan says.
+        // The device's actual memory, not the plan's.
         within(name, &result.plan.memory, result.sample.memory.transient_bytes)?;
     }
     Ok(())

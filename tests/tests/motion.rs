@@ -1,4 +1,4 @@
-//! Motion vectors of a moving camera, and of what moves and deforms, against projections in double precision.
+//! Motion vectors of a moving camera, and of moving and deforming objects, against projections in double precision.
 use anyhow::{Context, Result, ensure};
 use glam::{DMat3, DVec3, Vec3};
 use magpie::config::Config;
@@ -18,12 +18,12 @@ use std::collections::BTreeMap;
 
 const EXTENT: Extent = Extent { width: 240, height: 135 };
 const WIDE: Extent = Extent { width: 1280, height: 720 };
-/// Most that a motion vector may be off, pixels.
+/// Greatest error of a motion vector, pixels.
 const LIMIT: f64 = 1e-3;
-/// Where pixels are sampled now and one frame ago, for frames that are jittered: motion vectors know nothing of it.
+/// Jitter of this frame and the previous one; motion vectors must not contain it.
 const JITTERS: [[f32; 2]; 2] = [[0.375, -0.4375], [-0.25, 0.125]];
 
-/// Two cameras, a frame's size, and where its pixels are sampled now and before.
+/// Two cameras, the size of a frame, and its jitter now and before.
 struct Step<'a> {
     before: &'a Camera,
     now: &'a Camera,
@@ -37,7 +37,7 @@ impl Step<'_> {
         ViewDesc { frame: 1, jitter: self.jitters[0], previous: Some(previous), ..ViewDesc::new(self.now, self.extent) }
     }
 
-    /// Through where a pixel is sampled, or so many pixels beside it.
+    /// Direction through a pixel's sample position, with an offset in pixels.
     fn ray(&self, eye: &Eye, pixel: usize, beside: [f64; 2]) -> DVec3 {
         let width = self.extent.width as usize;
         let [x, y] = [0, 1].map(|i| f64::from(self.jitters[0][i]) + beside[i]);
@@ -45,7 +45,7 @@ impl Step<'_> {
     }
 }
 
-/// Largest error of the motion, pixels, and how many pixels moved by more than one.
+/// Greatest error of the motion vectors, pixels, and the number of pixels that moved by more than one.
 fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64, usize)> {
     let gpu = bench.gpu.clone();
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
@@ -66,7 +66,7 @@ fn worst_error(bench: &mut Bench, scene: &Scene, step: &Step<'_>) -> Result<(f64
     Ok(compare(scene, &motion, &ids, step))
 }
 
-/// Largest error of the motion, pixels, and how many pixels moved by more than one.
+/// Greatest error of the motion vectors, pixels, and the number of pixels that moved by more than one.
 fn compare(scene: &Scene, motion: &[[f32; 4]], ids: &[[f32; 4]], step: &Step<'_>) -> (f64, usize) {
     let size = [f64::from(step.extent.width), f64::from(step.extent.height)];
     let (eye_now, eye_before) = (Eye::new(step.now, step.extent), Eye::new(step.before, step.extent));
@@ -77,7 +77,7 @@ fn compare(scene: &Scene, motion: &[[f32; 4]], ids: &[[f32; 4]], step: &Step<'_>
             assert_eq!(motion[..2], [0.0, 0.0], "background does not move");
             continue;
         };
-        // The motion of what lies beside the pixel by so much.
+        // The motion vector at an offset from the pixel.
         let expected = |[x, y]: [f64; 2]| {
             let ray = step.ray(&eye_now, pixel, [x, y]);
             let world = moments.follow(&eye_now, ray, instance, ids[1] as usize)[1];
@@ -92,8 +92,8 @@ fn compare(scene: &Scene, motion: &[[f32; 4]], ids: &[[f32; 4]], step: &Step<'_>
     (worst, moved)
 }
 
-/// How far a motion is off, pixels. On a surface that is seen edge on a pixel's width is a long way: what is right a thousandth of a pixel
-/// beside counts as right.
+/// Error of a motion vector, pixels. On surfaces seen edge on a pixel covers a long distance: the exact vectors a thousandth of a pixel
+/// around count as correct too.
 fn excess(got: [f64; 2], wanted: [f64; 2], expected: impl Fn([f64; 2]) -> Option<[f64; 2]>) -> f64 {
     let off = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
     let error = off(got, wanted);
@@ -135,7 +135,7 @@ fn motion_is_where_things_were() -> Result<()> {
     Ok(())
 }
 
-/// Frame by frame the eye goes on by more than a cell of the origin's grid, a thousand kilometres from the world's own origin.
+/// The eye moves by more than a cell of the floating origin's grid per frame, a thousand kilometres from the world's origin.
 #[test]
 fn motion_stays_right_where_the_origin_steps() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -146,7 +146,7 @@ fn motion_stays_right_where_the_origin_steps() -> Result<()> {
     }
     let camera = &mut scene.cameras[0];
     camera.world_from_camera.translation += place;
-    // Cells of a quarter of a metre.
+    // A near plane with grid cells of a quarter of a metre.
     camera.near = 6e-5;
     let step = DVec3::new(0.3, -0.02, 0.41);
     let cameras: Vec<Camera> = (0..3).map(|i| moved(&scene.cameras[0], (f64::from(i) * step).as_vec3(), 0.0)).collect();
@@ -174,7 +174,7 @@ fn motion_stays_right_where_the_origin_steps() -> Result<()> {
     Ok(())
 }
 
-/// What an instance is, for the figures.
+/// Kind of an instance, for statistics.
 fn kind(scene: &Scene, instance: usize, moving: bool) -> &'static str {
     let mesh = &scene.meshes[scene.instances[instance].mesh as usize];
     match () {
@@ -189,7 +189,7 @@ fn kind(scene: &Scene, instance: usize, moving: bool) -> &'static str {
 /// A scene at two times, in double precision.
 struct Moments<'a> {
     scene: &'a Scene,
-    /// Of every instance before and now: positions, where it deforms.
+    /// Positions of each instance before and now, if it deforms.
     deformed: [Vec<Option<Vec<Vec3>>>; 2],
     poses: [Pose; 2],
 }
@@ -209,7 +209,7 @@ impl<'a> Moments<'a> {
         Self { scene, deformed, poses }
     }
 
-    /// Where the surface that a ray meets in a primitive is now, and where it was.
+    /// The surface point that a ray hits in a primitive, now and one frame ago.
     fn follow(&self, eye: &Eye, ray: DVec3, instance: usize, primitive: usize) -> [DVec3; 2] {
         let [before, now] = [0, 1].map(|at| self.poses[at].instances[instance]);
         let (from, along) = (now.inverse().transform_point3(eye.position), now.inverse().transform_vector3(ray));
@@ -217,7 +217,7 @@ impl<'a> Moments<'a> {
         let points = if let Some(sphere) = mesh.spheres.get(primitive) {
             let (f, radius) = (from - sphere.centre.as_dvec3(), f64::from(sphere.radius));
             let (a, b, c) = (along.length_squared(), f.dot(along), f.length_squared() - radius * radius);
-            // The nearer point; at the very edge, the nearest to the sphere.
+            // The nearer intersection; at the silhouette, the point nearest to the sphere.
             let t = (-b - (b * b - a * c).max(0.0).sqrt()) / a;
             [from + t * along; 2]
         } else {
@@ -226,7 +226,7 @@ impl<'a> Moments<'a> {
                 [0, 1, 2].map(|k| positions[mesh.indices[3 * primitive + k] as usize].as_dvec3())
             };
             let [a, b, c] = corners(1);
-            // Cramer's rule (Moeller and Trumbore 1997).
+            // Möller and Trumbore 1997.
             let (e1, e2, to) = (b - a, c - a, from - a);
             let (p, q) = (along.cross(e2), to.cross(e1));
             let (u, v) = (to.dot(p) / e1.dot(p), along.dot(q) / e1.dot(p));
@@ -236,7 +236,7 @@ impl<'a> Moments<'a> {
     }
 }
 
-/// Pixels by kind: how many, how many moved by more than half a pixel, and the worst error in pixels.
+/// By kind of instance: number of pixels, number of those that moved by more than half a pixel, and greatest error in pixels.
 type Followed = BTreeMap<&'static str, (usize, usize, f64)>;
 
 #[test]

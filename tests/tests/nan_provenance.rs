@@ -1,4 +1,4 @@
-//! A NaN or an infinity is traced to the frame, pass, output and place where it arose, also when it shows frames later.
+//! NaN and infinity are traced to the frame, pass, output and place of origin, even if they are visible only frames later.
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Gpu, Kernel};
@@ -20,10 +20,10 @@ use std::collections::BTreeSet;
 mod resources;
 
 const SIZE: [u32; 2] = [96, 54];
-/// On the floor in front of the camera: a surface, so that neither depth nor sky takes it away.
+/// A pixel of the floor in front of the camera, so that no pass skips it as background.
 const ON_SURFACE: [u32; 2] = [48, 50];
 
-/// Adds a constant to what it reads, or to nothing.
+/// Adds a constant to its input, or to 0 without one.
 const ADD: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -53,7 +53,7 @@ fn poison(pass: &str, output: &str, place: Place, value: Bad) -> Poison {
     Poison { pass: pass.to_owned(), output: output.to_owned(), place, value }
 }
 
-/// The only report.
+/// Returns the only report.
 fn only(trail: &Trail) -> Result<&Report> {
     match trail.reports() {
         [report] => Ok(report),
@@ -88,7 +88,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
                 continue;
             };
             let elsewhere = [(3 + 7 * number) % SIZE[0], (40 + (SIZE[1] - 4) * number) % SIZE[1]];
-            // In turns: both take twice as long.
+            // In alternation, as testing both doubles the time.
             let (value, [x, y]) = if seeded % 2 == 0 { (Bad::Nan, ON_SURFACE) } else { (Bad::Infinity, elsewhere) };
             seeded += 1;
             let (x, y) = (x % extent.width, y % extent.height);
@@ -114,7 +114,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
                 [origin.nan, origin.infinite] == [u64::from(value == Bad::Nan), u64::from(value != Bad::Nan)],
                 "{report}"
             );
-            // What a history hands on has no contents before it is written.
+            // The previous half of a history has no contents before it is written.
             let has_contents =
                 |resource, version| version > 0 || !declaration.resource_name(resource).ends_with(".next");
             let reads = declaration.uses_of(pass).iter();
@@ -135,7 +135,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
     Ok(())
 }
 
-/// What this frame makes is seen two frames later: a constant goes through one history, then another.
+/// A constant goes through two histories, so it is visible two frames later.
 struct Delayed {
     add: Kernel,
     scope: HistoryScope,
@@ -302,13 +302,13 @@ fn what_the_scan_costs() -> Result<()> {
     let scene = builtin("courtyard")?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&[])?, options)?;
-    // Of the same frames, so that both suffer alike from whatever else the machine does.
+    // Measured in the same frames, so that load on the machine affects both.
     let (mut scans, mut others) = (Vec::new(), Vec::new());
     for frame in 0..11 {
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
         let result = renderer.frame(request)?.context("no frame")?;
         let (scan, other): (Vec<_>, Vec<_>) = result.sample.passes.iter().partition(|p| p.name.starts_with("check."));
-        // On the device alone: the validation layers take most of the time of recording.
+        // GPU time only, as the validation layers dominate CPU time.
         let ms = |passes: &[&PassTime]| passes.iter().map(|p| p.gpu_ns.unwrap_or(0)).sum::<u64>() as f64 / 1e6;
         if frame > 0 {
             scans.push(ms(&scan));
@@ -363,7 +363,7 @@ fn what_cannot_be_poisoned_is_an_error() -> Result<()> {
     Ok(())
 }
 
-/// Whether an imported resource is a history's previous half.
+/// Whether an imported resource is the previous half of a history.
 fn is_previous(origin: Origin) -> bool {
     matches!(origin, Origin::Imported { key: ImportKey::Previous(_), .. })
 }

@@ -1,4 +1,4 @@
-//! The example of docs/how-to-add-a-pass.md: a pass from outside the engine's crates.
+//! The example of docs/how-to-add-a-pass.md: a pass outside the engine's crates.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
@@ -6,7 +6,7 @@ use magpie_tests::harness::{builtin, gpu};
 use std::path::Path;
 
 #[path = "../../demo/examples/own_pass.rs"]
-#[allow(dead_code)] // its `main` writes a file
+#[allow(dead_code)] // its `main` is not used here
 mod own_pass;
 
 const WIDTH: u32 = 96;
@@ -15,12 +15,12 @@ const HEIGHT: u32 = 54;
 /// The display image of the courtyard, and the names of the passes that ran.
 type Displayed = (Vec<u8>, Vec<String>);
 
-/// One frame.
+/// The result of one frame.
 fn display(slots: &Slots, config: &Config) -> Result<Option<Displayed>> {
     Ok(displays(slots, config, 1)?.and_then(|mut frames| frames.pop()))
 }
 
-/// Several frames.
+/// The results of several frames.
 fn displays(slots: &Slots, config: &Config, frames: usize) -> Result<Option<Vec<Displayed>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = builtin("courtyard")?;
@@ -65,8 +65,8 @@ fn the_example_darkens_the_corners_and_not_the_centre() -> Result<()> {
     Ok(())
 }
 
-/// With a vignette that takes nothing away, what the user configures for `post` gives the same frames, bit for bit, as without it: the
-/// exposure, the pass of TAA, where pixels are sampled and how many there are.
+/// With a vignette of strength 0, the configuration of the wrapped `post` gives the same frames, bit for bit, as without the wrapper:
+/// exposure, TAA, jitter and resolution.
 #[test]
 fn the_settings_of_the_wrapped_post_act_as_they_do_without_the_wrapper() -> Result<()> {
     let settings = ["exposure=-6", "anti_aliasing=taa", "resolution_scale=0.5", "sharpening=0.5", "tone_map=aces"];

@@ -1,6 +1,6 @@
-//! Plans of random frames against a slow checker that shares no code with the planner, and the checker against plans with a
-//! mistake planted in them. No GPU. `PROPTEST_CASES` sets the number of frames, `MAGPIE_SEED` what they are made from.
-#![allow(clippy::unwrap_used)] // helpers of tests may fail as tests do
+//! Plans of random frames, verified by an independent checker that shares no code with the planner; and the checker, tested with plans that
+//! contain a planted mistake. No GPU. `PROPTEST_CASES` sets the number of frames, `MAGPIE_SEED` the seed.
+#![allow(clippy::unwrap_used)] // helpers of tests may panic
 
 #[path = "plan/checker.rs"]
 mod checker;
@@ -30,23 +30,23 @@ use checker::{Asked, check, peak};
 use mistakes::{MISTAKES, Mistake};
 use random::{Script, scripts};
 
-/// A random frame, and how it is planned.
+/// A random frame, and how to plan it.
 #[derive(Clone, Debug)]
 struct Case {
     script: Script,
     setup: Setup,
 }
 
-/// How a frame is planned.
+/// How to plan a frame.
 #[derive(Clone, Copy, Debug)]
 struct Setup {
     switches: Switches,
     device: Queues,
-    /// What objects take of memory.
+    /// Memory requirements of resources.
     prints: Prints,
 }
 
-/// Footprints of a device that does not exist: objects of some kinds are padded, some have a memory of their own.
+/// Footprints of an imaginary device: some kinds of resources are padded, some need dedicated memory.
 #[derive(Clone, Copy, Debug)]
 struct Prints(u8);
 
@@ -86,7 +86,7 @@ impl Setup {
 }
 
 fn setups() -> impl Strategy<Value = Setup> {
-    // More often than by chance everything is on.
+    // All switches on more often than by chance.
     let bits = prop_oneof![2 => Just(0), 3 => 0_u8..64];
     (bits, 0_u8..4, any::<[bool; 2]>(), any::<u8>()).prop_map(|(bits, queues, device, prints)| {
         let queues = (queues > 0).then_some(queues);
@@ -100,12 +100,12 @@ fn cases() -> impl Strategy<Value = Case> {
     (scripts(16), setups()).prop_map(|(script, setup)| Case { script, setup })
 }
 
-/// Frames per run.
+/// Number of random frames per run.
 fn count(usual: u32) -> u32 {
     env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
-/// Runs a property over random cases that are the same each time, unless another seed is asked for. One that fails is made small.
+/// Runs a property over random cases, which are deterministic for a seed. A failing case is shrunk.
 fn over<S: Strategy>(cases: u32, strategy: &S, property: impl Fn(S::Value) -> Result<(), TestCaseError>) {
     let seed = env::var("MAGPIE_SEED").ok().and_then(|n| n.parse().ok()).unwrap_or(0_u64);
     let mut bytes = [0; 32];
@@ -129,7 +129,7 @@ fn describe(d: &Declaration, plan: &Plan) -> String {
     format!("{}\n{uses}{plan_words}{:?}\n{:?}", dump::text(d, plan), plan.unstored, plan.successions)
 }
 
-/// How often things occurred, so that a property does not hold for want of cases.
+/// Counts occurrences, so that a property cannot pass for lack of relevant cases.
 #[derive(Default)]
 struct Tally(BTreeMap<&'static str, usize>);
 
@@ -224,7 +224,7 @@ fn plans_of_random_frames_are_sound() {
     }
 }
 
-/// A frame small enough that all that can be planned of it is.
+/// A frame that is small enough to plan in all possible ways.
 #[test]
 fn every_combination_of_switches_and_queues_is_sound() {
     let tried = Cell::new(0);
@@ -275,7 +275,7 @@ fn planning_and_dumping_are_functions() {
     });
 }
 
-/// Of each kind of mistake, how many were planted and how many were found.
+/// Prints, for each kind of mistake, how many were planted and found.
 fn report(title: &str, found: &[(usize, usize)]) {
     println!("{title}");
     for (mistake, (planted, found)) in MISTAKES.iter().zip(found) {
@@ -284,7 +284,7 @@ fn report(title: &str, found: &[(usize, usize)]) {
     }
 }
 
-/// Plants a mistake in a place; whether it was found. `None` where the plan is as it was.
+/// Plants a mistake and returns whether the checker found it; `None` if the plan is unchanged.
 fn try_out(mistake: &Mistake, setup: Setup, d: &Declaration, good: &Plan, place: mistakes::Place) -> Option<bool> {
     let mut bad = good.clone();
     (mistake.plant)(d, &mut bad, place, &|d| setup.plan(d));
@@ -320,7 +320,7 @@ fn the_checker_finds_planted_mistakes() {
     }
 }
 
-/// Every place of every kind in one frame, so that the property above is not true for want of cases.
+/// Every place for every kind of mistake in one frame, so that the property above cannot pass for lack of cases.
 #[test]
 fn every_mistake_in_a_frame_made_by_hand_is_found() {
     let d = mistakes::frame().finish().unwrap().declaration;
@@ -350,9 +350,9 @@ fn every_mistake_in_a_frame_made_by_hand_is_found() {
     }
 }
 
-// What the checker found in the planner, each as the smallest frame that shows it.
+// Regression tests: errors that the checker found in the planner, each as the smallest frame that shows it.
 
-/// The plan of a frame, which the checker must accept.
+/// Plans a frame and asserts that the checker accepts it.
 fn accepted(g: FrameGraph) -> (Declaration, Plan) {
     let d = g.finish().unwrap().declaration;
     let setup = Setup { switches: Switches::default(), device: Queues::default(), prints: Prints(0) };

@@ -1,5 +1,5 @@
-//! One bad frame does not live on: every output of every pass is spoilt with NaN and infinity in one frame, and 30 frames later nothing of
-//! it is left in any image, whatever fills the slots. What histories left out is counted, and `--check` still names the origin.
+//! Bad values do not persist: every output of every pass is overwritten with NaN and infinity in one frame, and 30 frames later no image
+//! contains any, for any implementation of the slots. Values that histories reject are counted, and `--check` still names the origin.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DMat3, DVec3, Vec3};
 use magpie::config::{Config, Value};
@@ -19,14 +19,14 @@ use std::mem::offset_of;
 use std::time::Instant;
 
 const SIZE: [u32; 2] = [64, 36];
-/// The frame that is spoilt beside the first, when histories have something to lose.
+/// The second frame that is poisoned, when histories have contents.
 const SPOILT: u32 = 3;
-/// After so many frames nothing may be left.
+/// Number of frames after which nothing may be left.
 const HEALED: u32 = 30;
-/// Parts of passes that keep or average something, and have to count what they leave out.
+/// Parts of the names of passes that keep or average values, and must count those that they reject.
 const COUNTS: [&str; 5] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map"];
 
-/// A floor with a block, a ball and a pane of coloured glass on it, under sun, lamp, sky and a glowing panel that no light stands for.
+/// A floor with a block, a ball and a pane of coloured glass, lit by a sun, a sphere light, sky and an emissive panel.
 fn room() -> Scene {
     let mut s = scene("room", camera([0.0, 1.6, 3.4], [0.0, 0.3, 0.0]));
     let at = |x: f32, y: f32, z: f32| Affine3A::from_translation(Vec3::new(x, y, z));
@@ -47,7 +47,7 @@ fn room() -> Scene {
     s
 }
 
-/// A configuration, and whether the camera turns: then histories are read between their pixels.
+/// A configuration, and whether the camera turns, so that histories are read between their pixels.
 struct Case {
     changes: Vec<String>,
     turns: bool,
@@ -57,7 +57,7 @@ fn case(changes: &[&str], turns: bool) -> Case {
     Case { changes: changes.iter().map(|c| (*c).to_owned()).collect(), turns }
 }
 
-/// Together they have every pass of the frame.
+/// A few configurations that include every pass of the frame.
 fn few() -> Vec<Case> {
     let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa"];
     vec![
@@ -92,7 +92,7 @@ fn few() -> Vec<Case> {
     ]
 }
 
-/// Every implementation and preset of every slot under several ways to show them, and every name that one of their settings takes.
+/// Every implementation and preset of every slot in several display modes, and every named value of their settings.
 fn all() -> Vec<Case> {
     let ways: [&[&str]; 3] = [
         &["post.anti_aliasing=taa"],
@@ -116,7 +116,7 @@ fn all() -> Vec<Case> {
             }
         }
         for (at, choice) in choices.into_iter().enumerate() {
-            // What fills a slot in each of the ways, a setting in one of them.
+            // Implementations and presets in all display modes, settings in one of them.
             let shown = |number: &usize| choice.len() == 1 || at % ways.len() == *number;
             for (number, way) in ways.iter().enumerate().filter(|(number, _)| shown(number)) {
                 let own = way.iter().filter(|w| !choice.iter().any(|c| c.split('=').next() == w.split('=').next()));
@@ -152,8 +152,8 @@ impl Run<'_> {
     }
 }
 
-/// Both values for every output of a frame that can hold them, each at a place of its own; maps, of which a picture looks at little,
-/// at many.
+/// NaN and infinity for every output of a frame that can hold them, each at its own place; shadow maps at many places, as the picture reads
+/// little of them.
 fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
     let FrameResult { declaration, plan, .. } = result;
     let passes = plan.order.iter().copied().filter(|&p| !declaration.passes[p as usize].weak);
@@ -192,17 +192,17 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
     found
 }
 
-/// What one run left.
+/// Result of one run.
 #[derive(Default)]
 struct Left {
-    /// Frames after the last that was spoilt until nothing was found any more.
+    /// Frames from the last poisoned one until the scan found nothing.
     healed_after: u32,
-    /// By pass.
+    /// Number of rejected values by pass.
     counted: BTreeMap<String, u64>,
 }
 
-/// Runs from the first frame on, spoils two frames, and looks at all images of every frame until they have to be clean; with `whole` to the
-/// last frame also where several frames in a row were.
+/// Runs from the first frame, poisons two frames, and scans all images of every frame until they have to be clean. Without `whole` it stops
+/// early after several clean frames.
 fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Left> {
     run.restart();
     let mut recorder = Recorder::new(0);
@@ -221,7 +221,7 @@ fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Le
             left.healed_after = (frame + 1).saturating_sub(last);
             ensure!(frame < last + HEALED, "left after {HEALED} frames: {}", result.findings[0]);
         } else if frame > last + 2 && !whole && frame >= last + left.healed_after + 4 {
-            break; // nothing comes back out of frames without anything
+            break; // after several clean frames nothing can reappear
         }
         ensure!(now.is_empty() || !result.findings.is_empty(), "frame {frame} was spoilt and nothing was found");
     }
@@ -229,7 +229,8 @@ fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Le
     Ok(left)
 }
 
-/// Every output of every pass in one frame, with `full` for all frames after it; with `singly` each alone too. Gives the names of the passes that were spoilt.
+/// Poisons every output of every pass in one frame; with `full` for all frames after it, with `singly` also each output alone. Returns the
+/// names of the poisoned passes.
 fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) -> Result<BTreeSet<String>> {
     let start = Instant::now();
     let changes: Vec<&str> = case.changes.iter().map(String::as_str).collect();
@@ -237,7 +238,7 @@ fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) ->
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, ..RenderOptions::default() };
     let renderer = Renderer::new(gpu, scene, &Slots::default(), &config, options)?;
     let mut all = Run { renderer, scene, turns: case.turns, frame: 0 };
-    // Maps are drawn in the first frame only, and histories are there in later ones.
+    // Shadow maps are drawn in the first frame only, and histories exist in later ones.
     let first = poisons(&all.frame()?);
     for _ in 1..SPOILT {
         all.frame()?;
@@ -254,7 +255,7 @@ fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) ->
         first.len() + later.len()
     );
     for pass in counts.iter().filter(|p| !p.starts_with("check.") && COUNTS.iter().any(|c| p.contains(c))) {
-        // What has no more range than from 0 to 1 cannot come in bad.
+        // An input limited to 0 to 1 cannot hold a bad value.
         let bounded = pass.contains(".bilateral") && !pass.starts_with("direct.");
         ensure!(bounded || counted.contains_key(pass), "{pass} left out nothing: {counted:?}");
     }
@@ -293,8 +294,8 @@ fn no_bad_value_outlives_its_frame_for_long() -> Result<()> {
     Ok(())
 }
 
-/// The tables of instances and lights are written when something moves, here when a light is dimmed: a bad word in them is met in every frame
-/// from then on.
+/// The tables of instances and lights are only written when something changes, here when a light is dimmed: a bad word in them affects
+/// every frame from then on.
 #[test]
 fn what_is_made_once_is_made_anew() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

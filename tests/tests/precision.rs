@@ -1,4 +1,4 @@
-//! Settings that trade accuracy for time do what they say, and slots hand out their images whichever implementation fills them.
+//! Settings that trade accuracy for time have the stated effect, and slots provide their images with every implementation.
 use anyhow::{Context, Result, ensure};
 use magpie::graph::Format;
 use magpie::pixels::Pixels;
@@ -6,7 +6,7 @@ use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
 
-/// Odd, so that halves are rounded.
+/// Odd, so that half sizes are rounded.
 const SIZE: [u32; 2] = [161, 91];
 
 /// One frame with every check on, and the images of these slots.
@@ -65,7 +65,7 @@ fn half_resolution_shadows_keep_their_own_pixels_and_err_at_edges_only() -> Resu
     }
     let share = wrong as f64 / a.len() as f64;
     println!("half resolution: {:.2} % of the pixels are off by more than 0.1", 100.0 * share);
-    ensure!(wrong > 0 && share < 0.2, "{wrong} of {} pixels are wrong", a.len()); // leaves everywhere
+    ensure!(wrong > 0 && share < 0.2, "{wrong} of {} pixels are wrong", a.len()); // leaves cover the whole picture
     Ok(())
 }
 
@@ -80,13 +80,13 @@ fn sixteen_bits_round_to_eleven_significant_ones() -> Result<()> {
         ensure!((a.format, b.format) == (Format::Rgba32Float, Format::Rgba16Float), "{:?}, {:?}", a.format, b.format);
         let (mut worst, mut seen) = (0.0_f32, 0);
         for (a, b) in a.values().into_iter().zip(b.values()) {
-            // Below 2^-14 half floats are subnormal: their steps no longer shrink.
+            // Half floats below 2^-14 are subnormal, with a constant step.
             for (a, b) in a.into_iter().zip(b).take(3).filter(|(a, _)| *a > 6.2e-5 && *a < 65504.0) {
                 worst = worst.max((a - b).abs() / a);
                 seen += 1;
             }
         }
-        // Devices may round down in place of to the nearest.
+        // Devices may round towards zero instead of to nearest.
         ensure!(seen > 1000 && worst > 1e-5 && worst <= 1.001 / 1024.0, "{slot}: {worst:e} over {seen} numbers");
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! Presets are what their names promise: from low to ultra each is nearer to the truth than the one before, and takes no less time.
+//! Presets from low to ultra have decreasing error and increasing time.
 use anyhow::{Context, Result, ensure};
 use glam::Vec3;
 use magpie::gpu::Gpu;
@@ -10,14 +10,14 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
 
 const SIZE: [u32; 2] = [112, 63];
-/// Of the last of so many frames errors are told.
+/// Number of frames, of which the last is compared.
 const FRAMES: usize = 8;
-/// Frames of which the median time is taken.
+/// Number of timed frames, of which the median counts.
 const TIMED: usize = 5;
-/// A step up may take so much less than the one before: medians of few frames on a busy machine.
+/// Least ratio of a preset's time to the one before: medians of few frames on a busy machine vary.
 const SLACK: f64 = 0.9;
 
-/// A slot filled by a preset.
+/// A renderer with a preset in a slot.
 struct Run<'a> {
     renderer: Renderer,
     scene: &'a Scene,
@@ -39,7 +39,7 @@ impl<'a> Run<'a> {
         self.renderer.frame(request)?.context("a size of zero")
     }
 
-    /// Notes the time of one more frame, milliseconds: of the slot, of everything where `post` decides how many pixels there are.
+    /// Renders a frame and records its time, milliseconds: of the slot's passes, or of all for `post`, which sets the resolution.
     fn time(&mut self) -> Result<()> {
         let result = self.frame()?;
         let is_own = |name: &str| {
@@ -58,7 +58,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Prints errors and times, and holds them to their order. Errors that the truth's own `noise` makes up need not fall further.
+/// Prints errors and times, and checks their order. Errors within the ground truth's `noise` need not decrease.
 fn in_order(slot: &str, errors: &[f64], noise: f64, runs: &[Run<'_>]) -> Result<()> {
     println!("{slot}: the truth's noise is {noise:.5}");
     for ((name, error), run) in QUALITIES.iter().zip(errors).zip(runs) {
@@ -82,7 +82,7 @@ fn truth(gpu: &Gpu, scene: &Scene, only: Only, samples: u32) -> Result<Estimate>
     Ok(reference.estimate().clone())
 }
 
-/// A slot of which the reference knows the truth: root mean square error after some frames.
+/// Checks a slot with a ground truth, by root mean square error after some frames.
 fn slot_in_order(slot: &'static str, only: Only, scene: &Scene) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let truth = truth(&gpu, scene, only, 256)?;
@@ -118,7 +118,7 @@ fn ao() -> Result<()> {
     slot_in_order("ao", Only::AmbientOcclusion, &builtin("courtyard")?)
 }
 
-/// The box with walls that are half metal and shine, and of which one glows: highlights are what points of a lamp are for.
+/// The box with walls that are half metal and glossy, one of them emissive: sampling affects highlights most.
 #[test]
 fn direct() -> Result<()> {
     let mut scene = builtin("cornell")?;
@@ -128,7 +128,7 @@ fn direct() -> Result<()> {
     slot_in_order("direct", Only::Direct, &scene)
 }
 
-/// Of `post`, what a display shows: FLIP against a picture of four times as many pixels each way, of which each is the mean of sixteen.
+/// Checks `post` by FLIP of display values against a picture of four times the resolution, averaged over 4x4 pixels.
 #[test]
 fn post() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -155,7 +155,7 @@ fn post() -> Result<()> {
     in_order("post", &errors, 0.0, &runs)
 }
 
-/// A picture of fewer pixels, each the mean of `by` by `by`.
+/// A picture downsampled by a box filter of `by` by `by` pixels.
 fn shrunk(large: &Picture, by: usize) -> Picture {
     let (width, height) = (large.width / by, large.height / by);
     let mut pixels = vec![[0.0_f32; 3]; width * height];

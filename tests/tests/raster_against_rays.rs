@@ -1,17 +1,17 @@
-//! Primary rays through the pixel centres against the raster G-buffer: what is visible, how far away it is and how it lies. On every way
-//! to trace that the device has, for everything that a scene can hold: opaque and alpha-tested, double-sided, moving, skinned and
-//! morphing triangles, and spheres.
+//! Primary rays through the pixel centres against the raster G-buffer: visibility, depth and normal. With every backend of the device, for
+//! every kind of geometry: opaque and alpha-tested, double-sided, moving, skinned and morphing triangles, and spheres.
 //!
-//! What may differ, and by how much:
-//! - **depth** (view depth, relative): 2e-5 for 32-bit rounding on both sides, plus what 1/256 of a pixel makes on a surface that lies so: vertices are snapped to 1/256 of a pixel when they
-//!   are drawn, and a ray knows nothing of that.
-//! - **geometric normal**: 1e-3 radians. A 16-bit octahedral number is good to 5e-5; the rest is for slivers.
-//! - **instance**: not at all.
+//! Tolerances:
+//! - **depth** (view depth, relative): 2e-5 for 32-bit rounding on both sides, plus the effect of 1/256 of a pixel on the surface's slope,
+//!   as the raster snaps vertices to 1/256 of a pixel.
+//! - **geometric normal**: 1e-3 radians. A 16-bit octahedral normal is accurate to 5e-5; the rest is for slivers.
+//! - **instance**: none.
 //!
-//! Every pixel that differs beyond that must have a cause (`compare::Cause`), and there may be one in a thousand of them (five, of things with small triangles).
+//! Every pixel beyond that must have a known cause (`compare::Cause`), and at most one in a thousand may be (five, for objects with small
+//! triangles).
 //!
-//! Rays hit both sides of every triangle and sphere, the raster drops back faces of materials that are not double sided: the rays of
-//! this test go on behind such a face. Rays and raster read alpha at the same mip, that of the pixel's cone.
+//! The raster culls back faces of materials that are not double sided, and this test's rays continue behind such a face. Rays and raster
+//! read alpha at the same mip, that of the pixel's cone.
 mod raster_against_rays {
     pub mod compare;
     pub mod look;
@@ -32,7 +32,7 @@ use magpie_tests::made;
 use raster_against_rays::compare::{Count, Counts, Kinds, check, compare};
 use raster_against_rays::look::{Both, look};
 
-/// The ways to trace that the device has.
+/// The backends of the device.
 fn ways(gpu: &Gpu) -> Vec<Rays> {
     let (can, cannot): (Vec<_>, Vec<_>) = Rays::ALL.into_iter().partition(|r| gpu.check_rays(*r).is_ok());
     for rays in cannot {
@@ -45,7 +45,7 @@ fn resident(gpu: &Gpu, scene: &Scene, rays: Rays) -> Result<SharedScene> {
     Ok(ResidentScene::new(gpu, scene, ResidentOptions { rays, ..ResidentOptions::default() })?.shared())
 }
 
-/// A picture that shows something.
+/// Compares one picture and checks that it shows something.
 fn picture(bench: &mut Bench, resident: &SharedScene, camera: &Camera, rays: Rays, policy: &Policy) -> Result<Both> {
     let both = look(bench, resident, camera, rays, policy)?;
     let seen = both.rays.iter().filter(|s| s.instance > 0).count();
@@ -105,9 +105,9 @@ fn courtyard() -> Result<()> {
     Ok(())
 }
 
-/// Moments in the loop of the carousel, seconds.
+/// Times in the loop of the carousel, seconds.
 const TIMES: [f64; 4] = [0.0, 0.7, 1.9, 3.3];
-/// What it shows, and how many pixels of each at least, of all pictures together.
+/// Kinds of geometry in the carousel, with the least number of pixels of each in all pictures together.
 const SHOWN: [(&str, u32); 6] = [
     ("alpha-tested", 10_000),
     ("double-sided", 10_000),
@@ -142,7 +142,7 @@ fn carousel() -> Result<()> {
     Ok(())
 }
 
-/// Spheres that are stretched, mirrored, tiny, cut by the near plane and seen from inside, of one and of two sides.
+/// Spheres that are stretched, mirrored, tiny, cut by the near plane and seen from inside, with one-sided and two-sided materials.
 #[test]
 fn spheres() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -167,10 +167,10 @@ fn spheres() -> Result<()> {
     made::add(&mut scene, three.clone(), grey(), stretched);
     made::add(&mut scene, three.clone(), grey(), mirrored);
     made::add(&mut scene, three, both_sides(), at(0.2, 1.5, -1.0));
-    // Around the eye: one that is not seen from inside, and far behind everything one that is.
+    // Around the eye: a one-sided sphere, which is invisible from inside, and far behind everything a two-sided one.
     made::add(&mut scene, mesh(&[(eye, 0.5)]), grey(), Affine3A::IDENTITY);
     made::add(&mut scene, mesh(&[(eye, 30.0)]), both_sides(), Affine3A::IDENTITY);
-    // The near plane cuts a hole into these, and through it their insides are seen, or not.
+    // The near plane cuts a hole into these, through which the inside is visible if they are two-sided.
     let cut = scene.cameras[0].world_from_camera.transform_point3(DVec3::new(-0.05, 0.025, -0.1)).as_vec3();
     made::add(&mut scene, mesh(&[(cut, 0.012)]), both_sides(), Affine3A::IDENTITY);
     let cut = scene.cameras[0].world_from_camera.transform_point3(DVec3::new(0.05, -0.025, -0.1)).as_vec3();
@@ -203,11 +203,11 @@ fn spheres() -> Result<()> {
     Ok(())
 }
 
-/// Frames that only deform and refit, and the time from one to the next, which is no part of the loop.
+/// Frames of deformation and refits only, and their time step, which does not divide the loop.
 const FRAMES: u32 = 600;
 const STEP: f64 = 0.0217;
 
-/// Millions of rays per second.
+/// Ray rate, millions per second.
 fn rate(both: &Both) -> f64 {
     both.nanoseconds.map_or(f64::NAN, |ns| both.closest as f64 * 1e3 / ns as f64)
 }
@@ -222,7 +222,7 @@ fn silhouettes_after_600_frames() -> Result<()> {
         for rebuild_every in [0, 64] {
             let policy = Policy { rebuild_every, ..Policy::default() };
             let resident = resident(&gpu, &scene, rays)?;
-            // Twice, as the first also makes the pipeline.
+            // Twice, as the first picture includes pipeline creation.
             picture(&mut bench, &resident, &scene.cameras[0], rays, &policy)?;
             let before = picture(&mut bench, &resident, &scene.cameras[0], rays, &policy)?;
             for frame in 1..=FRAMES {

@@ -1,13 +1,13 @@
-//! Rays that leave surfaces: a ball that rests on a floor, at every scale and distance from the world's origin, on every way to trace.
+//! Rays that leave surfaces: a ball resting on a floor, at every scale and distance from the world's origin, with every backend.
 //!
-//! - **Self-hits**: what leaves a convex body to the outer side of the triangle it stands on never meets that body. No margin: none of
-//!   the eight rays of any pixel may, down to a cosine of a thousandth.
-//! - **False dark**: pixels that the light reaches, by the closed form of a ball on a floor, and that are dark. Left out are those
-//!   whose line to the light comes as near to the ball as four times the offset.
-//! - **False light**: pixels whose line to the light passes through the ball, as deep as four times the offset, and that are lit. The
-//!   triangles of a ball lie up to 0.0011 of its radius inside of it: as much more is left out there.
+//! - **Self-hits**: rays that leave a convex body on the outer side of their triangle never hit that body. Without tolerance: none of the
+//!   eight rays of any pixel may, down to a cosine of a thousandth.
+//! - **False dark**: pixels that are dark although the light reaches them by the closed form of a ball on a floor. Excluded are those whose
+//!   line to the light passes the ball within four times the offset.
+//! - **False light**: pixels that are lit although their line to the light passes through the ball, deeper than four times the offset. The
+//!   triangles of a ball are up to 0.0011 of its radius inside it, which is added to the excluded margin.
 //!
-//! Starts are made both from the G-buffer and from hits of primary rays; the shadow pass must say what the former say.
+//! Origins are computed both from the G-buffer and from hits of primary rays; the shadow pass must agree with the former.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
@@ -28,7 +28,7 @@ use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{camera, material, mesh, scene, sphere, sun};
 
 const EXTENT: Extent = Extent { width: 160, height: 90 };
-/// How far triangles of the ball lie inside of it at most, with 48 rings of 96: `1 - cos(pi / 96)` along and across.
+/// Greatest distance of the ball's triangles below its surface, with 48 rings of 96: `1 - cos(pi / 96)` in both directions.
 const FACETS: f64 = 1.1e-3;
 
 const GLSL: &str = r#"#version 460
@@ -126,36 +126,36 @@ struct Params {
     factor: f32,
 }
 
-/// Where the light is, in the set-up's own space: the ball has radius 1 and rests on the origin, up is y.
+/// Position of the light, relative to the set-up: the ball has radius 1 and rests on the origin, up is y.
 #[derive(Clone, Copy, Debug)]
 enum Lit {
-    /// By a sun so many degrees above the floor.
+    /// A directional light at this elevation above the floor, degrees.
     Sun(f64),
-    /// By a lamp.
+    /// A point light at this position.
     Lamp(DVec3),
 }
 
-/// A floor and a ball, somewhere.
+/// A floor and a ball, with their placement in the world.
 #[derive(Clone, Copy, Debug)]
 struct SetUp {
     scale: f64,
     distance: f64,
     light: Lit,
-    /// The ball is one sphere rather than triangles. The raster may not know it; rays do.
+    /// Whether the ball is a procedural sphere rather than triangles.
     procedural: bool,
-    /// The eye, in the set-up's space, and what it looks at.
+    /// Positions of the eye and its target, relative to the set-up.
     view: [DVec3; 2],
-    /// Offsets are so many times what they are.
+    /// Factor of the offsets.
     factor: f32,
-    /// The floor is made of so many strips.
+    /// Number of strips that the floor is divided into.
     strips: u32,
-    /// Of the near plane, over what `Camera::look_at` chooses.
+    /// Factor of the near plane of `Camera::look_at`.
     near: f32,
 }
 
-/// From where the whole is seen.
+/// A view of the whole set-up.
 const WHOLE: [DVec3; 2] = [DVec3::new(1.8, 3.3, 4.7), DVec3::new(0.0, 0.8, 0.0)];
-/// From where the point of contact is seen: so low that the ball hides less than 0.002 of the floor before it.
+/// A view of the point of contact, so low that the ball hides less than 0.002 of the floor in front of it.
 const CONTACT: [DVec3; 2] = [DVec3::new(0.22, 0.03, 0.55), DVec3::ZERO];
 
 impl SetUp {
@@ -163,7 +163,7 @@ impl SetUp {
         Self { scale, distance, light: LAMP, procedural: false, view: WHOLE, factor: 1.0, strips: 1, near: 1.0 }
     }
 
-    /// World from the set-up's space. Turned, so that nothing lies along an axis.
+    /// World from the set-up's space. Rotated, so that nothing is axis-aligned.
     fn world(&self) -> DAffine3 {
         let turn = DQuat::from_rotation_y(0.6) * DQuat::from_rotation_x(0.35);
         let place = DVec3::new(0.62, 0.48, -0.62).normalize() * self.distance;
@@ -211,14 +211,14 @@ impl SetUp {
         s
     }
 
-    /// Whether light reaches a point of the floor, `None` where that is not for sure: by the distance of the ball's centre from the
-    /// line to the light.
+    /// Whether light reaches a point of the floor, by the distance of the ball's centre from the line to the light; `None` within the
+    /// margin.
     fn reaches_floor(&self, p: DVec3, margin: f64) -> Option<bool> {
         let to_light = self.to_light(p);
         let (to_centre, length) = (DVec3::Y - p, to_light.length());
         let along = to_centre.dot(to_light) / length;
         let beside = to_centre.cross(to_light).length() / length;
-        // A lamp beyond the ball's reach: no line ends near it.
+        // The light is outside of the ball, so no line ends near it.
         if along < 0.0 || beside > 1.0 + margin {
             return Some(true);
         }
@@ -227,7 +227,7 @@ impl SetUp {
     }
 }
 
-/// A square of 12 by 12 of strips, each two triangles.
+/// A square of 12 by 12, divided into strips of two triangles.
 fn floor(strips: u32) -> Mesh {
     let ends = (0..=strips).map(|i| -6.0 + 12.0 * i as f32 / strips as f32);
     let positions: Vec<Vec3> = ends.flat_map(|x| [Vec3::new(x, 0.0, 6.0), Vec3::new(x, 0.0, -6.0)]).collect();
@@ -235,7 +235,7 @@ fn floor(strips: u32) -> Mesh {
     mesh("floor", positions.clone(), vec![Vec3::Y; positions.len()], indices)
 }
 
-/// What came of one set-up, over all its pixels.
+/// Results of one set-up over all pixels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Count {
     starts: usize,
@@ -244,7 +244,7 @@ struct Count {
     falsely_dark: usize,
     dark: usize,
     falsely_lit: usize,
-    /// The greatest offset, over the ball's radius.
+    /// Greatest offset relative to the ball's radius.
     offset: f64,
 }
 
@@ -264,14 +264,14 @@ impl Count {
     }
 }
 
-/// One device and one way to trace.
+/// One device with one backend.
 struct Rig {
     bench: Bench,
     kernel: RayKernel,
     rays: Rays,
 }
 
-/// Every way to trace that the device has; the software way is one on every device.
+/// All backends of the device; software exists on every device.
 fn rigs(gpu: &Gpu) -> Result<Vec<Rig>> {
     let mut rigs = Vec::new();
     for rays in [Rays::Software, Rays::Query, Rays::Pipeline] {
@@ -286,33 +286,33 @@ fn rigs(gpu: &Gpu) -> Result<Vec<Rig>> {
     Ok(rigs)
 }
 
-/// Objects as the marks have them.
+/// Object ids as read back.
 const FLOOR: u32 = 1;
 const BALL: u32 = 2;
 
-/// A point that a pixel shows, and what rays from there say.
+/// The point of a pixel, and results of rays from there.
 #[derive(Clone, Copy)]
 struct Start {
     /// Instance + 1.
     object: u32,
     /// World, metres.
     position: DVec3,
-    /// Turned to the light: whether it arrives.
+    /// Visibility of the light; none if the surface faces away.
     lit: Option<bool>,
-    /// Of eight rays to the outer side, those that met the instance they left.
+    /// Number of hits, by eight rays to the outer side, on the instance they left.
     self_hits: usize,
     /// Offset, metres.
     offset: f64,
 }
 
-/// Of each pixel, the starts from the G-buffer and from a primary ray; and what the shadow pass says.
+/// For each pixel, the origins from the G-buffer and from a primary ray, and the shadow pass's result.
 struct Seen {
     starts: [Vec<Option<Start>>; 2],
     shadow: Vec<f32>,
 }
 
 impl Rig {
-    /// Rays from everything that a camera sees, towards a direction, or to a lamp at a place in the world.
+    /// Traces rays from everything that a camera sees, towards a direction, or towards a local light.
     fn look(&mut self, scene: &Scene, light: DVec3, is_lamp: bool, factor: f32) -> Result<Seen> {
         let Self { bench, kernel, rays } = self;
         let (gpu, kernel, rays) = (bench.gpu.clone(), *kernel, *rays);
@@ -387,12 +387,12 @@ impl Rig {
                 count.self_hits += start.self_hits;
                 count.offset = count.offset.max(offset);
                 let Some(lit) = start.lit else { continue };
-                // What the shadow pass says is the same, but where its shading normal turns away.
+                // The shadow pass agrees, except where its shading normal faces away.
                 if way == 0 && set_up.factor == 1.0 {
                     let same = (seen.shadow[i] == 1.0) == lit || (start.object == BALL && seen.shadow[i] == 0.0);
                     ensure!(same, "pixel {i} of {set_up:?}: {} in the shadow pass, {lit} here", seen.shadow[i]);
                 }
-                // The ball is convex: what faces the light is lit.
+                // The ball is convex: whatever faces the light is lit.
                 let floor = start.object == FLOOR;
                 let p = back.transform_point3(start.position);
                 match if floor { set_up.reaches_floor(p, 4.0 * offset) } else { Some(true) } {
@@ -416,7 +416,7 @@ const LAMP: Lit = Lit::Lamp(DVec3::new(1.7, 2.9, -0.9));
 const LIGHTS: [Lit; 3] = [Lit::Sun(55.0), Lit::Sun(1.0), LAMP];
 
 impl Rig {
-    /// Under every light, with a ball of triangles and with a sphere.
+    /// Counts for every light, with a ball of triangles and with a sphere.
     fn count_all(&mut self, set_up: &SetUp, name: &str) -> Result<Count> {
         let mut all = Count::default();
         for light in LIGHTS {
@@ -437,7 +437,7 @@ impl Rig {
     fn check(&mut self, set_up: &SetUp, name: &str) -> Result<()> {
         let all = self.count_all(set_up, name)?;
         ensure!(all.wrong() == 0, "{:?}, {name}: {all:?}", self.rays);
-        // What the page says.
+        // The bound stated in docs/ray-origins.md.
         ensure!(all.offset < 1e-4, "{:?}, {name}: offset by {:e} of the ball's radius", self.rays, all.offset);
         Ok(())
     }
@@ -477,7 +477,7 @@ fn neither_the_shape_of_triangles_nor_the_near_plane_matters() -> Result<()> {
         for strips in [100, 10_000] {
             rig.check(&SetUp { strips, ..SetUp::new(1.0, 1e3) }, &format!("{strips} strips"))?;
         }
-        // Depth has hardly any digits left; starts are not made from it.
+        // Depth has hardly any significant digits left, but origins do not depend on it.
         for near in [1e-3, 1e-9] {
             rig.check(&SetUp { near, ..SetUp::new(1.0, 1e3) }, &format!("near plane times {near:e}"))?;
         }
@@ -492,12 +492,12 @@ fn the_offset_is_needed_and_not_too_large() -> Result<()> {
         let mut with = |view, factor: f32| {
             rig.count_all(&SetUp { view, factor, ..SetUp::new(1.0, 1e3) }, &format!("offset times {factor}"))
         };
-        // Without it a third of the rays and a fifth of the pixels fail; three per cent of it are not enough either.
+        // Without an offset a third of the rays and a fifth of the pixels fail; 3 % of it are not enough either.
         let none = with(WHOLE, 0.0)?;
         ensure!(none.self_hits * 10 > none.starts && none.falsely_dark * 10 > none.lit, "{none:?}");
         let little = with(WHOLE, 0.01)?;
         ensure!(little.self_hits > 1000 && little.falsely_dark > 100, "{little:?}");
-        // A hundred times as much puts the floor's start into the ball and darkens the contact, and lets light in elsewhere.
+        // A hundred times the offset moves the floor's origins into the ball, which darkens the contact and leaks light elsewhere.
         let much = with(CONTACT, 100.0)?;
         ensure!(much.self_hits == 0 && much.falsely_dark > 50, "{much:?}");
         let much = with(WHOLE, 100.0)?;
@@ -506,8 +506,7 @@ fn the_offset_is_needed_and_not_too_large() -> Result<()> {
     Ok(())
 }
 
-/// A scene of thin leaves, grass and touching stones: the sun's shadows are the same with a quarter of the offset, so that it hides
-/// nothing that a smaller one would show.
+/// A scene of thin leaves, grass and touching stones: a quarter of the offset gives the same sun shadows, so the offset hides no detail.
 #[test]
 fn a_smaller_offset_shows_no_more_in_the_courtyard() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

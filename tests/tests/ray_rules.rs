@@ -1,4 +1,4 @@
-//! Masks, faces, ends of rays: small scenes whose answers are known, in every way to trace.
+//! Masks, culling, ends of rays: small scenes with known results, with every backend.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::Result;
 use glam::{Affine3A, Vec3};
@@ -12,7 +12,7 @@ use magpie_tests::harness::gpu;
 const CULL_BACK: u32 = 1;
 const CULL_FRONT: u32 = 2;
 
-/// A square of edge 2 in the plane z = 0 that faces +z.
+/// A square of edge 2 in the plane z = 0, facing +z.
 fn square() -> Shape {
     let positions = vec![
         Vec3::new(-1.0, -1.0, 0.0),
@@ -27,7 +27,7 @@ fn at(x: f32, z: f32, scale: Vec3) -> Placed {
     Placed::new(0, Affine3A::from_scale_rotation_translation(scale, glam::Quat::IDENTITY, Vec3::new(x, 0.0, z)))
 }
 
-/// Down -z from 5 m above, or up +z from 5 m below, beside the diagonal.
+/// A ray down -z from 5 m above, or up +z from 5 m below, beside the diagonal.
 fn ray(x: f32, from_front: bool) -> RayTask {
     let z = if from_front { 5.0 } else { -5.0 };
     RayTask {
@@ -40,7 +40,7 @@ fn ray(x: f32, from_front: bool) -> RayTask {
     }
 }
 
-/// Traces rays in every way, asks whether anything is met as well, and gives what each way says.
+/// Traces rays with every backend, checks any-hit rays against them, and returns each backend's answers.
 fn answers(gpu: &Gpu, placed: &[Placed], rays: &[RayTask]) -> Result<Vec<(Rays, Vec<RayAnswer>)>> {
     let mut tracer = Tracer::new(gpu, &gpu.rays())?;
     let mut all = Vec::new();
@@ -60,7 +60,7 @@ fn answers(gpu: &Gpu, placed: &[Placed], rays: &[RayTask]) -> Result<Vec<(Rays, 
     Ok(all)
 }
 
-/// Compares with what must be met: the instance and the distance.
+/// Compares with the expected hits: instance and distance.
 fn expect(gpu: &Gpu, placed: &[Placed], rays: &[(RayTask, Option<(u32, f32)>)]) -> Result<()> {
     let tasks: Vec<RayTask> = rays.iter().map(|(ray, _)| *ray).collect();
     for (way, answers) in answers(gpu, placed, &tasks)? {
@@ -84,7 +84,7 @@ fn expect(gpu: &Gpu, placed: &[Placed], rays: &[(RayTask, Option<(u32, f32)>)]) 
 fn rays_see_instances_that_share_a_bit() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let masked = |z: f32, mask: u32| Placed { mask, ..at(0.0, z, Vec3::ONE) };
-    // One behind the other, from the eye's side: bits 1, 2, 4, none at all, and all.
+    // One behind the other: bits 1, 2, 4, none, and all.
     let placed = [masked(4.0, 1), masked(3.0, 2), masked(2.0, 4), masked(1.0, 0), masked(0.0, 255)];
     let with = |mask: u32| RayTask { mask, ..ray(0.0, true) };
     let rays = [
@@ -105,8 +105,8 @@ fn faces_are_culled_by_their_side_in_object_space() -> Result<()> {
     let plain = Vec3::ONE;
     let placed = [
         at(0.0, 0.0, plain),
-        at(10.0, 0.0, Vec3::new(-1.0, 1.0, 1.0)), // mirrored from side to side: still faces +z
-        at(20.0, 0.0, Vec3::new(1.0, 1.0, -1.0)), // mirrored from front to back: faces -z
+        at(10.0, 0.0, Vec3::new(-1.0, 1.0, 1.0)), // mirrored in x: still faces +z
+        at(20.0, 0.0, Vec3::new(1.0, 1.0, -1.0)), // mirrored in z: faces -z
         Placed { double_sided: true, ..at(30.0, 0.0, plain) },
         Placed { double_sided: true, ..at(40.0, 0.0, Vec3::new(-1.0, 1.0, 1.0)) },
     ];
@@ -127,7 +127,7 @@ fn faces_are_culled_by_their_side_in_object_space() -> Result<()> {
         }
     }
     expect(&gpu, &placed, &rays)?;
-    // And the side is told.
+    // The side of the hit is reported.
     let tasks: Vec<RayTask> = rays.iter().map(|(ray, _)| RayTask { cull: 0, ..*ray }).collect();
     for (way, answers) in answers(&gpu, &placed, &tasks)? {
         for (i, answer) in answers.iter().enumerate() {
@@ -164,7 +164,7 @@ fn hits_count_between_both_ends_of_a_ray() -> Result<()> {
         (between(5.01, 5.99), None),
         (between(0.0, 4.99), None),
         (between(6.01, 100.0), None),
-        // In lengths of the direction.
+        // `t` is in lengths of the direction.
         (double(between(0.0, 2.49)), None),
         (double(between(0.0, 2.51)), Some((0, 2.5))),
         (double(between(2.51, 100.0)), Some((1, 3.0))),

@@ -1,4 +1,4 @@
-//! The reference path tracer against itself: how its error falls, whether it knows its error, and whether its parts make up the whole.
+//! The reference path tracer against itself: convergence, accuracy of its standard error, and the sum of its parts.
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use magpie::gpu::Gpu;
@@ -21,19 +21,19 @@ fn estimate(gpu: &Gpu, scene: &Scene, options: ReferenceOptions, samples: u32) -
     Ok(reference.estimate().clone())
 }
 
-/// Four scenes that differ: an area light, a sun with a sky, an environment map, many small lights.
+/// Four different scenes: an area light, a sun with a sky, an environment map, many small lights.
 fn four() -> Result<[Scene; 4]> {
     Ok([builtin("cornell")?, builtin("courtyard")?, scenes::environment_map(), scenes::many_lights()])
 }
 
-/// Root mean square of the difference of two independent estimates: the standard error of either, times the square root of 2.
+/// Root mean square difference of two independent estimates: the standard error of either, times the square root of 2.
 fn apart(a: &Estimate, b: &Estimate) -> f64 {
     let square: f64 = a.mean.iter().zip(&b.mean).map(|(a, b)| (*a - *b).length_squared()).sum();
     (square / (3 * a.mean.len()) as f64).sqrt()
 }
 
-/// Where two independent estimates of one thing differ, in units of their standard errors: mean of the squares over all values that
-/// vary, 1 if they are what they say; and the same for the means of the whole pictures, as a deviate.
+/// Difference of two independent estimates in units of their standard errors: mean square over all values that vary, 1 if the standard
+/// errors are right; and the deviate of the means of the whole pictures.
 fn deviation(a: &Estimate, b: &Estimate) -> (f64, f64) {
     let (errors_a, errors_b) = (a.standard_error(), b.standard_error());
     let (mut sum, mut count) = (0.0, 0.0);
@@ -62,10 +62,10 @@ fn full() -> bool {
 fn the_error_falls_with_the_root_of_the_samples() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let most: u32 = if full() { 4096 } else { 256 };
-    // In the courtyard sun off smooth tiles is found once in a million paths: 4096 samples are too few there to see a slope.
+    // In the courtyard smooth tiles reflect the sun in one of a million paths: 4096 samples are too few there to measure a slope.
     let scenes = four()?.map(|s| if s.name == "courtyard" { scenes::area_light() } else { s });
     for scene in scenes {
-        // At the centres: pixels on the edge of a lamp are bright or not, and those few would be all of the error.
+        // At pixel centres: otherwise a few pixels on the edge of a light would dominate the error.
         let pixel = PixelSampling::Centre;
         let run = |seed| Reference::new(&gpu, &scene, &scene.cameras[0], ReferenceOptions { seed, pixel, ..options() });
         let (mut one, mut other) = (run(1)?, run(2)?);
@@ -87,7 +87,7 @@ fn the_error_falls_with_the_root_of_the_samples() -> Result<()> {
             "{:<16} slope {slope:+.4} from 4 to {most} samples; two seeds: mean square deviation {squares:.3}, of the whole {whole:.2}",
             scene.name
         );
-        // Fewer points leave more to chance.
+        // Fewer points have a greater variance.
         let allowed = if full() { 0.05 } else { 0.1 };
         ensure!((slope + 0.5).abs() <= allowed, "{}: {slope}: {points:?}", scene.name);
         ensure!(whole < 4.5, "{}: the pictures of two seeds are {whole} standard errors apart", scene.name);
@@ -98,7 +98,7 @@ fn the_error_falls_with_the_root_of_the_samples() -> Result<()> {
 #[test]
 fn it_knows_its_error() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // Half the width of an interval that covers 95 %, for the difference of two.
+    // Half width of a 95 % confidence interval of the difference of two.
     const WIDTH: f64 = 1.96;
     for scene in four()? {
         let seed = |seed| estimate(&gpu, &scene, ReferenceOptions { seed, ..options() }, 256);
@@ -130,7 +130,7 @@ fn parts_make_up_the_whole() -> Result<()> {
             estimate(&gpu, &scene, ReferenceOptions { only, seed, pixel: PixelSampling::Centre, ..options() }, 256)
         };
         let whole = part(Only::All, 1)?;
-        // Errors of a sum add as squares: the parts as one estimate.
+        // Squared errors add: the sum of the parts as one estimate.
         let mut sum = Estimate {
             mean: vec![DVec3::ZERO; whole.mean.len()],
             squares: vec![DVec3::ZERO; whole.mean.len()],
@@ -156,7 +156,7 @@ fn parts_make_up_the_whole() -> Result<()> {
     Ok(())
 }
 
-/// Pixels without a surface, where ambient occlusion is exactly 1 without any spread, are left out of both.
+/// Removes pixels without a surface from both; their ambient occlusion is exactly 1 without variance.
 fn without_background(mut a: Estimate, mut b: Estimate, open: &Estimate) -> (Estimate, Estimate) {
     for at in 0..a.mean.len() {
         if open.mean[at] == DVec3::ONE && b.mean[at] == DVec3::ZERO {
@@ -182,7 +182,7 @@ fn every_strategy_finds_the_same() -> Result<()> {
                 "{:<16} power against {name}: mean square deviation {squares:.3}, of the whole {whole:.2}",
                 scene.name
             );
-            // Surfaces rarely find small lights: what a thousand samples say of their own error is then too little.
+            // Paths rarely hit small lights, so a thousand samples underestimate their standard error.
             ensure!(whole < 4.5 && squares < 2.0, "{}, {name}: {squares}, {whole}", scene.name);
         }
     }
@@ -208,7 +208,7 @@ fn it_goes_on_where_it_stopped() -> Result<()> {
         let scale = straight.mean[at].abs().max_element().max(1e-3);
         ensure!((straight.mean[at] - resumed.mean[at]).abs().max_element() <= 1e-6 * scale, "pixel {at}");
     }
-    // Another seed is other samples, and both together are as good as twice as many.
+    // Another seed gives independent samples, and both together are as good as twice as many.
     let other = estimate(&gpu, &scene, ReferenceOptions { seed: 9, ..options() }, 48)?;
     ensure!(apart(&straight, &other) > 0.0);
     let mut both = straight.clone();
@@ -227,7 +227,7 @@ fn every_way_to_trace_gives_the_same_paths() -> Result<()> {
         let software = by(Rays::Software)?;
         for rays in [Rays::Query, Rays::Pipeline] {
             let other = by(rays)?;
-            // The same random numbers: only paths that graze an edge go another way.
+            // The same random numbers: only paths that graze an edge differ.
             let same = software
                 .mean
                 .iter()
@@ -247,13 +247,13 @@ fn every_way_to_trace_gives_the_same_paths() -> Result<()> {
     Ok(())
 }
 
-/// A sun without size, and no other light: the raster's direct light with ray-traced shadows is then no approximation.
+/// With a sun without angular size and no other light, the raster's direct light with ray-traced shadows is exact.
 #[test]
 fn a_parallel_sun_is_exact_in_the_raster_too() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut scene = builtin("courtyard")?;
     scene.lights.truncate(1);
-    // Textures come through another filter in the raster.
+    // The raster filters textures differently.
     for material in &mut scene.materials {
         material.base_colour_texture = None;
         material.metallic_roughness_texture = None;
@@ -277,10 +277,10 @@ fn a_parallel_sun_is_exact_in_the_raster_too() -> Result<()> {
         let mut wrong = 0;
         for (truth, raster) in truth.mean.iter().zip(raster.values()) {
             let raster = DVec3::new(f64::from(raster[0]), f64::from(raster[1]), f64::from(raster[2]));
-            // The sun; the lantern has a size.
+            // The sun only; the lantern has a size.
             let first = |v: DVec3| if only == Only::Shadows { DVec3::splat(v.x) } else { v };
             let (truth, raster) = (first(*truth), first(raster));
-            // Textures and normals come through other filters and formats; shadows are one or nothing.
+            // Textures and normals differ in filtering and formats; hard shadows are 0 or 1.
             wrong += u32::from((truth - raster).abs().max_element() > 0.05 * truth.max_element().max(0.05));
         }
         let share = f64::from(wrong) / f64::from(size[0] * size[1]);

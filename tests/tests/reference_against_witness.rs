@@ -1,5 +1,5 @@
-//! The reference on the device against the witness on the processor: another language, another precision, other formulas for the same
-//! model, other ways to sample it.
+//! The reference on the device against the CPU path tracer: another language and precision, independent formulas for the same model, and
+//! other sampling strategies.
 use anyhow::{Result, ensure};
 use glam::DVec3;
 use magpie::scene::Scene;
@@ -14,14 +14,14 @@ use std::path::Path;
 const SIZE: [u32; 2] = [48, 32];
 /// Greatest relative difference of the means of two pictures.
 const LIMIT: f64 = 0.005;
-/// Pixels on a side of the blocks in which a residual would show.
+/// Side of the blocks, pixels, in which systematic differences are looked for.
 const BLOCK: usize = 8;
 
 fn samples() -> u32 {
     if env::var_os("MAGPIE_FULL").is_some() { 4096 } else { 512 }
 }
 
-/// How many times the samples a scene takes on the device and of the witness: small lights and paths through rough glass are found late.
+/// Factor of the samples for device and CPU: small lights and paths through rough glass converge slowly.
 fn patience(scene: &Scene, only: Only) -> [u32; 2] {
     match (scene.name.as_str(), only) {
         ("many lights", _) => [8, 4],
@@ -32,7 +32,7 @@ fn patience(scene: &Scene, only: Only) -> [u32; 2] {
     }
 }
 
-/// What the two say of each pixel: means, and the square of the standard error of their difference.
+/// Both pictures: means of each pixel, and the variance of their difference.
 struct Both {
     device: Vec<DVec3>,
     witness: Vec<DVec3>,
@@ -55,16 +55,16 @@ fn both(gpu: &magpie::gpu::Gpu, scene: &Scene, options: ReferenceOptions, sample
 }
 
 impl Both {
-    /// Relative difference of the means of the pictures, and its standard error.
+    /// Relative difference of the pictures' means, and its standard error.
     fn difference(&self) -> (f64, f64) {
         let sum = |values: &[DVec3]| values.iter().map(|v| v.element_sum()).sum::<f64>();
-        // Channels of a pixel are not independent: their errors add up, not their squares.
+        // Channels of a pixel are correlated: their standard errors add, not their variances.
         let error = self.variance.iter().map(|v| v.map(f64::sqrt).element_sum().powi(2)).sum::<f64>().sqrt();
         let scale = sum(&self.witness).max(f64::MIN_POSITIVE);
         ((sum(&self.device) - scale) / scale, error / scale)
     }
 
-    /// Deviations of the blocks of the picture, in standard errors: their root mean square, 1 if there is no structure, and the greatest.
+    /// Root mean square of the blocks' deviations in standard errors, 1 without systematic differences, and the greatest deviation.
     fn blocks(&self) -> (f64, f64) {
         let [width, height] = SIZE.map(|n| n as usize);
         let (mut squares, mut count, mut greatest) = (0.0, 0.0, 0.0_f64);
@@ -86,7 +86,7 @@ impl Both {
         ((squares / f64::max(count, 1.0)).sqrt(), greatest)
     }
 
-    /// Leaves device, witness and difference (dark grey is none) side by side, to be looked at.
+    /// Writes device, CPU and difference (dark grey for none) side by side, for inspection.
     fn show(&self, name: &str) -> Result<()> {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/images");
         fs::create_dir_all(&folder)?;
@@ -126,7 +126,7 @@ fn six_scenes() -> Result<()> {
     Ok(())
 }
 
-/// KHR_materials_specular, whole and by parts.
+/// KHR_materials_specular, in full and by parts.
 #[test]
 fn reflections_of_their_own() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -155,7 +155,7 @@ fn every_part() -> Result<()> {
         (scenes::glass_ball(), Only::Transparency),
     ];
     for (mut scene, only) in parts {
-        // Parts filter the textures of the first surface as the raster does, the witness does not.
+        // Parts filter textures of the first surface as the raster does; the CPU path tracer does not.
         scene.materials.iter_mut().for_each(|m| m.base_colour_texture = None);
         let [device, witness] = patience(&scene, only).map(|n| n * samples());
         let options = ReferenceOptions {

@@ -1,5 +1,5 @@
-//! What somebody who adds passes from outside gets wrong first, and what is said to it at once: push constants of another size than the
-//! shader's, images that are not as a slot's contract says, an index that nobody set, a check that could find nothing.
+//! Common mistakes of authors of external passes, and the errors they get: push constants whose size differs from the shader's, images that
+//! violate a slot's contract, an index that was not set, a check that cannot find anything.
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
@@ -27,14 +27,14 @@ layout(push_constant, scalar) uniform Push { uint image; uvec2 size; float a; fl
 void main() {
     if (all(lessThan(RAY_INVOCATION.xy, size))) store(image, ivec2(RAY_INVOCATION.xy), vec4(a, b, a, b));
 }";
-/// The block of the vertex shader is shorter than that of the fragment shader.
+/// The vertex shader's block is shorter than the fragment shader's.
 const VERTEX: &str = "layout(push_constant, scalar) uniform Push { uint image; uvec2 size; };
 void main() { gl_Position = vec4(float(size.x + image), 0.0, 0.5, 1.0); }";
 const FRAGMENT: &str = "layout(push_constant, scalar) uniform Push { uint image; uvec2 size; float a; float b; };
 layout(location = 0) out vec4 colour;
 void main() { colour = vec4(a, b, a, b); }";
 
-/// What the shaders read.
+/// The block that the shaders read.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 struct Right {
@@ -43,7 +43,7 @@ struct Right {
     numbers: [f32; 2],
 }
 
-/// The same without the last number.
+/// The same without the last field.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 struct Short {
@@ -52,7 +52,7 @@ struct Short {
     number: f32,
 }
 
-/// The same with a number that the shader has not got.
+/// The same with an additional field.
 #[repr(C)]
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 struct Long {
@@ -61,7 +61,7 @@ struct Long {
     numbers: [f32; 3],
 }
 
-/// Everything that records push constants.
+/// All commands that record push constants.
 #[derive(Clone, Copy, Debug)]
 enum Command {
     Dispatch,
@@ -77,7 +77,7 @@ struct Pipelines {
     raster: RasterKernel,
 }
 
-/// Declares and runs a frame in which a pass records a command with these push constants.
+/// Declares and runs a frame with a pass that records a command with these push constants.
 fn record<P: Pod + Send + Default>(
     bench: &mut Bench,
     shot: Shot<'_>,
@@ -88,7 +88,7 @@ fn record<P: Pod + Send + Default>(
     let (compute, raster) = (pipelines.compute, pipelines.raster);
     let ran = bench.run(shot.extent, &[], |g, imports| {
         let (_, scene) = shot.declare(&gpu, g, imports)?;
-        // Zeros: as indices, and as how much is to be done.
+        // Zeros, for indices and counts.
         let words = g.pass("mine.words", Queue::Graphics, |p| {
             let (words, to) = p.fill_buffer("words", BufferDesc::new(64));
             (words.read(), move |c: &mut Record<'_>| c.fill_buffer(to, 0, &[0_u32; 16]))
@@ -134,8 +134,8 @@ fn shader(name: &'static str, glsl: &str, stage: Stage) -> Result<Shader> {
     Ok(Shader { name, stage, spirv: words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>().leak() })
 }
 
-/// Wherever push constants are recorded, a struct that is shorter or longer than the block is refused before anything runs; the right one
-/// is not, and the frame after a refusal runs as if nothing had been.
+/// Wherever push constants are recorded, a struct that is shorter or longer than the block is rejected before anything runs. The right one
+/// is accepted, and the frame after a rejection runs normally.
 #[test]
 fn push_constants_of_another_size_are_refused_with_both() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -198,7 +198,7 @@ fn a_block_that_no_pass_can_fill_is_refused() -> Result<()> {
     Ok(())
 }
 
-/// The standard `post`, but the display that it gives is another.
+/// The standard `post`, but with an invalid display image.
 struct Other {
     standard: BoxedEffect<PostIn, PostOut>,
     desc: fn(Extent) -> ImageDesc,
@@ -223,7 +223,7 @@ impl Effect for Other {
     }
 }
 
-/// Openness of half the size, which whoever is to read it does not expect.
+/// Openness at half size, which violates the slot's contract.
 struct HalfOpen(Kernel);
 
 impl Effect for HalfOpen {
@@ -250,7 +250,7 @@ fn fill(gpu: &Gpu) -> Result<Kernel, magpie::slot::SlotError> {
     gpu.kernel_from_words("fill.comp", &words).map_err(magpie::slot::SlotError::other)
 }
 
-/// The mistakes of a frame with these slots, in order.
+/// The errors of a frame with these slots, in order.
 fn mistakes(gpu: &Gpu, slots: &Slots, changes: &[&str]) -> Result<Vec<GraphError>> {
     let scene = builtin("cornell")?;
     let mut config = Config::default();
@@ -295,7 +295,7 @@ fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()
             wrong.map(|given| format!("slot `post`: \"{name}\" gives `display` {given}, wanted Rgba8Unorm of 32x18"));
         ensure!(said == Vec::from_iter(wanted), "{name}: {said:?}");
     }
-    // All that is wrong is said together.
+    // All errors are reported together.
     let found = mistakes(&gpu, &slots, &["stages.post=small", "stages.ao=half", "post.resolution_scale=0.5"])?;
     let said: Vec<String> = found.iter().map(ToString::to_string).collect();
     let wanted = [
@@ -313,18 +313,17 @@ struct Unset {
     to: StorageImage,
 }
 
-/// A field of the parameters that was left out stands for one pixel of the device's own, black and nobody's: not for whatever image came
-/// first.
+/// An index that was left out refers to the device's own black pixel, not to the first image.
 #[test]
 fn an_index_that_nobody_set_reads_black_and_writes_nothing() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     unset(&gpu, "")?;
-    // With the validation layers on, a pass sees no storage image but its own.
+    // With the validation layers on, a pass sees only its own storage images.
     let options = GpuOptions { device: std::env::var("MAGPIE_DEVICE").ok(), ..GpuOptions::default() };
     unset(&Gpu::new(&options)?, "store(0u, ivec2(gl_GlobalInvocationID.xy), vec4(7.0));")
 }
 
-/// Reads an index that nobody set, and does something beside it.
+/// Reads an index that was not set, and runs another statement.
 fn unset(gpu: &Gpu, beside: &str) -> Result<()> {
     let mut bench = Bench::new(gpu)?;
     let text = format!(

@@ -1,5 +1,5 @@
-//! Every sampler of `shaders/lib` against its density: a million samples on the device, in bins, beside the integral of the density over
-//! each bin (Pearson's χ² test), and the integral over everything, which is 1 less what is lost.
+//! Every sampler of `shaders/lib` against its pdf: a million samples on the device in bins, compared with the integral of the pdf over each
+//! bin (Pearson's χ² test); and the integral over everything, which is 1 less the share of invalid samples.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse};
@@ -11,13 +11,13 @@ use magpie_tests::chi_square::chi_square;
 use magpie_tests::harness::{builtin, gpu};
 use std::sync::Arc;
 
-/// Bins on each side, and points on each side of a bin at which the density is taken.
+/// Bins on each side, and points on each side of a bin at which the pdf is evaluated.
 const BINS: u32 = 16;
 const POINTS: u32 = 112;
 const SAMPLES: u32 = 1 << 20;
 
-/// Directions are binned around an axis, finer near it: by `t = c / (c + width)` of `c`, 1 less the cosine, and the angle around. Lobes
-/// with long tails take a logarithm for three quarters of the bins, up to a right angle, where some of them end.
+/// Directions are binned around an axis, finer near it: by `t = c / (c + width)`, where `c` is 1 less the cosine, and by the angle around.
+/// For lobes with long tails three quarters of the bins are logarithmic, up to a right angle, where some of them end.
 const FRAME: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -99,7 +99,7 @@ struct Params {
     points: u32,
 }
 
-/// Runs a kernel; gives the counts, with those that were lost at the end, and the densities.
+/// Runs a kernel; returns the counts, with invalid samples last, and the bins' probabilities.
 fn run(bench: &mut Bench, name: &str, glsl: &str, bins: u32, tables: Option<&Tables>) -> Result<(Vec<f64>, Vec<f64>)> {
     let kernel = bench.kernel(name, glsl)?;
     let (gpu, cells) = (bench.gpu.clone(), bins * bins);
@@ -146,7 +146,7 @@ fn run(bench: &mut Bench, name: &str, glsl: &str, bins: u32, tables: Option<&Tab
     Ok((words.iter().map(|w| f64::from(*w)).collect(), floats.iter().map(|f| f64::from(*f)).collect()))
 }
 
-/// Samples against density.
+/// Compares samples with the pdf.
 fn check(name: &str, counts: &[f64], shares: &[f64]) -> Result<()> {
     let (lost, counts) = (counts[counts.len() - 1], &counts[..counts.len() - 1]);
     let integral: f64 = shares.iter().sum();
@@ -164,7 +164,7 @@ fn check(name: &str, counts: &[f64], shares: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// A sampler of directions: its two functions, the axis around which it is looked at, and how near.
+/// A sampler of directions: its sample and pdf functions, the axis of the bins, and their width.
 struct Case {
     name: String,
     code: String,
@@ -179,7 +179,7 @@ fn case(name: &str, axis: &str, width: f32, sample: &str, pdf: &str) -> Case {
     Case { name: name.to_owned(), code, axis: axis.to_owned(), width, tail: false }
 }
 
-/// The same of a lobe that reaches to the horizon.
+/// The same for a lobe that extends to the horizon.
 fn lobe(name: &str, axis: &str, width: f32, sample: &str, pdf: &str) -> Case {
     Case { tail: true, ..case(name, axis, width, sample, pdf) }
 }
@@ -325,7 +325,7 @@ fn lights_with_a_size() -> Result<()> {
     all(&cases, None)
 }
 
-/// The courtyard's sky, by its cells.
+/// The courtyard's sky, by cells of its table.
 #[test]
 fn the_sky() -> Result<()> {
     let scenes = [("sky", builtin("courtyard")?), ("environment map", magpie_tests::oracle::scenes::environment_map())];
@@ -339,7 +339,7 @@ fn the_sky() -> Result<()> {
     Ok(())
 }
 
-/// Points of triangles and discs: shares of areas that are known.
+/// Points on triangles and discs: bins of known area.
 #[test]
 fn points() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -350,7 +350,7 @@ fn points() -> Result<()> {
              Random random = random_of(i, 3u, 9u); vec4 u = random4(random); uint bin; {bin} atomicAdd(Words(counts).at[bin], 1u); }}"
         )
     };
-    // Cells of a grid over the half square; the diagonal cuts its cells in half.
+    // Cells of a grid over a triangle, half of the unit square; the diagonal halves some cells.
     let triangle = main(
         "vec2 w = sample_triangle(u.xy); uvec2 cell = min(uvec2(w * 16.0), uvec2(15u)); bin = cell.y * 16u + cell.x;",
     );
@@ -363,7 +363,7 @@ fn points() -> Result<()> {
         .collect();
     let (counts, _) = run(&mut bench, "triangle.comp", &triangle, BINS, None)?;
     check("triangle", &counts, &shares)?;
-    // Rings of equal area, in sectors.
+    // Rings of equal area, divided into sectors.
     let disc = main(
         "vec2 p = sample_disc(u.xy); float a = atan(p.y, p.x) / (2.0 * PI); vec2 at = vec2(dot(p, p), a < 0.0 ? a + 1.0 : a); \
          uvec2 cell = min(uvec2(at * 16.0), uvec2(15u)); bin = cell.y * 16u + cell.x;",
@@ -372,7 +372,7 @@ fn points() -> Result<()> {
     check("disc", &counts, &[1.0 / f64::from(BINS * BINS); (BINS * BINS) as usize])
 }
 
-/// Which light: odds in proportion to power.
+/// Choice of a light, with a probability proportional to power.
 #[test]
 fn the_choice_of_a_light() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

@@ -1,5 +1,5 @@
-//! The low-discrepancy sequence of `shaders/lib/sequence.glsl` on the device: stratified in every way, uniform, the same for no two pixels
-//! and no two dimensions, and better than chance.
+//! The low-discrepancy sequence of `shaders/lib/sequence.glsl` on the device: stratified, uniform, independent between pixels and
+//! dimensions, and with less error than random points.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
@@ -9,7 +9,7 @@ use magpie_tests::bench::Bench;
 use magpie_tests::chi_square::chi_square;
 use magpie_tests::harness::gpu;
 
-/// Points of a pixel's sequence, and pixels, 16 to a row.
+/// Points per pixel, and number of pixels, 16 to a row.
 const POINTS: usize = 1024;
 const PIXELS: usize = 256;
 
@@ -35,7 +35,7 @@ struct Params {
     seed: u32,
 }
 
-/// The points of each pixel for two dimensions, which are the first and the last two numbers.
+/// The points of each pixel for two dimensions, in xy and zw.
 fn points(dimensions: [u32; 2], seed: u32) -> Result<Option<Vec<Vec<[f32; 4]>>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let mut bench = Bench::new(&gpu)?;
@@ -86,7 +86,7 @@ fn every_block_of_points_is_stratified_in_every_way() -> Result<()> {
     Ok(())
 }
 
-/// Counts in a grid of 16 by 16 cells against as many in each.
+/// Compares counts in a grid of 16 by 16 cells with a uniform distribution.
 fn even(what: &str, points: impl Iterator<Item = [f32; 2]>) -> Result<()> {
     let mut counts = vec![0.0; 256];
     points.for_each(|[x, y]| counts[(y * 16.0) as usize * 16 + (x * 16.0) as usize] += 1.0);
@@ -99,7 +99,7 @@ fn even(what: &str, points: impl Iterator<Item = [f32; 2]>) -> Result<()> {
 
 #[test]
 fn a_point_is_uniform_and_says_nothing_of_another() -> Result<()> {
-    // Of each pixel one point: seeds give as many pixels as are needed.
+    // One point per pixel; further seeds provide as many pixels as needed.
     let mut all = Vec::new();
     for seed in 0..32 {
         let Some(pixels) = points([0, 3], seed)? else { return Ok(()) };
@@ -110,7 +110,7 @@ fn a_point_is_uniform_and_says_nothing_of_another() -> Result<()> {
         even(&format!("point {index}, two dimensions"), all.iter().map(|p| [p[index][0], p[index][2]]))?;
         even(&format!("point {index}, two dimensions, second number"), all.iter().map(|p| [p[index][1], p[index][3]]))?;
     }
-    // Neighbours, and the same pixel with another seed.
+    // Neighbouring pixels, and the same pixel with another seed.
     let next = |step: usize| (0..all.len() - step).map(move |at| (at, at + step));
     for (what, step) in [("neighbours in a row", 1), ("neighbours in a column", 16), ("two seeds", PIXELS)] {
         even(what, next(step).map(|(a, b)| [all[a][0][0], all[b][0][0]]))?;
@@ -119,7 +119,7 @@ fn a_point_is_uniform_and_says_nothing_of_another() -> Result<()> {
     Ok(())
 }
 
-/// Share of a disc's quarter that is found, root of the mean square error over all pixels.
+/// Root mean square error over all pixels of the estimated area of a quarter disc.
 fn error_of(pixels: &[Vec<[f32; 4]>], count: usize) -> (f64, f64) {
     let truth = std::f64::consts::FRAC_PI_4;
     let share = |points: &[[f32; 4]]| {

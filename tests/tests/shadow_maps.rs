@@ -1,4 +1,4 @@
-//! Shadow maps against rays, their known failures in numbers, and when they are drawn.
+//! Shadow maps against rays, their known errors in numbers, and when they are redrawn.
 #[path = "shadow_maps/rig.rs"]
 mod rig;
 
@@ -12,7 +12,7 @@ use rig::{Rig, at, floor, on_floor, passes, penumbrae, shadows, things, truth, v
 
 const MAPS: &str = "stages.shadows=shadow-map";
 
-/// Lamps of every kind that shine on the things.
+/// Local lights of every kind that illuminate the objects.
 fn lamps() -> Vec<(&'static str, Light)> {
     let (position, intensity) = (DVec3::new(1.0, 3.0, 1.5), Vec3::splat(30.0));
     let direction = (-position).as_vec3().normalize();
@@ -30,7 +30,7 @@ fn lamps() -> Vec<(&'static str, Light)> {
     ]
 }
 
-/// Share of pixels that differ by more than half, and the share of the truth that is lit.
+/// Share of pixels that differ by more than one half, and the lit share of the ground truth.
 fn apart(got: &[[f32; 4]], want: &[[f32; 4]], channel: usize) -> (f64, f64) {
     let count = want.len() as f64;
     let differ = got.iter().zip(want).filter(|(g, w)| (g[channel] - w[channel]).abs() > 0.5).count();
@@ -131,7 +131,7 @@ fn a_lit_plane_has_no_acne_down_to_grazing_light() -> Result<()> {
     Ok(())
 }
 
-/// A block on a floor, and light that comes over it: how far the lit gap at its foot reaches, in widths of a texel on the floor.
+/// A block on a floor in slanted light: width of the lit gap at its foot (peter-panning), in texels on the floor.
 #[test]
 fn shadows_begin_at_the_foot_of_what_casts_them() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -144,7 +144,7 @@ fn shadows_begin_at_the_foot_of_what_casts_them() -> Result<()> {
         for size in [512, 2048] {
             let got = shadows(&gpu, &scene, &[MAPS, "shadows.filter=none", &format!("shadows.map_size={size}")])?;
             let place = |p: &usize| on_floor(&scene.cameras[0], *p).x;
-            // Half of the shadow: its far edge is another matter.
+            // Half of the shadow, without its far edge.
             let half = 0.5 / f64::from(degrees.to_radians().tan());
             let ground = |p: &usize| (0.0..half.min(0.6)).contains(&place(p));
             let leaks = (0..got.len()).filter(ground).filter(|p| want[*p][0] < 0.5 && got[*p][0] > 0.5);
@@ -159,11 +159,11 @@ fn shadows_begin_at_the_foot_of_what_casts_them() -> Result<()> {
     Ok(())
 }
 
-/// A slab on a floor: how much of the shadow at its foot is found where it is lower than texels are wide.
+/// A slab on a floor: how much of its contact shadow is found if it is lower than a texel is wide.
 #[test]
 fn what_is_lower_than_a_texel_loses_its_shadow() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // One map of the whole scene, which is 16 m wide, in cells of a grid of 2 m.
+    // One map for the whole scene, which is 16 m wide, in cells of a grid of 2 m.
     let texel = 17.0 / 512.0;
     for texels in [0.25_f32, 0.5, 1.0, 2.0, 4.0] {
         let height = texels * texel;
@@ -191,7 +191,7 @@ fn what_is_lower_than_a_texel_loses_its_shadow() -> Result<()> {
 #[test]
 fn a_thin_wall_leaks_no_more_than_a_texel() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // The sun stands behind a wall of a millimetre.
+    // The sun is behind a wall one millimetre thick.
     let mut scene = floor(8.0, Vec3::new(0.0, 2.0, 5.0), Vec3::new(0.0, 0.5, 0.0));
     add(&mut scene, block(Vec3::new(4.0, 1.0, 0.0005)), material([0.5; 3], 0.0, 1.0), at(0.0, 1.0, 0.0));
     scene.lights = vec![sun(Vec3::new(0.2, 0.35, -1.0))];
@@ -231,7 +231,7 @@ fn a_map_is_drawn_anew_only_where_something_moved() -> Result<()> {
     ensure!(first > 1 && second == 0 && third > 0, "{first}, {second}, {third} layers were drawn");
     ensure!(before == same, "a map that was kept is not the one that was drawn");
     ensure!(before != after, "nothing moved");
-    // What was kept is what a new renderer draws.
+    // Maps that were kept equal those of a new renderer.
     let mut fresh = Rig::new(&gpu, &scene, &[MAPS, "shadows.map_size=512", "shadows.lamp_map_size=256"])?;
     ensure!(values(&fresh.frame(&scene.cameras[0], 0.5)?)? == after, "a map was kept that should not have been");
     Ok(())

@@ -1,4 +1,4 @@
-//! Soft shadows by rays, without a denoiser, as the mean over many frames: they are the truth.
+//! Soft shadows by rays without a denoiser, averaged over many frames, converge to the ground truth.
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 use magpie::gpu::Gpu;
@@ -13,7 +13,7 @@ use std::env;
 #[path = "shadow_maps/rig.rs"]
 mod rig;
 
-/// Mean visibility of the first lights over so many frames of eight rays.
+/// Mean visibility of the first lights over some frames of eight rays.
 fn mean(gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], frames: u32) -> Result<Vec<DVec3>> {
     let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
     let config = config(&["shadows.denoiser=none", "shadows.rays=8"])?;
@@ -44,7 +44,7 @@ fn truth(gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], samples: u32) -> R
 #[test]
 fn rays_converge_to_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // The noise of the truth is known, and is taken off unless there is time for a truth without it.
+    // The known noise of the ground truth is subtracted unless there is time for a converged one.
     let full = env::var_os("MAGPIE_FULL").is_some();
     let (samples, frames, most_noise) = if full { (32768, 1024, 5e-5) } else { (4096, 128, 2e-4) };
     for (name, size, channels) in [("cornell", [48, 48], 1), ("courtyard", [48, 27], 2)] {
@@ -55,7 +55,7 @@ fn rays_converge_to_the_reference() -> Result<()> {
         let errors = truth.standard_error();
         let mut worst: f64 = 0.0;
         for ((found, wanted), e) in found.iter().zip(&truth.mean).zip(&errors) {
-            // At the edges of leaves raster and ray may see one leaf or the next: another surface, with a shadow of its own.
+            // At the edges of leaves raster and ray may see different leaves, with different shadows.
             if (0..channels).any(|k| (found[k] - wanted[k]).abs() > 0.05) {
                 others += 1;
                 continue;

@@ -1,4 +1,4 @@
-//! Reflections of their own (KHR_materials_specular, KHR_materials_ior), in the frame and in the reference: closed forms, textures, and the
+//! Dielectric reflections by KHR_materials_specular and KHR_materials_ior, in the frame and in the reference: closed forms, textures, and
 //! one against the other.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
@@ -17,12 +17,12 @@ use std::sync::Arc;
 
 const EDGE: u32 = 16;
 
-/// A dielectric with a strength and a colour of its reflection.
+/// A dielectric with this specular strength and colour.
 fn dielectric(colour: [f32; 3], roughness: f32, specular: f32, specular_colour: [f32; 3]) -> Material {
     Material { specular, specular_colour: Vec3::from(specular_colour), ..material(colour, 0.0, roughness) }
 }
 
-/// A plane that fills a narrow picture, seen at an angle from its normal.
+/// A plane that fills a narrow view, at an angle to its normal.
 fn seen_at(degrees: f64, material: Material) -> Scene {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let eye = magpie::scene::Camera { vertical_fov: 2e-3, ..camera([0.0, 4.0 * cos, 4.0 * sin], [0.0; 3]) };
@@ -62,14 +62,14 @@ fn off(found: DVec3, wanted: DVec3) -> f64 {
     ((found - wanted) / wanted).abs().max_element()
 }
 
-/// With a specularFactor of 0 nothing is left of the reflection, and nothing is taken from what lies below: albedo / pi times irradiance,
-/// from every side, whatever the roughness, the colour of the reflection and the index.
+/// With a specularFactor of 0 there is no reflection and no loss of the diffuse part: albedo / pi times irradiance, for all angles,
+/// roughnesses, specular colours and indices of refraction.
 #[test]
 fn without_a_reflection_it_is_lambert() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let to_sun = Vec3::new(0.3, 0.9, -0.5).normalize();
     let (colour, white) = ([0.5, 0.22, 0.06], [1.0; 3]);
-    // The small G-buffer has 8 bits for a base colour: there white alone is what it was.
+    // The compact G-buffer stores base colour in 8 bits, where only white is exact.
     for (degrees, roughness, albedo, tint, ior, precision) in [
         (10.0, 1.0, colour, [1.0; 3], 1.5, "full"),
         (60.0, 0.5, colour, [4.0, 1.0, 0.0], 1.5, "full"),
@@ -95,7 +95,7 @@ fn without_a_reflection_it_is_lambert() -> Result<()> {
         ensure!(off(truth, wanted) < 0.001, "reference: {truth}, and {wanted} is right");
         ensure!(with > 0.02, "a reflection should make a difference: {with}");
     }
-    // Light of the sky, too: what a bare surface gives back of even light is its base colour.
+    // Sky light too: under uniform light the surface reflects its base colour.
     let mut s = seen_at(60.0, dielectric(colour, 0.5, 0.0, [1.0; 3]));
     s.environment = Some(even(Vec3::ONE));
     let wanted = Vec3::from(colour).as_dvec3();
@@ -114,7 +114,7 @@ fn schlick(ior: f64, specular: f64, colour: DVec3, cosine: f64) -> DVec3 {
     f0 + (DVec3::splat(specular) - f0) * (1.0 - cosine).powi(5)
 }
 
-/// A smooth black dielectric under even light shows its reflectance, in every channel.
+/// A smooth black dielectric under uniform light shows its reflectance in every channel.
 #[test]
 fn a_coloured_mirror_shows_its_reflectance() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -134,14 +134,14 @@ fn a_coloured_mirror_shows_its_reflectance() -> Result<()> {
             "{degrees} degrees, ior {ior}, {specular} {colour:?}: {wanted:.4}, reference {truth:.4}, frame {frame:.4}"
         );
         ensure!((truth - wanted).abs().max_element() < 0.003, "reference: {truth}, and {wanted} is right");
-        // The frame's split-sum fit is within 0.04, 0.08 at grazing angles (lib/brdf.glsl).
+        // The frame's split-sum fit is accurate to 0.04, or 0.08 at grazing angles (lib/brdf.glsl).
         let most = if degrees < 45.0 { 0.015 } else { 0.08 };
         ensure!((frame - wanted).abs().max_element() < most, "frame: {frame}, and {wanted} is right");
     }
     Ok(())
 }
 
-/// Balls and boards of many reflections under a sun and a lamp.
+/// Balls and boards with many reflections under a directional and a local light.
 fn many_reflections() -> Scene {
     let mut s = scene("reflections of their own", camera([0.0, 2.2, 4.6], [0.0, 0.35, 0.0]));
     add(&mut s, plane(5.0), dielectric([0.5, 0.45, 0.4], 0.6, 0.3, [1.0; 3]), Affine3A::IDENTITY);
@@ -168,7 +168,7 @@ fn many_reflections() -> Scene {
     s
 }
 
-/// The frame's direct light against the reference's. A parallel sun has no noise in either: what is left is what the G-buffer rounds.
+/// The frame's direct light against the reference's. A parallel sun is free of noise in both, so only the G-buffer's rounding remains.
 #[test]
 fn frame_and_reference_agree() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -180,13 +180,13 @@ fn frame_and_reference_agree() -> Result<()> {
         (m.ior, m.specular, m.specular_colour) = (1.5, 1.0, Vec3::ONE);
     }
     let (ignored, _) = against::mean(&gpu, &plain, &["shadows.edges=hard"], shown, 1)?;
-    // Of the smaller one the base colour of the floor is 0.7 % off, as in any scene.
+    // In the compact G-buffer the base colour of the floor is off by 0.7 %, as in any scene.
     for (precision, median, most) in [("compact", 0.012, 0.02), ("full", 0.002, 0.01)] {
         let set = format!("gbuffer.precision={precision}");
         let (found, _) = against::mean(&gpu, &s, &["shadows.edges=hard", &set], shown, 1)?;
         let [error, _] = against::relmse(&found, &truth);
         let [without, _] = against::relmse(&ignored, &truth);
-        // Pixels on the edge of a shadow or a ball may differ wholly.
+        // Pixels on the edge of a shadow or a ball may differ completely.
         let mut apart: Vec<f64> = found
             .iter()
             .zip(&truth.mean)
@@ -211,7 +211,7 @@ fn frame_and_reference_agree() -> Result<()> {
     Ok(())
 }
 
-/// A ramp of strengths in alpha, and colours in the other three channels.
+/// A texture with a ramp of strengths in alpha, and colours in the other channels.
 fn textured() -> Scene {
     let mut s = seen_at(30.0, dielectric([0.0; 3], 0.0, 0.9, [10.0, 5.0, 5.0]));
     let eye = magpie::scene::Camera { vertical_fov: 0.4, ..s.cameras[0].clone() };
@@ -229,7 +229,7 @@ fn textured() -> Scene {
     s
 }
 
-/// Strength in alpha, colour in sRGB: both frame and reference read the same texels, and what a texel comes to is known.
+/// Strength from alpha, colour decoded from sRGB: frame and reference read the same texels, with known results.
 #[test]
 fn textures_are_read_where_the_extension_has_them() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -270,12 +270,12 @@ fn textures_are_read_where_the_extension_has_them() -> Result<()> {
     let mean = sum / f64::from(compared);
     println!("{compared} pixels: reference within {apart:.4}, {mean:.5} on average, frame within {apart_frame:.4}");
     ensure!(compared > 600, "only {compared}");
-    // The reference is noisy, the frame's split-sum fit up to 0.01 too bright.
+    // The reference is noisy, and the frame's split-sum fit up to 0.01 too bright.
     ensure!(mean < 0.002 && apart < 0.02 && apart_frame < 0.02, "reference {mean} and {apart}, frame {apart_frame}");
     Ok(())
 }
 
-/// A scene without the extension has the image it always had; one with it has two channels more.
+/// A scene without the extension has the same G-buffer as before; one with it has two more channels.
 #[test]
 fn only_scenes_that_need_it_pay_for_it() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -337,7 +337,7 @@ struct CodeParams {
     count: u32,
 }
 
-/// What two channels hold of a reflection, over all of its range.
+/// Precision of the two channels that store a reflection, over its whole range.
 #[test]
 fn the_code_is_as_exact_as_it_says() -> Result<()> {
     const COUNT: u32 = 1 << 16;
@@ -370,7 +370,7 @@ fn the_code_is_as_exact_as_it_says() -> Result<()> {
     Ok(())
 }
 
-/// A lamp with a size and an emissive mesh find the same reflections as a parallel sun.
+/// Area lights and emissive meshes see the same reflections as a parallel sun.
 #[test]
 fn lamps_and_emitters_see_the_same_surface() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -387,7 +387,7 @@ fn lamps_and_emitters_see_the_same_surface() -> Result<()> {
     });
     let mut emitter = seen_at(55.0, bare());
     add(&mut emitter, plane(0.5), panel, down);
-    // The view factor of a square right above, by its four corners (Hamilton and Morgan 1952).
+    // The view factor of a square directly above, by its four corners (Hamilton and Morgan 1952).
     let x = 0.5 / 1.25_f64;
     let factor = 4.0 * 2.0 * x / (1.0 + x * x).sqrt() * (x / (1.0 + x * x).sqrt()).atan() / (2.0 * PI);
     let wanted = DVec3::splat(6.0 * 0.5 * factor);

@@ -1,5 +1,4 @@
-//! Scenes at the edge of what is sensible: no NaN, no infinity, no message of the validation layers, and a picture that makes
-//! sense. And shadows of surfaces upon themselves, at every scale and distance.
+//! Extreme scenes: no NaN, no infinity, no validation message, and a plausible picture. Also self-shadowing, at every scale and distance.
 use anyhow::{Result, ensure};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use magpie::graph::Extent;
@@ -27,14 +26,14 @@ fn run(scene: &Scene, wanted: &[&str]) -> Result<Option<Ran>> {
     Bench::new(&gpu)?.frame(shot, &config(&[])?, wanted)?.clean().map(Some)
 }
 
-/// Shares of the pixels that show a surface, and that are neither black nor clipped in every channel.
+/// Share of pixels that show a surface, and of those that are neither black nor clipped in every channel.
 struct Picture {
     surface: f64,
     toned: f64,
     radiance: Vec<[f32; 4]>,
 }
 
-/// Renders with every check. Radiance is never negative and stays below `most`.
+/// Renders with every check. Radiance must be at least 0 and below `most`.
 fn picture(scene: &Scene, most: f32) -> Result<Option<Picture>> {
     let Some(ran) = run(scene, &[LIT, DISPLAY, DEPTH])? else { return Ok(None) };
     let radiance = ran.values(LIT)?;
@@ -55,11 +54,11 @@ fn grey(roughness: f32) -> Material {
     material([0.5; 3], 0.0, roughness)
 }
 
-/// A ball of radius 1 on a floor, moved and scaled as a whole.
+/// A ball of radius 1 on a floor, transformed as a whole.
 fn ball_on_floor(name: &str, light: Light, by: DAffine3, distance: f32) -> Scene {
     let (eye, target) = (Vec3::new(0.3, 0.55, 0.78).normalize() * distance + Vec3::Y, Vec3::Y);
     let mut camera = camera(eye, target);
-    // The ball fills the same part of the picture at every distance.
+    // The ball covers the same part of the picture at every distance.
     camera.vertical_fov = 2.0 * (2.0 / distance).atan();
     camera.world_from_camera.translation = by.transform_point3(eye.into());
     camera.near *= by.matrix3.x_axis.length() as f32;
@@ -93,7 +92,7 @@ fn a_camera_that_grazes_a_plane() -> Result<()> {
 fn a_perfect_mirror_that_faces_the_sun() -> Result<()> {
     let mut s = scene("mirror", camera(Vec3::new(0.0, 2.0, 2.0), Vec3::ZERO));
     add(&mut s, plane(3.0), material([1.0; 3], 1.0, 0.0), Affine3A::IDENTITY);
-    // The sun's mirror image lies in the middle of this pixel.
+    // The sun's mirror image is in the middle of this pixel.
     let pixel = (EXTENT.height / 2 * EXTENT.width + EXTENT.width / 2) as usize;
     let to_viewer = -Eye::new(&s.cameras[0], EXTENT).pixel_ray(pixel).normalize();
     s.lights.push(sun(DVec3::new(-to_viewer.x, to_viewer.y, -to_viewer.z).as_vec3()));
@@ -121,7 +120,7 @@ fn triangles_without_area_among_good_ones() -> Result<()> {
     Ok(())
 }
 
-/// Adds points and lines, drawn as triangles.
+/// Adds triangles that are degenerate to points and lines.
 fn spoil(mesh: &mut Mesh) {
     let last = mesh.positions.len() as u32 - 1;
     mesh.indices.extend([0, 0, 0, 0, last, last, last, 0, last, 1, 1, 0]);
@@ -179,7 +178,7 @@ fn lights_inside_and_on_surfaces() -> Result<()> {
 #[test]
 fn a_camera_inside_an_object() -> Result<()> {
     let from = |eye: Vec3| Camera { near: 1e-3, ..camera(eye, eye + Vec3::new(0.3, -0.2, -1.0)) };
-    // Single sided: its inside is not there. Double sided: it is, and the sun does not get in.
+    // Single sided: its inside is invisible. Double sided: it is visible, and the sun does not get in.
     for double_sided in [false, true] {
         let mut s = scene(&format!("inside a ball, double sided: {double_sided}"), from(Vec3::new(0.1, 1.0, 0.0)));
         add(&mut s, sphere(32), Material { double_sided, ..grey(0.5) }, Affine3A::from_translation(Vec3::Y));
@@ -212,12 +211,12 @@ fn an_empty_view_and_a_needle() -> Result<()> {
     Ok(())
 }
 
-/// Pixels that the light must reach, those of them that lie in shadow nevertheless, pixels deep in the ball's shadow, and those
-/// of them that are lit nevertheless.
+/// Number of pixels that the light must reach, those of them that are in shadow, pixels deep in the ball's shadow, and those of them that
+/// are lit.
 ///
-/// A floor with nothing above it and a convex ball: what faces the light is lit, except the ball's shadow on the floor. Left out
-/// are pixels within 2 degrees of the terminator, where a facet of the ball may rightly hide its neighbour, and within 2 % of
-/// the shadow's edge (10 % to its inner side).
+/// A floor without anything above it and a convex ball: whatever faces the light is lit, except the ball's shadow on the floor. Excluded
+/// are pixels within 2 degrees of the terminator, where a facet of the ball may rightly occlude its neighbour, and within 2 % of the
+/// shadow's edge (10 % on its inner side).
 fn falsely_dark(scene: &Scene, by: DAffine3, to_sun: DVec3) -> Result<Option<[usize; 4]>> {
     let Some(ran) = run(scene, &[DEPTH, NORMAL, VISIBILITY])? else { return Ok(None) };
     let (depth, normal, visible) = (ran.values(DEPTH)?, ran.values(NORMAL)?, ran.values(VISIBILITY)?);
@@ -231,7 +230,7 @@ fn falsely_dark(scene: &Scene, by: DAffine3, to_sun: DVec3) -> Result<Option<[us
         if normals.iter().any(|n| n.dot(to_sun) < 0.035) {
             continue;
         }
-        // Distance of the line to the sun from the ball's centre; the ball itself is convex.
+        // Distance of the ball's centre from the line to the sun; the ball itself is convex.
         let aside = (DVec3::Y - p).cross(to_sun).length();
         if p.y < 0.02 && normals[1].y > 0.999 && aside < 1.02 && (DVec3::Y - p).dot(to_sun) > 0.0 {
             if aside < 0.9 {
@@ -246,7 +245,7 @@ fn falsely_dark(scene: &Scene, by: DAffine3, to_sun: DVec3) -> Result<Option<[us
     Ok(Some([wanted, dark, hidden, lit]))
 }
 
-/// The share of falsely dark pixels among those that should be lit, and of falsely lit ones among those in shadow.
+/// Share of falsely dark pixels among those that should be lit, and of falsely lit ones among those in shadow.
 fn false_shadows(name: &str, elevation: f32, distance: f32, by: DAffine3) -> Result<Option<[f64; 2]>> {
     let (up, along) = elevation.to_radians().sin_cos();
     let to_sun = Vec3::new(0.6 * along, up, 0.8 * along).normalize();

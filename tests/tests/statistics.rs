@@ -1,4 +1,4 @@
-//! What the device counts of shaders' work is what was asked of it.
+//! The device's pipeline statistics match the work that was submitted.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
@@ -106,9 +106,9 @@ fn the_frame_counts_its_pixels_and_triangles() -> Result<()> {
     let triangles = drawn.input_vertices / 3;
     ensure!(drawn.input_vertices > 0 && drawn.input_vertices % 3 == 0, "whole triangles: {drawn:?}");
     ensure!((1..=drawn.input_vertices).contains(&drawn.vertex_invocations), "{drawn:?}");
-    // A triangle may be outside, and one that a plane cuts may become several.
+    // A triangle may be outside, and one that is clipped may become several.
     ensure!((1..=8 * triangles).contains(&drawn.clipping_primitives), "{drawn:?}");
-    // The box fills the middle of the picture; helpers of 2x2 pixels may count, and what is drawn over is counted again.
+    // The box is in the middle of the picture; helper invocations of 2x2 quads may count, and overdraw counts again.
     ensure!((pixels / 4..=20 * pixels).contains(&drawn.fragment_invocations), "{drawn:?}");
     ensure!(drawn.compute_invocations == 0, "{drawn:?}");
 

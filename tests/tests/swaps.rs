@@ -1,5 +1,5 @@
-//! Another size, another implementation, a cut, other switches, in the middle of a run: histories stay right, nothing leaks, and the
-//! validation layers have nothing to say.
+//! Changes of size, implementation, camera cuts and switches during a run: histories stay right, nothing leaks, and there are no validation
+//! messages.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
@@ -39,10 +39,10 @@ struct Params {
     share: f32,
 }
 
-/// Whether the history was valid, frame by frame.
+/// Whether the history was valid, per frame.
 type Told = Arc<Mutex<Vec<bool>>>;
 
-/// The standard post, blended with the frame before.
+/// The standard post, blended with the previous frame.
 struct Trail {
     standard: BoxedEffect<PostIn, PostOut>,
     blend: Kernel,
@@ -74,7 +74,7 @@ impl Effect for Trail {
     }
 }
 
-/// Magpie's slots with a trail, and one that cannot be made.
+/// Magpie's slots with [`Trail`], and one implementation whose creation fails.
 fn slots() -> (Slots, Told) {
     let (mut slots, told) = (Slots::default(), Told::default());
     let about = "Higher keeps more of the frame before.";
@@ -94,11 +94,11 @@ fn trail(build: &Build<'_>, settings: &Settings, told: Told) -> Result<Trail, Sl
     Ok(Trail { standard, blend, share: settings.f32("share")?, scope: HistoryScope::new(), told })
 }
 
-/// A renderer with its scene. Messages of the validation layers fail a frame.
+/// A renderer with its scene. Validation messages fail a frame.
 struct Run {
     scene: Scene,
     renderer: Renderer,
-    /// Given back after the renderer is gone.
+    /// Returned to the pool after the renderer is dropped.
     gpu: Lent,
 }
 
@@ -123,7 +123,7 @@ impl Run {
         self.frame(true)?.context("no image was read back")
     }
 
-    /// What is in use once the device is done with everything.
+    /// Memory in use after the device is idle: bytes and number of allocations.
     fn in_use(&self) -> Result<(u64, u32)> {
         self.gpu.wait_idle()?;
         Ok(self.gpu.in_use())
@@ -197,7 +197,7 @@ fn every_slot_is_configured_in_the_middle_of_a_run() {
 #[test]
 fn what_cannot_be_made_leaves_the_old_one_in_place() -> Result<()> {
     let (slots, told) = slots();
-    // One frame is as the other.
+    // Without noise all frames are equal.
     let still = ["stages.post=trail", "shadows.edges=hard", "direct.area=0"];
     let Some(mut run) = Run::new(&slots, &configuration(&still)?)? else { return Ok(()) };
     let before = run.renderer.config().clone();
@@ -241,7 +241,7 @@ fn nothing_moves_in_a_cut() -> Result<()> {
     ensure!(moved > 1000, "only {moved} pixels move with the camera");
     run.renderer.cut();
     ensure!(motion(&mut run, &here)? == 0, "a cut moves");
-    // A frame of no pixels is none: what moves, moves from the last frame that was shown.
+    // A frame of size zero counts as none: motion is relative to the last frame that was shown.
     run.renderer.resize(0, 0);
     let nothing = run.renderer.frame(FrameRequest { camera: &here, time: 0.0, view: None, read_back: true })?;
     ensure!(nothing.is_none(), "an image of no pixels");
@@ -250,7 +250,7 @@ fn nothing_moves_in_a_cut() -> Result<()> {
     Ok(())
 }
 
-/// Numbers that look random (splitmix64, Steele et al. 2014).
+/// Pseudo-random numbers (splitmix64, Steele et al. 2014).
 struct Random(u64);
 
 impl Random {
@@ -262,7 +262,7 @@ impl Random {
     }
 }
 
-/// Frames after which memory that is not asked for any more has been given back.
+/// Frames after which unused memory has been freed.
 const SETTLE: usize = 40;
 
 #[test]
@@ -274,7 +274,7 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
         .into_iter()
         .map(|info| (info.name.clone(), info.names().into_iter().filter(|n| n != "broken").collect()))
         .collect();
-    // The image, bytes and places in use, and what the frame says of its memory.
+    // The image, bytes and allocations in use, and the frame's memory statistics.
     let settle = |run: &mut Run| -> Result<(ReadBack, (u64, u32), Memory)> {
         let image = run.image()?;
         for _ in 0..SETTLE {
@@ -333,7 +333,7 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
     run.renderer.restart();
     let (last, at_last, told_last) = settle(&mut run)?;
     println!("in use (bytes, places): {at_first:?} before, {at_last:?} after");
-    // A heap begins where its alignment of 64 KiB lets it, and the allocator counts the gap before it as in use.
+    // A heap begins at a multiple of its alignment of 64 KiB, and the allocator counts the gap before it as in use.
     ensure!(at_last.1 == at_first.1, "{} places in use instead of {}", at_last.1, at_first.1);
     ensure!(at_last.0.abs_diff(at_first.0) < 1 << 16, "{} bytes in use instead of {}", at_last.0, at_first.0);
     ensure!(told_last == told_first, "{told_last:?} instead of {told_first:?}");

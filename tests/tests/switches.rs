@@ -1,15 +1,15 @@
-//! The frame is the same, bit for bit, whatever the graph leaves undone and on however many queues it is planned.
+//! The frame is the same, bit for bit, with any steps of the graph switched off and any number of queues.
 use anyhow::{Context, Result, ensure};
 use magpie::graph::Switches;
 use magpie::scene::{BUILTIN, Scene};
 use magpie_passes::{FrameRequest, ReadBack, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{asset, builtin, config, gpu};
 
-/// Small: scenes are rendered many times. Odd, so that halves are rounded.
+/// Small, as scenes are rendered many times. Odd, so that half sizes are rounded.
 const SIZE: [u32; 2] = [81, 45];
 const FRAMES: usize = 2;
 
-/// The last of the first frames after a restart. Validation messages and values that are no numbers are errors.
+/// The last of the first frames after a restart. Validation messages and non-finite values are errors.
 fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Result<ReadBack> {
     renderer.restart();
     renderer.set_switches(switches);
@@ -24,13 +24,13 @@ fn last_frame(renderer: &mut Renderer, scene: &Scene, switches: Switches) -> Res
     images.context("no image was read back")
 }
 
-/// Every combination of switches, on one, two and three queues where more than one is planned for.
+/// Every combination of switches, on one, two and three queues if more than one is used.
 fn every_combination() -> Vec<Switches> {
     let mut all = Vec::new();
     for bits in 0..64 {
         for queues in [None, Some(2), Some(3)] {
             let switches = Switches { queues, ..Switches::combination(bits) };
-            // Otherwise planned for one queue in any case.
+            // Otherwise the plan is for one queue anyway.
             if queues.is_none() || (switches.asynchronous && !switches.serial) {
                 all.push(switches);
             }
@@ -65,7 +65,7 @@ fn same_under(scene: &Scene, all: &[Switches]) -> Result<()> {
 
 #[test]
 fn built_in_scenes() -> Result<()> {
-    // The carousel has all that the others have, and moves.
+    // The carousel has all features of the others, and moves.
     same_under(&builtin("carousel")?, &every_combination())?;
     let others = BUILTIN.iter().filter(|(name, _)| *name != "carousel");
     others.clone().try_for_each(|(name, _)| same_under(&builtin(name)?, &some_combinations()))
@@ -79,7 +79,7 @@ fn real_scenes() -> Result<()> {
         "damaged_helmet/DamagedHelmet.glb",
         "flight_helmet/FlightHelmet.gltf",
     ];
-    // Real scenes have more of everything, and nothing that the others lack.
+    // Real scenes are larger, but have no other features.
     let some =
         [Switches::combination(0), Switches::combination(63), Switches { queues: Some(3), ..Switches::default() }];
     files.iter().try_for_each(|file| asset(file)?.as_ref().map_or(Ok(()), |scene| same_under(scene, &some)))

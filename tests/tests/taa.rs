@@ -1,4 +1,4 @@
-//! Temporal anti-aliasing and upsampling: what stands still becomes the mean over its pixels, what moves leaves nothing behind.
+//! Temporal anti-aliasing and upsampling: static pixels converge to the mean over the pixel, moving objects leave no ghosts.
 use anyhow::{Context, Result, ensure};
 use glam::{DMat3, Vec3};
 use magpie::gpu::Gpu;
@@ -8,19 +8,19 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu};
 
 const SIZE: [u32; 2] = [240, 135];
-/// No shadows: what is measured is edges.
+/// No shadows, to measure edges only.
 const HARD: &str = "stages.shadows=off";
-/// Shadows without noise and without histories of their own: what is measured is this effect alone.
+/// Shadows without noise and history, to measure this effect only.
 const SHARP: &str = "shadows.edges=hard";
 const TAA: &str = "post.anti_aliasing=taa";
 
-/// What one frame gave.
+/// Images of one frame.
 struct Seen {
-    /// Linear radiance as it went into the slot, in the size of the frame.
+    /// Linear radiance at the slot's input, in the size of the frame.
     input: Picture,
-    /// Linear radiance of the picture.
+    /// Linear radiance of the output.
     picture: Picture,
-    /// As a display shows it, sRGB-encoded and decoded.
+    /// Display values, encoded to sRGB and decoded again.
     display: Picture,
     result: FrameResult,
 }
@@ -62,7 +62,7 @@ impl<'a> Run<'a> {
         Ok(seen)
     }
 
-    /// A still view; gives every frame.
+    /// Renders a static view; returns every frame.
     fn still(&mut self, frames: usize, time: f64) -> Result<Vec<Seen>> {
         let camera = self.scene.cameras[0].clone();
         (0..frames).map(|_| self.see(&camera, time)).collect()
@@ -83,7 +83,7 @@ fn mean<'a>(pictures: impl Iterator<Item = &'a Picture>) -> Picture {
     Picture { width: size.0, height: size.1, pixels }
 }
 
-/// A picture of fewer pixels, each the mean of `by` by `by`.
+/// A picture downsampled by a box filter of `by` by `by` pixels.
 fn shrunk(large: &Picture, by: usize) -> Picture {
     let (width, height) = (large.width / by, large.height / by);
     let at = |i: usize, k: usize| large.pixels[(i / width * by + k / by) * large.width + i % width * by + k % by];
@@ -94,7 +94,7 @@ fn shrunk(large: &Picture, by: usize) -> Picture {
     Picture { width, height, pixels: (0..width * height).map(pixel).collect() }
 }
 
-/// Signal to noise of what a display shows of linear radiance without a curve, decibels.
+/// PSNR of the display values of linear radiance without a tone curve, decibels.
 fn shown_psnr(test: &Picture, reference: &Picture) -> Result<f64> {
     Ok(psnr(&test.encoded(), &reference.encoded(), 1.0)?)
 }
@@ -120,13 +120,13 @@ fn a_still_picture_becomes_the_mean_of_its_samples_and_keeps_still() -> Result<(
     Ok(())
 }
 
-/// Nothing of the sequence of samples is in this reference: a picture of eight times the size, without textures, whose mip levels would
+/// The reference does not depend on the sample sequence: a picture of eight times the size, without textures, whose mip levels would
 /// differ.
 #[test]
 fn the_mean_is_that_over_the_area_of_the_pixels() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut scene = builtin("cornell")?;
-    // An edge of a lamp that is far brighter than white is white up to a small part of it, which no 64 samples tell.
+    // The edge of a light that is far brighter than white is white except for a small part, which 64 samples do not resolve.
     scene.materials.iter_mut().for_each(|m| m.emission = m.emission.min(Vec3::ONE));
     let (small, large) = ([96, 96], [768, 768]);
     let reference = shrunk(&Run::new(&gpu, &scene, large, &[HARD])?.still(1, 0.0)?[0].picture, 8);
@@ -148,7 +148,7 @@ fn upsampling_beats_bilinear_that_takes_as_long() -> Result<()> {
     let scene = builtin("courtyard")?;
     let size = [320, 180];
     let reference = mean(Run::new(&gpu, &scene, size, &[TAA])?.still(24, 0.0)?.iter().map(|f| &f.input));
-    // The least time of the last frames, milliseconds, and how far the picture is from the reference.
+    // Shortest time of the last frames, milliseconds, and error against the reference.
     let measure = |changes: &[&str], frames: usize| -> Result<(f64, f64)> {
         let seen = Run::new(&gpu, &scene, size, changes)?.still(frames, 0.0)?;
         let own = |f: &Seen| {
@@ -185,7 +185,7 @@ fn turned(camera: &Camera, angle: f64) -> Camera {
 fn a_moving_picture_is_better_than_its_samples_and_stays_sharp() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("courtyard")?;
-    // 0.4 degrees a frame: some two and a half pixels.
+    // 0.4 degrees per frame: about two and a half pixels.
     let camera = |frame: usize| turned(&scene.cameras[0], 0.007 * frame as f64);
     let mut run = Run::new(&gpu, &scene, SIZE, &[TAA])?;
     let seen: Vec<Seen> = (0..16).map(|frame| run.see(&camera(frame), 0.0)).collect::<Result<_>>()?;
@@ -204,7 +204,7 @@ fn a_moving_picture_is_better_than_its_samples_and_stays_sharp() -> Result<()> {
     Ok(())
 }
 
-/// How much of what was there before is still seen where a moving thing has just left: 1 all of it, 0 nothing.
+/// Share of the previous content that remains where a moving object has just left: 1 all of it, 0 none.
 fn left_over(now: &Picture, before: &Picture, truth: &Picture, new: &[bool]) -> f64 {
     let [mut along, mut all] = [0.0; 2];
     for i in (0..new.len()).filter(|&i| new[i]) {
@@ -231,7 +231,7 @@ fn what_comes_into_sight_has_no_ghost() -> Result<()> {
         Ok(image.bytes.as_chunks::<8>().0.iter().map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
     };
     let (before, now) = (ids(time(last - 1))?, ids(time(last))?);
-    // What the 3x3 around it shows was nowhere in the 3x3 before.
+    // Colours that occur in the 3x3 now, but did not in the 3x3 before.
     let (width, height) = (SIZE[0] as usize, SIZE[1] as usize);
     let is_new = |i: usize| {
         let (x, y) = (i % width, i / width);
@@ -285,7 +285,7 @@ fn a_cut_begins_anew() -> Result<()> {
 fn what_is_off_is_not_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
-    // Passes of the slot, how many histories, the size that is rendered, and resources.
+    // Passes of the slot, number of histories, render size, and resources.
     type Told = (Vec<String>, usize, [u32; 2], Vec<String>);
     type Case<'a> = (&'a [&'a str], &'a [&'a str], usize, [u32; 2]);
     let run = |changes: &[&str]| -> Result<Told> {
@@ -331,7 +331,7 @@ fn sharpening_steepens_and_never_overshoots() -> Result<()> {
     ensure!(b > 1.03 * a && c > 1.02 * b, "{a}, {b}, {c}");
     for (x, y) in (1..plain.height - 1).flat_map(|y| (1..width - 1).map(move |x| (x, y))) {
         let i = y * width + x;
-        // In the tone-weighted range, where it works: an order that luma keeps.
+        // In the tone-weighted range in which the shader works, whose luma preserves the order.
         let weighted = |p: &[f32; 3]| p.map(|v| v / (1.0 + 0.25 * p[0] + 0.5 * p[1] + 0.25 * p[2]));
         let cross = [i, i - 1, i + 1, i - width, i + width].map(|i| weighted(&plain.pixels[i]));
         let now = weighted(&full.pixels[i]);
@@ -345,7 +345,7 @@ fn sharpening_steepens_and_never_overshoots() -> Result<()> {
     Ok(())
 }
 
-/// Lights of a million nits, a scale, sharpening and a turning camera: nothing but finite numbers.
+/// Lights with a radiance of a million, scaling, sharpening and a turning camera: all values are finite.
 #[test]
 fn everything_stays_finite() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };

@@ -1,5 +1,5 @@
-//! Textures whose coordinates hardly change, or not at all, or beyond measure: what the raster reads is what rays read. Some drivers answer
-//! anisotropic filtering without gradients with NaN.
+//! Textures whose coordinates change very little, not at all, or by huge amounts: raster and rays read the same. Some drivers return NaN
+//! for anisotropic filtering with zero gradients.
 use anyhow::{Result, ensure};
 use glam::{Affine3A, Mat2, Quat, Vec2, Vec3};
 use magpie::gpu::Gpu;
@@ -12,12 +12,12 @@ use magpie_tests::oracle::gbuffer::Eye;
 
 const SIZE: [u32; 2] = [320, 180];
 const TEXELS: u32 = 64;
-/// Eight bits, a bilinear filter of as many, and what mips round.
+/// Tolerance for 8-bit texels, 8-bit filter weights, and rounding of mips.
 const ROUNDING: f32 = 0.01;
 const PLAIN: [Vec3; 2] = [Vec3::X, Vec3::Y];
 const COLUMNS: usize = 16;
 
-/// Red grows with u, green with v, each from 0 to 1: every filter of every mip gives the same where it stays inside.
+/// Red increases with u, green with v, each from 0 to 1: every filter of every mip gives the same away from the border.
 fn ramp() -> Texture {
     let byte = |i: u32| ((i as f32 + 0.5) / TEXELS as f32 * 255.0).round() as u8;
     let rgba = (0..TEXELS * TEXELS).flat_map(|i| [byte(i % TEXELS), byte(i / TEXELS), 128, 255]).collect();
@@ -28,7 +28,7 @@ fn used(rows: [Vec3; 2]) -> Option<TextureUse> {
     Some(TextureUse { texture: 0, sampler: 0, uv_set: 0, rows })
 }
 
-/// A scene with that texture, read in the usual way: anisotropic where the device can.
+/// A scene with that texture, anisotropic where the device supports it.
 fn with_texture(name: &str, camera: magpie::scene::Camera, texture: Texture, wrap: Wrap) -> Scene {
     let mut s = scene(name, camera);
     s.textures.push(texture);
@@ -36,7 +36,7 @@ fn with_texture(name: &str, camera: magpie::scene::Camera, texture: Texture, wra
     s
 }
 
-/// Squares of a metre side by side, whose coordinates begin somewhere and change by these matrices from edge to edge.
+/// Squares of one metre side by side, whose texture coordinates start at `from` and change by these matrices.
 fn squares(changes: &[Mat2], from: f32) -> Scene {
     let mut squares = with_texture("squares", camera([8.0, 4.5, 12.4], [8.0, 4.5, 0.0]), ramp(), Wrap::Clamp);
     for (at, change) in changes.iter().enumerate() {
@@ -51,19 +51,19 @@ fn squares(changes: &[Mat2], from: f32) -> Scene {
     squares
 }
 
-/// An output of the G-buffer as it was computed, with every check on.
+/// An output of the G-buffer, with every check on.
 fn gbuffer(gpu: &Gpu, scene: &Scene, output: &str) -> Result<Vec<Vec3>> {
     let config = config(&["gbuffer.precision=full"])?;
     let values = linear(render(gpu, scene, &config, SIZE, 1, Some(("gbuffer.draw", output)))?)?.values();
     Ok(values.into_iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect())
 }
 
-/// Of each pixel which instance it shows.
+/// The instance visible at each pixel.
 fn instances(gpu: &Gpu, scene: &Scene) -> Result<Vec<Option<usize>>> {
     Ok(gbuffer(gpu, scene, "ids")?.iter().map(|v| (v.x as usize).checked_sub(1)).collect())
 }
 
-/// The ways in which coordinates may change, by a number, and in some beside a greater one.
+/// Gradients of the coordinates with entries of `g`, some with a larger one beside it.
 fn ways(g: f32) -> [Mat2; 9] {
     const MUCH: f32 = 0.4;
     let ways = [[g, 0.0, 0.0, 0.0], [0.0, 0.0, g, 0.0], [0.0, g, 0.0, 0.0], [0.0, 0.0, 0.0, g], [g, 0.0, 0.0, g]];
@@ -78,7 +78,7 @@ fn however_little_coordinates_change() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let steps = [0.0, 1e-38, 1e-30, 1e-24, 1e-20, 1e-16, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.4];
     let changes: Vec<Mat2> = (0..9).flat_map(|row| steps.map(|g| ways(g)[row])).collect();
-    // Beside 0.3 the smallest are lost, beside 0 not.
+    // Added to 0.3 the smallest are rounded away, added to 0 they are not.
     for from in [0.3_f32, 0.0] {
         let scene = squares(&changes, from);
         let (colours, shown) = (gbuffer(&gpu, &scene, "base_colour")?, instances(&gpu, &scene)?);
@@ -101,7 +101,7 @@ fn however_little_coordinates_change() -> Result<()> {
     Ok(())
 }
 
-/// Footprints of a whole image and far beyond: the mean, and never what is no number.
+/// Footprints of a whole image and far larger: the mean, and never NaN.
 #[test]
 fn however_much_coordinates_change() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -114,7 +114,7 @@ fn however_much_coordinates_change() -> Result<()> {
     for (colour, shown) in colours.iter().zip(shown) {
         let Some(at) = shown else { continue };
         counts[at] += 1;
-        // In which direction they change, the filter averages; in the other the ramp's seam may lie.
+        // The filter averages in the directions in which coordinates change; in the other the seam of the ramp may lie.
         let [along_u, along_v] = [changes[at].row(0), changes[at].row(1)].map(|row| row != Vec2::ZERO);
         let whole = |v: f32, along: bool| !along || (v - 0.5).abs() < 0.05;
         ensure!(whole(colour.x, along_u) && whole(colour.y, along_v), "{}: {colour}", changes[at]);
@@ -123,7 +123,7 @@ fn however_much_coordinates_change() -> Result<()> {
     Ok(())
 }
 
-/// Sixteen squares of colour, four on each side; alpha is there in all but the first.
+/// A texture of sixteen coloured squares, four by four; alpha is 0 in the first only.
 fn palette() -> Texture {
     let of = |x: u32, y: u32| {
         [40 + 60 * x as u8, 220 - 50 * y as u8, 30 + 50 * ((x + y) % 4) as u8, if x + y > 0 { 255 } else { 0 }]
@@ -138,8 +138,8 @@ fn colour_of(texture: &Texture, uv: Vec2) -> Vec3 {
     Vec3::from_array([0, 1, 2].map(|c| f32::from(texture.mips[0][first + c]) / 255.0))
 }
 
-/// Boxes of one colour each, seen at an angle: by one coordinate for all corners, by none and a shift, by a transform of scale 0. And the
-/// colour of each.
+/// Boxes of a single colour, seen at an angle: with the same coordinates at all corners, with constant coordinates and an offset, and with
+/// a transform of scale 0. Returned with their colours.
 fn painted(change: fn(Material) -> Material) -> (Scene, Vec<Vec3>) {
     let eye = camera([3.1, 4.3, 7.7], [0.2, 0.0, 0.1]);
     let mut s = with_texture("palette", eye, palette(), Wrap::Repeat);
@@ -174,12 +174,12 @@ fn painted(change: fn(Material) -> Material) -> (Scene, Vec<Vec3>) {
     (s, colours)
 }
 
-/// Half a step of eight bits, and the driver's filter.
+/// Equal up to half a step of 8 bits and the driver's filter precision.
 fn is_near(a: Vec3, b: Vec3) -> bool {
     (a - b).abs().max_element() < 2e-3
 }
 
-/// How many pixels show something of another colour than it has, and how many there are.
+/// Number of pixels whose colour is wrong, and of all that were compared.
 fn wrong(found: &[Vec3], shown: &[Option<usize>], wanted: &[Vec3]) -> [usize; 2] {
     let pixels = || found.iter().zip(shown).filter_map(|(colour, at)| Some((*colour, wanted[(*at)?])));
     [pixels().filter(|(a, b)| !is_near(*a, *b)).count(), pixels().count()]
@@ -195,7 +195,7 @@ fn palettes_have_their_colours() -> Result<()> {
     ensure!(all > 20_000 && off == 0, "{off} of {all} pixels");
     ensure!((0..colours.len()).all(|i| shown.contains(&Some(i))), "not all are seen");
 
-    // Every other texture goes the same way.
+    // Materials' other textures use the same code path.
     let (scene, colours) = painted(|paint| Material {
         emission: Vec3::ONE,
         emission_texture: paint.base_colour_texture,
@@ -211,7 +211,7 @@ fn palettes_have_their_colours() -> Result<()> {
     Ok(())
 }
 
-/// Unlit, so that a ray of the reference brings the colour alone; and cut out where the palette's first colour is nothing.
+/// Unlit, so that a ray of the reference returns the colour only, and alpha-tested where the palette's alpha is 0.
 #[test]
 fn rays_read_the_same() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -224,7 +224,7 @@ fn rays_read_the_same() -> Result<()> {
         let mut reference = Reference::new(&gpu, &scene, &scene.cameras[0], options)?;
         reference.add(1)?;
         let traced: Vec<Vec3> = reference.estimate().mean.iter().map(|v| v.as_vec3()).collect();
-        // Whatever a ray meets has one of the colours.
+        // Every hit returns one of the colours.
         let known = |c: &Vec3| *c == Vec3::ZERO || colours.iter().any(|k| is_near(*k, *c));
         let strange = traced.iter().filter(|c| !known(c)).count();
         let apart = raster.iter().zip(&traced).filter(|(a, b)| !is_near(**a, **b)).count();

@@ -1,4 +1,4 @@
-//! GPU times are those of the work: they add up to the frame, and grow with it.
+//! GPU times of passes add up to the frame's, and grow with the work.
 use anyhow::{Context, Result};
 use magpie::measure::FrameSample;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
@@ -43,7 +43,7 @@ fn more_pixels_take_more_time() -> Result<()> {
     let least = |frames: &[FrameSample], name: &str| -> Result<u64> {
         frames.iter().map(|f| pass(f, name)).collect::<Result<Vec<_>>>()?.into_iter().min().context("a frame")
     };
-    // 64 times the pixels; a dispatch has a fixed cost, so no exact ratio is asked for.
+    // 64 times the pixels; a dispatch has a fixed cost, so no exact ratio is required.
     for name in ["shadows.trace", "direct.shade", "reflections.sky"] {
         let (small, large) = (least(&small, name)?, least(&large, name)?);
         assert!(large > 4 * small, "{name}: {small} ns at 40x24, {large} ns at 320x192");

@@ -1,4 +1,5 @@
-//! Shadows of what lets light through: against closed forms, against the truth, and nothing of it where nothing does.
+//! Tinted shadows of surfaces that transmit light: against closed forms and the ground truth, and without cost in scenes without such
+//! surfaces.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Vec3, Vec4};
 use magpie::gpu::Gpu;
@@ -9,9 +10,9 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, config, gpu, render};
 use magpie_tests::made::{add, camera, material, plane, scene, sun};
 
-/// Half a step of the 8 bits that the slot's image has.
+/// Half a step of 8 bits, the format of the slot's image.
 const HALF_STEP: f32 = 0.5 / 255.0;
-/// What rounding may add to it.
+/// Additional rounding.
 const ROUNDING: f32 = 1e-4;
 
 /// Thin smooth glass.
@@ -39,7 +40,7 @@ fn fresnel(cosine: f32, ior: f32) -> f32 {
 const TOWARDS: Vec3 = Vec3::new(0.0, 1.0, 0.4);
 const PICTURE: [u32; 2] = [64, 16];
 
-/// Strips of a metre side by side, with other casters above each, 10 m above a floor. Of each, what light is left.
+/// Strips one metre wide, with different occluders 10 m above each. Returned with the transmittance of each.
 fn strips() -> (Scene, Vec<Vec3>) {
     let cosine = TOWARDS.normalize().y;
     let through = |c: [f32; 3], t: f32, ior: f32| Vec3::from(c) * t * (1.0 - fresnel(cosine, ior));
@@ -51,14 +52,14 @@ fn strips() -> (Scene, Vec<Vec3>) {
         (vec![blended(0.5)], Vec3::splat(0.5)),
         (vec![blended(0.3)], Vec3::splat(0.7)),
         (vec![blended(0.8), glass(blue, 0.9, 1.5)], 0.2 * through(blue, 0.9, 1.5)),
-        // Past what is blended glass passes light, and glass passes some of the rest.
+        // Glass in a blended surface: light passes the uncovered part, and is partly transmitted by the rest.
         (
             vec![Material { transmission: 1.0, roughness: 0.0, ..blended(0.5) }],
             0.5 + 0.5 * through([0.9, 0.1, 0.4], 1.0, 1.5),
         ),
         (vec![glass(red, 0.8, 1.5), solid()], Vec3::ZERO),
         (vec![solid(), glass(red, 0.8, 1.5)], Vec3::ZERO),
-        // What bends and what scatters light.
+        // Refracting and scattering surfaces.
         (vec![Material { thickness: 0.1, ..glass(red, 0.8, 1.5) }], Vec3::ZERO),
         (vec![Material { roughness: 0.3, ..glass(red, 0.8, 1.5) }], Vec3::ZERO),
         (vec![Material { alpha: AlphaMode::Mask(0.5), ..glass(red, 0.8, 1.5) }], Vec3::ZERO),
@@ -79,7 +80,7 @@ fn strips() -> (Scene, Vec<Vec3>) {
     (strips, wanted)
 }
 
-/// Which strip each pixel of the picture sees, where it is not near a border.
+/// The strip that each pixel sees; none near a border.
 fn strip_of(scene: &Scene, [width, height]: [u32; 2], count: usize) -> Vec<Option<usize>> {
     let camera = &scene.cameras[0];
     let slope = (0.5 * f64::from(camera.vertical_fov)).tan();
@@ -97,7 +98,7 @@ fn strip_of(scene: &Scene, [width, height]: [u32; 2], count: usize) -> Vec<Optio
     (0..width * height).map(see).collect()
 }
 
-/// A frame with every check on, its `shadows` read back.
+/// A frame with every check on, with `shadows` read back.
 fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str], rays: Rays, [width, height]: [u32; 2]) -> Result<FrameResult> {
     let options = RenderOptions { width, height, rays, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
@@ -150,7 +151,7 @@ fn light_that_is_left_is_the_closed_form() -> Result<()> {
 #[test]
 fn so_many_panes_are_dark_and_fewer_are_not() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // `MOST_SHEETS` of lib/tinted_rays.glsl.
+    // `MOST_SHEETS` of lib/tinted.glsl.
     for (panes, left) in [(16, 0.99_f32.powi(16)), (17, 0.0)] {
         let mut scene = scene("panes", camera([0.0, 5.0, 0.01], [0.0, 0.0, 0.0]));
         add(&mut scene, plane(20.0), material([0.7; 3], 0.0, 1.0), Affine3A::IDENTITY);
@@ -161,7 +162,7 @@ fn so_many_panes_are_dark_and_fewer_are_not() -> Result<()> {
         scene.lights.push(sun(TOWARDS));
         let found = image(&shadows(&gpu, &scene, &[], Rays::Software, [8, 8])?, 0)?;
         ensure!(found.iter().all(|v| (v[1] - left).abs() < HALF_STEP + ROUNDING), "{panes}: {:?}", found[0]);
-        // The truth follows all of them.
+        // The ground truth follows all of them.
         let truth = truth(&gpu, &scene, 1, of_shadows([8, 8]))?.mean;
         let left = 0.99_f64.powi(panes);
         ensure!(truth.iter().all(|v| (v.y - left).abs() < 1e-4), "{panes}: truth {}", truth[0]);
@@ -169,7 +170,7 @@ fn so_many_panes_are_dark_and_fewer_are_not() -> Result<()> {
     Ok(())
 }
 
-/// A floor under glass that covers half of it, lit by a disc through the glass and past it.
+/// A floor under glass that covers half of it, lit by a disc light through the glass and past it.
 fn window() -> Scene {
     let mut window = scene("window", camera([0.0, 0.9, 2.4], [0.0, 0.0, 0.0]));
     add(&mut window, plane(6.0), material([0.7; 3], 0.0, 1.0), Affine3A::IDENTITY);
@@ -277,7 +278,7 @@ fn scenes_that_stop_all_light_pay_nothing() -> Result<()> {
     let traced = |r: &FrameResult| r.sample.passes.iter().filter(|p| p.name.starts_with("shadows.trace")).count();
     ensure!(traced(&with) == 1, "two lights share an image");
 
-    // And what is blended but covers all is solid; what is not, is not there for the setting.
+    // Blended surfaces with an alpha of 1 are solid; with the setting off nothing is tinted.
     let (strips, _) = strips();
     let mut covered = strips.clone();
     for material in &mut covered.materials {
@@ -319,7 +320,7 @@ fn what_is_denoised_is_finite_and_keeps_its_colours() -> Result<()> {
 #[test]
 fn eight_lights_keep_their_shadows() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // Points: larger lamps are lit from their centres.
+    // Point lights, as larger ones are lit from their centres here.
     let mut scene = window();
     scene.lights.clear();
     for at in 0..8 {
@@ -332,11 +333,11 @@ fn eight_lights_keep_their_shadows() -> Result<()> {
         let name = if light == 0 { "shadows.trace".to_owned() } else { format!("shadows.trace_{}", light + 1) };
         ensure!(result.sample.passes.iter().any(|p| p.name == name), "no {name}");
     }
-    // By maps they share images, and nothing is tinted.
+    // With maps lights share images, and nothing is tinted.
     let maps = render(&gpu, &scene, &magpie_tests::harness::config(&["stages.shadows=hybrid"])?, [16, 9], 1, None)?;
     ensure!(!maps.sample.passes.iter().any(|p| p.name == "shadows.trace_2"), "a hybrid has one group");
 
-    // All eight in the picture: without a sky, it is the truth.
+    // All eight lights in the picture: without a sky, it equals the ground truth.
     let options = ReferenceOptions { width: 32, height: 18, only: Only::Direct, ..of_shadows([32, 18]) };
     let truth = truth(&gpu, &scene, 128, options)?.mean;
     let changes = ["shadows.most_lights=8"];

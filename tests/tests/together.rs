@@ -1,5 +1,5 @@
-//! Features that ship together: anti-aliasing moves every surface that denoisers keep a history of, lights share what they are sampled by, and
-//! the origin follows the camera.
+//! Interactions of features: anti-aliasing jitters the surfaces that denoisers have a history of, lights share sample sequences, and the
+//! floating origin follows the camera.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Vec2, Vec3};
 use magpie::gpu::Gpu;
@@ -14,12 +14,12 @@ use magpie_tests::harness::{builtin, config, gpu, render};
 use magpie_tests::made::{add, block, camera, material, plane, scene};
 
 const SIZE: [u32; 2] = [160, 90];
-/// So large that most pixels of the courtyard show one thing.
+/// Large enough that most pixels of the courtyard show a single surface.
 const LARGE: [u32; 2] = [320, 180];
-/// Frames that are denoised: one more than the longest history by default.
+/// Number of denoised frames: one more than the longest default history.
 const FRAMES: u32 = 33;
 
-/// A number for each pixel and channel.
+/// Values of all pixels and channels.
 type Values = Vec<f64>;
 
 fn values(image: &Pixels) -> Values {
@@ -35,7 +35,7 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// What the last of [`FRAMES`] frames shows in the end: linear radiance, or another image in its place.
+/// The last of [`FRAMES`] frames: linear radiance, or another image.
 fn last(
     gpu: &Gpu,
     scene: &Scene,
@@ -59,7 +59,7 @@ fn shadows_keep_their_history_under_anti_aliasing() -> Result<()> {
     let scene = builtin("courtyard")?;
     let mut errors = Vec::new();
     for anti_aliasing in ["post.anti_aliasing=none", "post.anti_aliasing=taa"] {
-        // The same frames of the same jitter with as many rays as there are in 32 frames and more: what is left is what shadows do.
+        // The same frames with the same jitter and more rays than 32 frames have: what remains is the error of shadows.
         let many = [anti_aliasing, "shadows.denoiser=none", "shadows.rays=8"];
         let truths = (1..=4).map(|seed| last(&gpu, &scene, &many, (SIZE, seed), None)).collect::<Result<Vec<_>>>()?;
         let denoised = last(&gpu, &scene, &[anti_aliasing], (SIZE, 0), None)?;
@@ -80,7 +80,7 @@ fn shadows_keep_their_history_under_anti_aliasing() -> Result<()> {
     Ok(())
 }
 
-/// A block over a floor before so many lamps, all in one place.
+/// A block on a floor in front of `count` local lights at the same position.
 fn lamps(count: usize) -> Scene {
     let mut s = scene("lamps", camera(Vec3::new(0.0, 4.0, 6.0), Vec3::ZERO));
     add(&mut s, plane(8.0), material([0.5; 3], 0.0, 0.8), Affine3A::IDENTITY);
@@ -98,7 +98,7 @@ fn lights_of_different_groups_have_points_of_their_own() -> Result<()> {
         let image = render(&gpu, &scene, &config, SIZE, 1, Some((pass, "visibility")))?.images;
         Ok(image.context("no image")?.linear)
     };
-    // The first lamp of each group of four: the same lamp in the same place, in the same pixel.
+    // The first light of each group of four: equal lights at the same position, in the same pixel.
     let (first, second) = (traced("shadows.trace")?.values(), traced("shadows.trace_2")?.values());
     let partly = first.iter().zip(&second).filter(|(a, b)| a[0] != b[0]).count();
     println!("{partly} pixels differ");
@@ -109,7 +109,7 @@ fn lights_of_different_groups_have_points_of_their_own() -> Result<()> {
 #[test]
 fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // Something moves in the scene, aside of the lamp.
+    // An object moves, but not the light.
     let mut scene = lamps(1);
     scene.nodes.push(Node { name: "swing".to_owned(), ..Node::default() });
     scene.animations.push(Animation {
@@ -130,7 +130,7 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
         resident.casters().iter().any(|caster| caster.moved)
     };
     ensure!(!moved(0.0, 0.0) && !moved(4096.0, 0.1) && !moved(4096.0, 0.2), "a lamp that stands has moved");
-    // One that hangs on what moves does, wherever it is counted from.
+    // A light attached to a moving node moves, whatever its own position.
     scene.light_nodes = vec![Some(0)];
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
@@ -160,7 +160,7 @@ fn what_reads_the_scene_says_so() -> Result<()> {
 #[test]
 fn single_rays_are_as_bright_in_the_mean_as_many() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    // A lamp over the edge of a block's side: of the side each pixel sees a part of the lamp above its horizon.
+    // A light above the edge of a block's side: each pixel of the side sees the part of the light above its horizon.
     let mut s = scene("side", camera(Vec3::new(0.0, 0.5, 4.0), Vec3::new(0.0, 0.5, 0.0)));
     add(&mut s, block(Vec3::splat(0.5)), material([0.5; 3], 0.0, 0.8), Affine3A::from_translation(Vec3::Y * 0.5));
     let (centre, half) = (DVec3::new(0.0, 3.0, 0.4), 0.8);
@@ -191,7 +191,7 @@ fn single_rays_are_as_bright_in_the_mean_as_many() -> Result<()> {
     Ok(())
 }
 
-/// A texture of normals that lean by turns to all sides.
+/// A normal map that leans to all sides in turn.
 fn bumps() -> Texture {
     let side = 64;
     let mut texels = Vec::new();

@@ -1,8 +1,8 @@
-//! No ray gets out of a closed mesh: rays from inside at its edges and corners find a hit, every time, in the software walk. What gets
-//! out of the driver's structures is printed: Vulkan promises as much only for single edges of one geometry.
+//! No ray leaves a closed mesh: rays from inside at edges and vertices always hit with the software traversal. Leaks of the driver's
+//! structures are printed only, as Vulkan guarantees watertightness for single edges of one geometry only.
 //!
-//! Meshes come turned, scaled, mirrored and far from the origin. Every ray is aimed at a corner or at a point of an edge, exactly as
-//! `f32` has it, or a few representable floats beside it.
+//! Meshes are rotated, scaled, mirrored and far from the origin. Every ray is aimed at a vertex or at a point of an edge, exactly in `f32`
+//! or a few representable floats beside it.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 use anyhow::{Result, ensure};
 use glam::{Affine3A, DVec3, Vec3};
@@ -19,18 +19,18 @@ use std::collections::HashMap;
 use std::env;
 use std::f32::consts::TAU;
 
-/// Rays over all meshes; with MAGPIE_FULL ten times as many.
+/// Rays over all meshes; ten times as many with MAGPIE_FULL.
 const RAYS: usize = 1_000_000;
-/// Placings of each mesh.
+/// Transforms per mesh.
 const PLACINGS: usize = 10;
-/// Points inside of a mesh that rays come from.
+/// Points inside a mesh at which rays start.
 const POINTS: usize = 20;
-/// Points inside lie at least this far from every corner, over the size of the mesh, and further than any rounding of a placing.
+/// Least distance of these points from every vertex, relative to the size of the mesh, so that rounding of a transform does not matter.
 const MARGIN: f32 = 0.01;
-/// Greatest offset of a placing, over the size of the mesh: `f32` moves a point by less than 1e-3 of the size there.
+/// Greatest translation relative to the size of the mesh: `f32` then moves a point by less than 1e-3 of the size.
 const OFFSET: f32 = 3000.0;
 
-/// A sphere from an icosahedron, every triangle split in four `splits` times.
+/// A sphere from an icosahedron, with every triangle split in four `splits` times.
 fn icosphere(splits: u32) -> Shape {
     let g = (1.0 + 5_f32.sqrt()) / 2.0;
     let base: [[f32; 3]; 12] = [
@@ -95,11 +95,11 @@ fn knot(along: u32, around: u32) -> Shape {
     Shape { positions, indices }
 }
 
-/// A box whose ends are fans around a corner: slivers a thousand times as long as wide.
+/// A box with ends that are triangle fans: slivers a thousand times as long as wide.
 fn slivers(count: u32) -> Shape {
-    // A prism over a polygon that is a rectangle with many points on its long side.
+    // A prism over a rectangle with many vertices on its long side.
     let mut outline = vec![Vec3::new(-10.0, -0.5, 0.0), Vec3::new(10.0, -0.5, 0.0)];
-    // Not quite straight, so that no triangle of the fan is without area.
+    // Not quite straight, so that no triangle of the fan is degenerate.
     let along = |i: u32| 20.0 * i as f32 / count as f32 - 10.0;
     outline.extend((0..=count).rev().map(|i| Vec3::new(along(i), 0.5 - 1e-3 * along(i).powi(2) / 10.0, 0.0)));
     let n = outline.len() as u32;
@@ -116,7 +116,7 @@ fn slivers(count: u32) -> Shape {
     Shape { positions, indices }
 }
 
-/// Whether every edge has its opposite: corners in one place are one.
+/// Whether every edge has its opposite; coincident vertices are merged.
 fn is_closed(shape: &Shape) -> bool {
     let key = |i: u32| shape.positions[i as usize].to_array().map(|x| (x + 0.0).to_bits());
     let mut edges: HashMap<_, i32> = HashMap::new();
@@ -135,18 +135,18 @@ fn size(shape: &Shape) -> (Vec3, Vec3) {
     shape.positions.iter().fold((Vec3::MAX, Vec3::MIN), |(lo, hi), p| (lo.min(*p), hi.max(*p)))
 }
 
-/// Points well inside, none where there is no such place.
+/// Points well inside the mesh; empty if there are none.
 fn inner_points(shape: &Shape, random: &mut Random) -> Vec<Vec3> {
     let (lo, hi) = size(shape);
     let margin = MARGIN * (hi - lo).length();
     let inside = |p: Vec3| is_inside(&shape.positions, &shape.indices, p.as_dvec3());
-    // Steps to all sides stay inside as well.
+    // Small steps in all directions stay inside as well.
     let steps = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| [axis * margin, -axis * margin]);
     let well_inside = |p: Vec3| inside(p) && steps.iter().flatten().all(|s| inside(p + *s));
     (0..4000).map(|_| random.point(lo, hi)).filter(|p| well_inside(*p)).take(POINTS).collect()
 }
 
-/// Turned, scaled, mirrored, and somewhere; the first is where the mesh was made.
+/// A random rotation, scale, mirroring and translation; the first is the identity.
 fn placing(number: usize, span: f32, random: &mut Random) -> Affine3A {
     if number == 0 {
         return Affine3A::IDENTITY;
@@ -160,13 +160,13 @@ fn placing(number: usize, span: f32, random: &mut Random) -> Affine3A {
     Affine3A::from_scale_rotation_translation(scales, rotation(random), random.direction() * far)
 }
 
-/// A few representable floats further.
+/// `x` moved by a few representable floats.
 fn nudge(x: f32, random: &mut Random) -> f32 {
     let steps = (random.bits() % 7) as i32 - 3;
     f32::from_bits((x.to_bits() as i32 + steps).max(0) as u32)
 }
 
-/// From a point inside at a corner or a point of an edge.
+/// A ray from a point inside to a vertex or a point of an edge.
 fn ray(shape: &Shape, points: &[Vec3], world: &Affine3A, random: &mut Random) -> RayTask {
     let exact = double(world);
     let pick = |n: usize, random: &mut Random| (random.bits() % n as u64) as usize;
@@ -190,7 +190,7 @@ fn ray(shape: &Shape, points: &[Vec3], world: &Affine3A, random: &mut Random) ->
     }
 }
 
-/// Rays that got out, by way to trace.
+/// Rays that leaked, by backend.
 fn leaks(
     gpu: &Gpu,
     tracer: &mut Tracer,
@@ -234,7 +234,7 @@ fn leaks(
     Ok(out)
 }
 
-/// Two of the closed meshes of the robot, the largest that are not too large to find points inside by search.
+/// Two closed meshes of the robot, the largest for which finding inside points is feasible.
 fn robot() -> Result<Vec<(String, Shape)>> {
     let Some(scene) = asset("pica_pica_robot/robot_01.glb")? else { return Ok(Vec::new()) };
     let mut closed: Vec<(String, Shape)> = scene
@@ -290,7 +290,7 @@ fn a_hole_is_seen() -> Result<()> {
     let rays = (0..100_000).map(|_| ray(&whole, &[Vec3::ZERO], &Affine3A::IDENTITY, &mut random)).collect();
     let table = tracer.upload(&RayTable::of(rays, Question::Closest))?;
     let answers = tracer.closest(Rays::Software, Target::World(&world), &table)?;
-    // Two thirds of the rays at the missing triangle go to its outline, which its neighbours share.
+    // Two thirds of the rays at the missing triangle aim at its outline, which its neighbours share.
     assert!(answers.iter().filter(|a| a.instance == u32::MAX).count() > 10);
     Ok(())
 }

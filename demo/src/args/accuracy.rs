@@ -14,7 +14,7 @@ use super::{EnvironmentArguments, Extent, Rays, Supply};
 #[derive(Args, Debug)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct AccuracyArguments {
-    /// Something else than measuring
+    /// Merge or compare earlier results instead of measuring
     #[command(subcommand)]
     pub command: Option<AccuracyCommand>,
     /// `builtin:NAME`, or a path to a .gltf or .glb file
@@ -33,10 +33,11 @@ pub struct AccuracyArguments {
     /// 10 with --quick]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = above_zero)]
     pub minutes: Option<f64>,
-    /// What the fronts stand for: flip, hdr-flip, relmse, rmse, smape, dssim
+    /// Error metric of the fronts: flip, hdr-flip, relmse, rmse, smape, dssim
     #[arg(long, value_name = "METRIC", default_value = "flip")]
     pub metric: Metric,
-    /// Of which image: `picture`, `moving` (the picture while the camera moves) or `slot` (the stage's own image), where there is one
+    /// Image that the fronts are measured on: `picture`, `moving` (the picture while the camera moves) or `slot` (the stage's own image),
+    /// where there is one
     #[arg(long, value_name = "IMAGE", default_value = "picture")]
     pub image: Image,
     /// Measure one part of several, on one machine of several
@@ -72,12 +73,12 @@ pub struct AccuracyArguments {
     /// Light from an image
     #[command(flatten)]
     pub environment: EnvironmentArguments,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
 }
 
-/// What else `magpie accuracy` does.
+/// Subcommands of `magpie accuracy`.
 #[derive(Debug, Subcommand)]
 pub enum AccuracyCommand {
     /// Bring the parts of a run together and make its report
@@ -122,13 +123,13 @@ pub struct TuneArguments {
     /// A configuration for each of 1, 2, 4, 8, 16 and 33 ms, or for shares of the default's time where that is more; --out names a folder
     #[arg(long)]
     pub all: bool,
-    /// What error is: flip, hdr-flip, relmse, rmse, smape, dssim
+    /// Error metric: flip, hdr-flip, relmse, rmse, smape, dssim
     #[arg(long, value_name = "METRIC", default_value = "flip")]
     pub metric: Metric,
     /// Write the configuration, or with --all the configurations and their table into this folder
     #[arg(long, value_name = "F.toml|DIR")]
     pub out: PathBuf,
-    /// Do not render what is best by prediction to see whether it keeps its promise
+    /// Do not render the predicted best configurations to confirm them
     #[arg(long)]
     pub no_render: bool,
     /// The camera of the report: by name, or a camera file
@@ -143,7 +144,7 @@ pub struct TuneArguments {
     /// Light from an image
     #[command(flatten)]
     pub environment: EnvironmentArguments,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
 }

@@ -47,7 +47,7 @@ pub struct BenchRaysArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<PathBuf>,
-    /// What a scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
     /// Write JSON to this file, or to standard output in place of the table
@@ -80,7 +80,7 @@ pub struct BenchMotionArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
     pub scene: PathBuf,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
     /// The slot, one with a denoiser
@@ -121,7 +121,7 @@ pub struct BenchPairsArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
     pub scene: PathBuf,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
     /// Names of the features that take part, separated by commas; without it all
@@ -162,7 +162,7 @@ pub enum BenchRays {
 }
 
 impl BenchRays {
-    /// As the engine names it.
+    /// Converts to the engine's type.
     pub fn way(self) -> magpie::prelude::Rays {
         match self {
             Self::Software => magpie::prelude::Rays::Software,

@@ -40,7 +40,7 @@ pub struct ReferenceArguments {
     /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub depth: u32,
-    /// How far away things count for `--only ao`, metres
+    /// Distance up to which geometry occludes for `--only ao`, metres
     #[arg(long, value_name = "METRES", default_value = "1", allow_negative_numbers = true, value_parser = super::time_step)]
     pub ao_range: f32,
     /// Which moment of the animation, seconds
@@ -49,7 +49,7 @@ pub struct ReferenceArguments {
     /// Light from all around.
     #[command(flatten)]
     pub environment: EnvironmentArguments,
-    /// What the scene is given where it lacks it
+    /// What to add to a scene without a camera or light of its own
     #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
     pub supply: Supply,
     /// Width and height of the picture, pixels
@@ -73,7 +73,7 @@ pub struct ReferenceArguments {
 }
 
 impl ReferenceArguments {
-    /// Where in a pixel.
+    /// Where samples lie in a pixel, with the default of `--only` applied.
     pub fn pixel(&self) -> PixelSampling {
         match (self.pixel, self.only) {
             (Some(Pixel::Area), _) | (None, Only::All) => PixelSampling::Area,
@@ -91,27 +91,27 @@ pub enum Pixel {
     Centre,
 }
 
-/// Which light the reference looks for.
+/// Which part of the lighting the reference computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Only {
     /// The whole picture.
     All,
     /// Light straight from lights, and emission.
     Direct,
-    /// Share that is seen of the first three lights that cast shadows, one in each channel.
+    /// Visibility of the first three shadow-casting lights, one in each channel.
     Shadows,
-    /// Share of the hemisphere that nothing near hides.
+    /// Ambient occlusion: share of the hemisphere that is not occluded within `--ao-range`.
     Ao,
     /// Indirect light that the first surface scatters specularly.
     Reflections,
     /// Indirect light that the first surface scatters diffusely.
     Gi,
-    /// Light that comes through the first surface.
+    /// Light that is transmitted through the first surface.
     Transparency,
 }
 
 impl Only {
-    /// As the reference names it.
+    /// Converts to the reference's type.
     pub fn which(self) -> reference::Only {
         match self {
             Self::All => reference::Only::All,

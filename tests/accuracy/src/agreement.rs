@@ -1,47 +1,47 @@
-//! How far two reports agree: the order in which they put the rows of each slot, and their fronts.
+//! Agreement of two reports: the ranking of the rows of each slot, and their fronts.
 use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
 use crate::race::CLEAR;
 use crate::report::{Effect, Report, Row};
 use serde::Serialize;
 use std::fmt::Write;
 
-/// How far two reports agree on a slot, over the rows that both have.
+/// Agreement of two reports on a slot, over the rows that both have.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SlotAgreement {
-    /// Its name.
+    /// Name of the slot.
     pub slot: String,
-    /// Rows of both.
+    /// Number of rows in both reports.
     pub rows: usize,
-    /// Kendall's tau-b of the errors; none where all of one report's are the same.
+    /// Kendall's tau-b of the errors, -1 to 1; none where one report has the same error everywhere.
     pub error_tau: Option<f64>,
-    /// The same of the prices.
+    /// Kendall's tau-b of the times.
     pub price_tau: Option<f64>,
-    /// Rows on both fronts, each made of the rows that both have.
+    /// Number of rows on both fronts, each computed from the common rows only.
     pub on_both: usize,
-    /// Labels of rows that are on the front of the first only.
+    /// Labels of rows on the front of the first report only.
     pub on_first: Vec<String>,
-    /// Of the second only.
+    /// Labels of rows on the front of the second report only.
     pub on_second: Vec<String>,
-    /// Of those, the ones whose place was clear in both reports: what neither of them takes for a tie.
+    /// Those of `on_first` and `on_second` whose place is clear in both reports, so that the difference is not a tie.
     pub clear: Vec<String>,
-    /// Labels of rows that one of them lacks.
+    /// Labels of rows that only one report has.
     pub missing: Vec<String>,
 }
 
-/// How far two reports agree.
+/// Agreement of two reports.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// By which metric.
+    /// Metric of the errors.
     pub metric: &'static str,
-    /// Slot by slot.
+    /// Agreement by slot.
     pub slots: Vec<SlotAgreement>,
-    /// Kendall's tau-b of the errors of all slots, pairs counted within each slot.
+    /// Kendall's tau-b of the errors over all slots, with pairs within a slot only.
     pub error_tau: Option<f64>,
-    /// The same of the prices.
+    /// The same of the times.
     pub price_tau: Option<f64>,
 }
 
-/// Pairs of a ranking: in the same order, in the other order, equal in the first, equal in the second.
+/// Pairs of items by their order in two rankings: concordant, discordant, tied in the first, tied in the second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Pairs {
     alike: f64,
@@ -50,7 +50,7 @@ struct Pairs {
 }
 
 impl Pairs {
-    /// Over all pairs of these.
+    /// Counts all pairs of items, each given by its two values.
     fn of(pairs: &[(f64, f64)]) -> Self {
         let mut counts = Self::default();
         for (at, (a, b)) in pairs.iter().enumerate() {
@@ -76,7 +76,7 @@ impl Pairs {
         }
     }
 
-    /// Kendall 1945, "The Treatment of Ties in Ranking Problems": tau-b, from -1 (reversed) to 1 (the same order).
+    /// Tau-b (Kendall 1945, "The Treatment of Ties in Ranking Problems"), from -1 (reversed) to 1 (the same order).
     fn tau(self) -> Option<f64> {
         let ordered = self.alike + self.opposed;
         let pairs = ((ordered + self.tied[0]) * (ordered + self.tied[1])).sqrt();
@@ -84,13 +84,13 @@ impl Pairs {
     }
 }
 
-/// Kendall's tau-b of two rankings of the same things; none where one of them has no order.
+/// Kendall's tau-b of two rankings, given as pairs of values of the same items; none where one of them is constant.
 pub fn kendall(pairs: &[(f64, f64)]) -> Option<f64> {
     Pairs::of(pairs).tau()
 }
 
 impl Agreement {
-    /// Compares two reports, slots and rows by name.
+    /// Compares two reports, matching slots and rows by name.
     pub fn of(first: &Report, second: &Report) -> Self {
         let (mut slots, mut errors, mut prices) = (Vec::new(), Pairs::default(), Pairs::default());
         for a in &first.effects {
@@ -103,7 +103,7 @@ impl Agreement {
         Self { metric, slots, error_tau: errors.tau(), price_tau: prices.tau() }
     }
 
-    /// For people.
+    /// The agreement as text.
     pub fn table(&self) -> String {
         let tau = |tau: Option<f64>| tau.map_or("-".to_owned(), |t| format!("{t:.3}"));
         let mut text = format!(
@@ -139,7 +139,7 @@ impl Agreement {
     }
 }
 
-/// Which of these rows are on the front that they make together.
+/// Whether each of these rows is on the front of these rows.
 fn fronts(report: &Report, effect: &Effect, rows: &[&Row]) -> Vec<bool> {
     let points: Vec<Point> = rows.iter().map(|row| row.point(error(effect, row))).collect();
     let floor = effect.floor(&report.truths, effect.judged_by, effect.metric);
@@ -213,7 +213,7 @@ mod tests {
 
         let mut second = report();
         let shadows = second.effects.iter_mut().find(|e| e.slot == "shadows").unwrap();
-        // One ray has become dearer than what is more accurate than it; what costs nothing is missing.
+        // One ray now costs more than a more accurate row; the row without cost is missing.
         let cheap = &mut shadows.rows[2];
         let label = cheap.variant.label.clone();
         cheap.ms *= 100.0;

@@ -1,19 +1,18 @@
-//! The picture that several choices make together, from the pictures that each made alone.
+//! Predicts the picture of several choices together from the pictures of each choice alone.
 //!
-//! A frame is a sum: direct light, indirect light, reflections, and the rest (the sky behind things, what 16 bits round off). Every
-//! configuration that was rendered left those of its terms that differ from the default's. A combination is composed term by term, as
-//! the frame does, and what a whole picture goes through afterwards (anti-aliasing, upsampling) is laid over the sum. Within a term,
-//! pixel by pixel, with `b` the default's value and `x_i` what each choice alone made of it:
+//! A frame is a sum of terms: direct light, indirect light, reflections, and the rest (the background sky, rounding to 16 bits). Every
+//! rendered configuration has stored those of its terms that differ from the default's. A combination is composed term by term, and the
+//! changes of slots that act on the whole picture (anti-aliasing, upsampling) are added to the sum. Within a term, per pixel, with `b` the
+//! default's value and `x_i` the value of choice `i` alone:
 //!
 //! ```text
 //! (b + sum of max(x_i - b, 0)) * product of min(x_i / b, 1)
 //! ```
 //!
-//! What takes light away takes its share of whatever else is there, and what adds light adds. That is exact where one choice alone
-//! changes the term; where one choice scales what another gives, as ambient occlusion scales the light of the sky and `off` scales it
-//! to 0; and it is of first order elsewhere, as where a pixel has the light of several lamps and shadows of each. Anti-aliasing is
-//! linear but for what it makes of motion: its change of the default picture is added, so that all edges of the default are smoothed, and
-//! those that another choice brings or takes are not.
+//! Choices that darken multiply, and choices that brighten add. That is exact where one choice alone changes the term, and where one scales
+//! the result of another, as ambient occlusion scales sky light and `off` scales it to 0. Elsewhere it is a first-order approximation, as
+//! where a pixel is lit by several lights with a shadow each. The change by anti-aliasing is that of the default picture, so edges that
+//! another choice adds or removes are not anti-aliased.
 use crate::AccuracyError;
 use crate::display::Display;
 use crate::metric::Metric;
@@ -24,31 +23,31 @@ use std::path::Path;
 
 /// The slots whose images add up to the picture.
 pub const TERMS: [&str; 3] = ["direct", "gi", "reflections"];
-/// The rest of the picture.
+/// The remaining term: the picture minus [`TERMS`].
 const REST: &str = "rest";
-/// The picture of truth, over the squares of pixels where `post` was measured.
+/// Files of the ground truth of the picture: averaged over pixels where `post` was measured, else at pixel centres.
 pub const TRUTH_PICTURES: [&str; 2] = ["truth.all_area.exr", "truth.all.exr"];
 
-/// What a configuration made: its picture, and those of its terms that are not the default's.
+/// What a configuration changes: the terms that differ from the default's, or the whole picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parts {
-    /// The terms, [`TERMS`] and the rest; none where they are as in the default.
+    /// [`TERMS`] and the rest; none where equal to the default's.
     terms: [Option<Picture>; 4],
-    /// The picture, of a configuration that is not taken apart.
+    /// The picture, for a configuration that is not split into terms.
     whole: Option<Picture>,
 }
 
 impl Parts {
-    /// Of a configuration that is not taken apart.
+    /// For a configuration that is not split into terms.
     #[cfg(test)]
     pub(crate) fn of_whole(picture: Picture) -> Self {
         Self { whole: Some(picture), ..Self::default() }
     }
 }
 
-/// Takes a picture apart: its terms as they were read, and the rest.
+/// Splits a picture into its terms: the given images and the rest.
 ///
-/// A frame of other pixels than the picture's own (upsampling) has no terms.
+/// None if the images have another size than the picture (upsampling).
 pub fn split(picture: &Picture, terms: &BTreeMap<String, Picture>) -> Option<[Picture; 4]> {
     let fits = |p: &&Picture| (p.width, p.height) == (picture.width, picture.height);
     let [direct, gi, reflections] = TERMS.map(|name| terms.get(name).filter(fits).cloned());
@@ -60,12 +59,12 @@ pub fn split(picture: &Picture, terms: &BTreeMap<String, Picture>) -> Option<[Pi
     Some([direct, gi, reflections, rest])
 }
 
-/// File of a term of a configuration.
+/// File name of a term of a configuration.
 fn term_file(setup: &str, term: usize) -> String {
     format!("{setup}.term.{}.exr", TERMS.get(term).unwrap_or(&REST))
 }
 
-/// Leaves the terms of a configuration in a folder, those that differ from the default's.
+/// Writes those terms of a configuration that differ from the default's to a folder.
 ///
 /// # Errors
 /// [`AccuracyError::Image`].
@@ -83,32 +82,32 @@ pub fn write_terms(
     Ok(())
 }
 
-/// The same but for how sums were rounded.
+/// Equal but for rounding of sums.
 fn alike(a: &Picture, b: &Picture) -> bool {
     let near = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-5 * (a.abs() + b.abs()) + 1e-6;
     a.pixels.len() == b.pixels.len() && a.pixels.iter().flatten().zip(b.pixels.iter().flatten()).all(near)
 }
 
-/// Reads all terms of the default.
+/// Reads all terms of the default; none if a file is missing.
 pub fn read_terms(folder: &Path, setup: &str) -> Option<[Picture; 4]> {
     let read = |at: usize| read_exr(&folder.join(term_file(setup, at))).ok();
     Some([read(0)?, read(1)?, read(2)?, read(3)?])
 }
 
-/// Composes pictures and says how far they are from the truth.
+/// Composes pictures and measures their error against the ground truth.
 #[derive(Clone, Debug)]
 pub struct Composer {
     truth: Picture,
     display: Display,
-    /// Of the default.
+    /// Terms of the default.
     terms: Option<[Picture; 4]>,
     picture: Picture,
-    /// By id, without the default.
+    /// Changes by id of the configuration, the default excluded.
     parts: BTreeMap<String, Parts>,
 }
 
 impl Composer {
-    /// From the truth, the default's picture and terms, and what every other configuration made.
+    /// From the ground truth, the default's picture and terms, and the changes of every other configuration.
     pub fn new(
         truth: Picture,
         display: Display,
@@ -118,8 +117,8 @@ impl Composer {
         Self { truth, display, terms, picture, parts }
     }
 
-    /// From the pictures of a folder: of the default, and of those configurations that have theirs there. `None` where those of the
-    /// default or the truth are missing. `whole` says which configurations are not taken apart.
+    /// Reads the pictures of a folder: the default's, and those of other configurations as far as they exist. `None` if the default's or
+    /// the ground truth are missing. `setups` also says which configurations are not split into terms.
     ///
     /// # Errors
     /// [`AccuracyError::Image`].
@@ -152,17 +151,17 @@ impl Composer {
         Ok(Some(Self::new(read_exr(&truth)?, display, (read_exr(&picture)?, terms), parts)))
     }
 
-    /// Whether this configuration has left a picture, or is the default.
+    /// Whether this configuration has a picture here, or is the default.
     pub fn knows(&self, setup: &str, default: &str) -> bool {
         setup == default || self.parts.contains_key(setup)
     }
 
-    /// What is looked for.
+    /// The ground truth.
     pub fn truth(&self) -> &Picture {
         &self.truth
     }
 
-    /// The same with pictures that are no wider than this, each pixel the mean of a square of them: cheaper, for searching.
+    /// The same with pictures of at most this width, downsampled by a box filter: faster to search with.
     #[must_use]
     pub fn at_most(&self, width: usize) -> Self {
         let by = self.truth.width.div_ceil(width);
@@ -183,7 +182,7 @@ impl Composer {
         }
     }
 
-    /// The picture with the changes of these configurations together; those that are not known, and the default, change nothing.
+    /// The predicted picture of these configurations combined. Unknown ones, and the default, change nothing.
     pub fn compose<'a>(&self, setups: impl IntoIterator<Item = &'a str>) -> Picture {
         let chosen: Vec<&Parts> = setups.into_iter().filter_map(|id| self.parts.get(id)).collect();
         let mut sum = self.picture.clone();
@@ -202,14 +201,14 @@ impl Composer {
         for whole in chosen.iter().filter_map(|p| p.whole.as_ref()) {
             let changed = whole.pixels.iter().zip(&self.picture.pixels);
             for (s, (new, old)) in sum.pixels.iter_mut().zip(changed) {
-                // Light stays light where a dark edge of the default meets what has become darker than it.
+                // Radiance stays positive where edges that only the default has are darkened.
                 (0..3).for_each(|c| s[c] = (s[c] + new[c] - old[c]).max(s[c].min(0.0)));
             }
         }
         sum
     }
 
-    /// How far that picture is from the truth.
+    /// The error of that picture.
     ///
     /// # Errors
     /// [`MetricError`] where pictures are not of one size or not finite.
@@ -218,7 +217,7 @@ impl Composer {
     }
 }
 
-/// What several changes of a term make together.
+/// Combined value of several changes to a term.
 fn together(base: &Picture, changes: &[&Picture]) -> Picture {
     if let [only] = changes {
         return (*only).clone();
@@ -229,7 +228,7 @@ fn together(base: &Picture, changes: &[&Picture]) -> Picture {
             let b = *value;
             let (mut added, mut left) = (0.0, 1.0);
             for x in changes.iter().map(|p| p.pixels[at][c]) {
-                // What is not light, as the rest of a sum that was rounded, only adds.
+                // Negative values, from the rounding in the rest, are only added.
                 if x < b && x >= 0.0 {
                     left *= x / b;
                 } else {
@@ -242,7 +241,7 @@ fn together(base: &Picture, changes: &[&Picture]) -> Picture {
     result
 }
 
-/// Each pixel the mean of a square of pixels, those at the right and at the bottom of what is there of theirs.
+/// Downsampled by a box filter; boxes at the right and lower border are cut.
 fn smaller(picture: &Picture, by: usize) -> Picture {
     let (width, height) = (picture.width.div_ceil(by), picture.height.div_ceil(by));
     let mut pixels = Vec::with_capacity(width * height);

@@ -1,20 +1,20 @@
-//! What a display shows of a linear picture: the exposure and the tone curve of `post`, on the host.
+//! Conversion of linear pictures to display values: the exposure and tone curve of `post`, on the CPU.
 use crate::metrics::Picture;
 use magpie::config::{Config, Value};
 
 /// Exposure and curve, as `shaders/post/tone_map.comp` has them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// What radiance is multiplied with.
+    /// Factor of the radiance.
     pub exposure: f32,
-    /// From radiance to display light.
+    /// Tone curve.
     pub curve: Curve,
 }
 
 /// A tone curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curve {
-    /// Cut to 0..1.
+    /// Clamps to 0..1.
     Clip,
     /// AgX (Troy Sobotka 2022), by the fit of Benjamin Wrensch 2023, "Minimal AgX Implementation".
     AgX,
@@ -22,14 +22,14 @@ pub enum Curve {
     Aces,
 }
 
-/// Least and greatest exponent of AgX, stops.
+/// Lower and upper end of AgX's range, stops.
 const AGX_RANGE: [f32; 2] = [-12.47393, 4.026069];
 
 impl Display {
-    /// Shows numbers as they are: for shares of light.
+    /// No conversion but clamping, for visibility and openness.
     pub const PLAIN: Self = Self { exposure: 1.0, curve: Curve::Clip };
 
-    /// As the settings of `post` have it; the defaults where they say nothing.
+    /// Taken from the settings of `post`, with defaults for missing ones.
     pub fn of(config: &Config) -> Self {
         let settings = config.settings.get("post");
         let value = |key: &str| settings.and_then(|s| s.get(key));
@@ -46,7 +46,7 @@ impl Display {
         Self { exposure: stops.exp2(), curve }
     }
 
-    /// The light that a display gives for a picture, linear, 0 to 1.
+    /// The display's linear light for a picture, 0 to 1.
     pub fn show(&self, picture: &Picture) -> Picture {
         let show = |p: &[f32; 3]| {
             let exposed = p.map(|x| x * self.exposure);
@@ -60,7 +60,7 @@ impl Display {
     }
 }
 
-/// Rows of a matrix times a vector.
+/// Product of a matrix, given by rows, and a vector.
 fn times(rows: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
     rows.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
@@ -112,7 +112,7 @@ mod tests {
             let [black, white] = [0.0, 1e6].map(|x| display.show(&Picture::grey(1, 1, &[x])).pixels[0][1]);
             assert!(black < 1e-3 && white > 0.9, "{curve:?}: {black} {white}");
         }
-        // Greys stay grey: the rows of each matrix add up to 1.
+        // Greys stay grey, as the rows of each matrix sum to 1.
         let [r, g, b] = Display { exposure: 1.0, curve: Curve::AgX }.show(&Picture::grey(1, 1, &[0.18])).pixels[0];
         assert!((r - g).abs() < 1e-3 && (b - g).abs() < 1e-3, "{r} {g} {b}");
     }

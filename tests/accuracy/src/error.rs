@@ -1,4 +1,4 @@
-//! What can go wrong.
+//! The crate's error type.
 use crate::metrics::MetricError;
 use magpie::config::Suggestion;
 use magpie_passes::RenderError;
@@ -11,126 +11,126 @@ pub enum AccuracyError {
     /// A stage that was asked for does not exist.
     #[error("--stages: unknown stage \"{name}\"{suggestion}; known: {}", known.join(", "))]
     UnknownStage {
-        /// What was asked for.
+        /// The name that was given.
         name: String,
-        /// What can be measured.
+        /// Names of the stages that can be measured.
         known: Vec<String>,
-        /// The closest.
+        /// The most similar name.
         suggestion: Suggestion,
     },
-    /// A stage that has no part in the picture's accuracy.
+    /// A stage whose implementations do not differ in the picture.
     #[error("--stages: {name} is not measured: {why}")]
     NotMeasured {
-        /// The stage.
+        /// Name of the stage.
         name: String,
-        /// The reason.
+        /// Why it is not measured.
         why: String,
     },
-    /// A frame was not rendered.
+    /// Rendering a frame failed.
     #[error(transparent)]
     Render(Box<RenderError>),
-    /// A frame came back without what was asked for.
+    /// A frame was rendered without the requested output.
     #[error("{setup}: frame {frame} came back without {what}")]
     Lacks {
-        /// The configuration.
+        /// Label of the configuration.
         setup: String,
-        /// From 1.
+        /// Frame number, from 1.
         frame: u32,
-        /// What is missing.
+        /// The output that is missing.
         what: String,
     },
-    /// The device does not time passes.
+    /// The device has no timestamps.
     #[error("{device}: passes have no times: accuracy can be measured, its price cannot")]
     NoTimes {
-        /// The device.
+        /// Name of the device.
         device: String,
     },
-    /// The truth could not be found.
+    /// The reference path tracer failed.
     #[error("truth of {what}: {source}")]
     Reference {
-        /// Of what.
+        /// The image that was traced.
         what: &'static str,
-        /// What went wrong.
+        /// Its error.
         source: Box<ReferenceError>,
     },
-    /// A truth's file.
+    /// A file of a ground truth could not be read or written.
     #[error(transparent)]
     Estimate(Box<EstimateFileError>),
     /// Two pictures could not be compared.
     #[error("{what}: {source}")]
     Metric {
-        /// What was compared.
+        /// Which configuration, frame and image.
         what: String,
-        /// Why not.
+        /// The metric's error.
         source: MetricError,
     },
     /// A file could not be read or written.
     #[error("{path}: {source}", path = path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// What went wrong.
+        /// The system's error.
         source: std::io::Error,
     },
     /// A picture could not be read or written.
     #[error("{path}: {source}", path = path.display())]
     Image {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// What went wrong.
+        /// The decoder's or encoder's error.
         source: image::ImageError,
     },
-    /// A file does not hold what it should.
+    /// A JSON file could not be parsed.
     #[error("{path}:{line}: {source}", path = path.display())]
     Json {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// From 1.
+        /// Line number, from 1; 0 when writing.
         line: usize,
-        /// What is wrong.
+        /// The parser's error.
         source: serde_json::Error,
     },
-    /// Results of another run.
+    /// Results belong to a different run.
     #[error("{path}: {what} was {got}, now it is {wanted}: these results do not go together", path = path.display())]
     Different {
-        /// The file that tells.
+        /// Path of the file that differs.
         path: PathBuf,
-        /// What differs.
+        /// Field that differs.
         what: &'static str,
-        /// There.
+        /// Its value in the file.
         got: String,
-        /// Here.
+        /// Its value in this run.
         wanted: String,
     },
     /// Results are missing.
     #[error("{path}: {missing} of {all} measurements are missing; the first is {first}", path = path.display())]
     Incomplete {
-        /// Where they should be.
+        /// Folder of the results.
         path: PathBuf,
-        /// How many.
+        /// Number of missing measurements.
         missing: usize,
-        /// Of how many.
+        /// Number of all measurements.
         all: usize,
-        /// Of which configuration.
+        /// Label of the first missing one.
         first: String,
     },
-    /// No results were given.
+    /// No folders were given to merge.
     #[error("nothing to merge: wanted at least one folder of `magpie accuracy`")]
     NothingToMerge,
-    /// A report that no configuration can be chosen from.
+    /// A report lacks what tuning needs.
     #[error("{path}: {lacks}", path = path.display())]
     NotTunable {
-        /// The report.
+        /// Path of the report.
         path: PathBuf,
-        /// What it lacks.
+        /// What is missing.
         lacks: String,
     },
-    /// No configuration is good enough.
+    /// No configuration meets the goal.
     #[error("no configuration meets {wanted}; the {nearest}")]
     Unreachable {
-        /// What was asked for.
+        /// The goal, as given on the command line.
         wanted: String,
-        /// What comes nearest.
+        /// The closest that can be reached.
         nearest: String,
     },
 }
@@ -142,25 +142,25 @@ impl From<RenderError> for AccuracyError {
 }
 
 impl AccuracyError {
-    /// A file that could not be read or written.
+    /// Maps an I/O error of this path to [`Self::File`].
     pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::File { path, source }
     }
 
-    /// A picture file that could not be read or written.
+    /// Maps an image error of this path to [`Self::Image`].
     pub(crate) fn image(path: &Path) -> impl FnOnce(image::ImageError) -> Self {
         let path = path.to_owned();
         move |source| Self::Image { path, source }
     }
 
-    /// A file that does not hold what it should, at this line.
+    /// Maps a JSON error in this file and line to [`Self::Json`].
     pub(crate) fn json(path: &Path, line: usize) -> impl FnOnce(serde_json::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Json { path, line, source }
     }
 
-    /// Two pictures that could not be compared.
+    /// Maps a metric's error to [`Self::Metric`].
     pub(crate) fn metric(what: &str) -> impl FnOnce(MetricError) -> Self {
         let what = what.to_owned();
         move |source| Self::Metric { what, source }

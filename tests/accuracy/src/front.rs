@@ -1,53 +1,52 @@
-//! Pareto fronts that do not change from run to run.
+//! Pareto fronts that are robust against noise in the times.
 //!
-//! Errors are the same every time; times are not. So a front is walked from the least error to the greatest, and a row belongs to it if
-//! it is cheaper than all that are more accurate, by more than the times can be told apart. What is told apart is the ratio of two
-//! rows' times in the same round, since a machine that is busy in one round is so for both; the median over the rounds decides. What is
-//! saved has to show in the frame as well: a tenth of a pass of a hundredth of the frame is no reason to choose anything.
-//! Rows whose errors are alike count as equally accurate, and the cheaper one stays. What cannot be told apart either way is decided by
-//! the order of the plan.
+//! Errors are reproducible; times are not. The rows are visited from the least error to the greatest, and a row is on the front if it is
+//! significantly cheaper than all more accurate ones. Significance is judged by the ratio of two rows' times in the same round, since load
+//! on the machine affects both; the median over the rounds decides. The saving must also be a noticeable part of the frame: a tenth of a
+//! pass that takes a hundredth of the frame is no reason to choose anything. Rows with nearly equal errors count as equally accurate, and
+//! the cheaper one stays. Remaining ties go to the earlier row of the plan.
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Times closer than this share count as the same.
+/// Relative difference below which times count as equal.
 pub const LEAST_TIME: f64 = 0.06;
-/// Times closer than this share of the whole frame's count as the same, but that no passes are less than any.
+/// Share of the frame's time below which differences count as none, unless one of the two takes no time at all.
 pub const LEAST_OF_FRAME: f64 = 0.01;
-/// Errors closer than this share count as the same.
+/// Relative difference below which errors count as equal.
 pub const LEAST_ERROR: f64 = 0.01;
 
-/// A row as a front sees it.
+/// Error and times of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
-    /// How wrong it is, at least 0.
+    /// Error, at least 0.
     pub error: f64,
-    /// What it took, milliseconds, by the round; two points are compared in the rounds that both have.
+    /// Time in milliseconds by round; two points are compared in their common rounds.
     pub ms: BTreeMap<u32, f64>,
 }
 
-/// Where a row stands.
+/// Place of a row relative to the front.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Standing {
-    /// Nothing is better in both.
+    /// On the front: no row is better in both error and time.
     Front,
-    /// Dominated by the row of this index.
+    /// Dominated by the row with this index.
     DominatedBy(usize),
 }
 
 impl Standing {
-    /// Whether nothing is better in both.
+    /// Whether it is on the front.
     pub fn is_front(self) -> bool {
         self == Self::Front
     }
 }
 
-/// Median over the rounds.
+/// Median.
 pub fn middle(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// Quantile between the nearest two values; 0 of none.
+/// Quantile, interpolated linearly; 0 of no values.
 pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -57,15 +56,14 @@ pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     sorted[low] + (sorted[high] - sorted[low]) * at.fract()
 }
 
-/// Standard deviation of the ratio of two times in one round, where nothing else is known.
+/// Prior standard deviation of the ratio of two times in the same round.
 const USUAL: f64 = 0.05;
-/// The same in round 0, in which rows are minutes apart.
+/// The same for round 0, in which rows run minutes apart.
 const USUAL_APART: f64 = 0.15;
-/// As many rounds as that knowledge counts.
+/// Weight of the prior, in rounds.
 const KNOWN_ROUNDS: f64 = 2.0;
 
-/// Half of a 95 % interval around the median of these times, from how they spread and from what is usual. `apart`: of the round of
-/// errors only.
+/// Half of a 95 % confidence interval of the median of these times, from their spread and the prior. `apart`: they are of round 0 only.
 pub fn interval(values: &[f64], apart: bool) -> f64 {
     let (at, count) = (middle(values), values.len() as f64);
     let squares: f64 = values.iter().map(|v| (v - at).powi(2)).sum();
@@ -74,7 +72,7 @@ pub fn interval(values: &[f64], apart: bool) -> f64 {
     if values.is_empty() { 0.0 } else { 1.96 * (variance / count).sqrt() }
 }
 
-/// Share of a normal distribution below so many standard deviations (Abramowitz and Stegun 1964, 26.2.17; to 8e-8).
+/// Cumulative distribution function of the standard normal distribution (Abramowitz and Stegun 1964, 26.2.17; to 8e-8).
 fn normal(x: f64) -> f64 {
     let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
     let terms = [0.319_381_53, -0.356_563_782, 1.781_477_937, -1.821_255_978, 1.330_274_429];
@@ -84,20 +82,19 @@ fn normal(x: f64) -> f64 {
 }
 
 impl Point {
-    /// Times of both in the rounds that both have. Round 0 counts where there is no other.
+    /// Times of both in their common rounds. Round 0 is used only if there is no other.
     fn pairs(&self, other: &Self) -> Vec<(f64, f64)> {
         let pair = |(round, a): (&u32, &f64)| other.ms.get(round).map(|b| (*a, *b));
         let later: Vec<_> = self.ms.range(1..).filter_map(pair).collect();
         if later.is_empty() { self.ms.range(..1).filter_map(pair).collect() } else { later }
     }
 
-    /// Whether the two have run in the same round after the one of their errors.
+    /// Whether the two have a common round other than round 0.
     fn has_run_beside(&self, other: &Self) -> bool {
         self.ms.range(1..).any(|(round, _)| other.ms.contains_key(round))
     }
 
-    /// How sure it is that this is cheaper than another, from 0 to 1: one half where the ratio of their times is just what
-    /// [`Point::is_cheaper`] asks for, or where they have no round in common.
+    /// Probability that this is cheaper than `other` by the margin of [`Point::is_cheaper`]; 0.5 without common rounds.
     pub fn surely_cheaper(&self, other: &Self, least_ms: f64) -> f64 {
         let pairs = self.pairs(other);
         if pairs.is_empty() {
@@ -109,7 +106,7 @@ impl Point {
         let least = middle(&pairs.iter().map(|(_, b)| *b).collect::<Vec<_>>());
         let share = (1.0 - LEAST_TIME).min(1.0 - least_ms / least.max(1e-12));
         if share <= 0.0 {
-            return 0.0; // it would have to cost nothing
+            return 0.0; // the saving could not be reached
         }
         let logs: Vec<f64> = pairs.iter().filter(|(a, b)| *a > 0.0 && *b > 0.0).map(|(a, b)| (a / b).ln()).collect();
         let (at, count) = (middle(&logs), logs.len() as f64);
@@ -122,9 +119,8 @@ impl Point {
         normal((share.ln() - at) / (variance / count).sqrt())
     }
 
-    /// Cheaper than another by more than can be mistaken: the median ratio of the times is below 1 by [`LEAST_TIME`], and by the
-    /// interquartile range of the ratios where that is more; and the median difference is at least `least_ms`, where it does cost
-    /// anything.
+    /// Whether this is significantly cheaper than `other`: the median ratio of the times is below 1 by [`LEAST_TIME`], or by the ratios'
+    /// interquartile range if that is more, and the median saving is at least `least_ms`, unless this takes no time at all.
     pub fn is_cheaper(&self, other: &Self, least_ms: f64) -> bool {
         let pairs = self.pairs(other);
         let saved: Vec<f64> = pairs.iter().map(|(a, b)| b - a).collect();
@@ -133,20 +129,20 @@ impl Point {
         }
         let ratios: Vec<f64> = pairs.iter().filter(|(_, b)| *b > 0.0).map(|(a, b)| a / b).collect();
         if ratios.is_empty() {
-            return false; // nothing is cheaper than what costs nothing
+            return false; // `other` takes no time
         }
         let spread = quantile(&ratios, 0.75) - quantile(&ratios, 0.25);
         middle(&ratios) < 1.0 - LEAST_TIME.max(spread)
     }
 
-    /// Of the same error as another that is at most as wrong.
+    /// Whether the error counts as equal to that of `better`, which is not greater.
     fn is_as_accurate(&self, better: &Self, floor: f64) -> bool {
         self.error - better.error <= LEAST_ERROR * better.error || (self.error <= floor && better.error <= floor)
     }
 }
 
-/// Finds the front. Errors at or below `floor`, the truth's own noise, count as the same, and so do times that differ by less than
-/// `least_ms`. Earlier points win what is undecided.
+/// Computes the front. Errors up to `floor`, the noise of the ground truth, count as equal, and so do times that differ by less than
+/// `least_ms`. Ties go to the earlier point.
 pub fn front(points: &[Point], floor: f64, least_ms: f64) -> Vec<Standing> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].error.total_cmp(&points[b].error).then(a.cmp(&b)));
@@ -156,7 +152,7 @@ pub fn front(points: &[Point], floor: f64, least_ms: f64) -> Vec<Standing> {
         let point = &points[at];
         let better = kept.iter().copied().find(|&k| !point.is_cheaper(&points[k], least_ms));
         let Some(better) = better else {
-            // Cheaper than all before it; those that are no more accurate than it fall behind.
+            // Cheaper than all points so far, it dominates those that are not more accurate.
             for &k in kept.iter().filter(|&&k| point.is_as_accurate(&points[k], floor)) {
                 standing[k] = Standing::DominatedBy(at);
             }
@@ -164,7 +160,7 @@ pub fn front(points: &[Point], floor: f64, least_ms: f64) -> Vec<Standing> {
             kept.push(at);
             continue;
         };
-        // Equally fast and equally accurate: the one that comes first in the plan stays.
+        // Equally fast and equally accurate: the earlier one in the plan stays.
         let is_tie = point.is_as_accurate(&points[better], floor) && !points[better].is_cheaper(point, least_ms);
         let others_are_dearer = kept.iter().all(|&k| k == better || point.is_cheaper(&points[k], least_ms));
         if is_tie && at < better && others_are_dearer {
@@ -175,7 +171,7 @@ pub fn front(points: &[Point], floor: f64, least_ms: f64) -> Vec<Standing> {
             standing[at] = Standing::DominatedBy(better);
         }
     }
-    // Whoever fell behind a row that fell behind itself is dominated by the last of that chain.
+    // Chains of dominated rows are resolved to their last row.
     for at in 0..standing.len() {
         let mut hops = 0;
         while let Standing::DominatedBy(by) = standing[at] {
@@ -217,7 +213,7 @@ mod tests {
     fn of_equal_errors_the_cheaper_stays_and_of_equal_rows_the_first() {
         let found = front(&points(&[(0.1, 3.0), (0.1005, 2.0), (0.0999, 2.05)]), 0.0, 0.0);
         assert_eq!(found, [Standing::DominatedBy(1), Standing::Front, Standing::DominatedBy(1)]);
-        // Below the truth's noise all errors are alike.
+        // Below the noise of the ground truth all errors count as equal.
         let found = front(&points(&[(0.1, 3.0), (0.05, 5.0)]), 0.2, 0.0);
         assert_eq!(found, [Standing::Front, Standing::DominatedBy(0)]);
     }
@@ -231,7 +227,7 @@ mod tests {
 
     #[test]
     fn noise_of_the_machine_does_not_change_a_front() {
-        // Times swing by a factor of three from round to round, and by 6 % from row to row.
+        // Times vary by a factor of three from round to round, and by 6 % from row to row.
         let truth = [(0.1, 10.0), (0.11, 9.9), (0.2, 5.0), (0.21, 5.1), (0.4, 1.0), (0.5, 1.02), (1.0, 0.0)];
         let calm = front(&points(&truth), 0.0, 0.0);
         for seed in 0..200_u32 {
@@ -259,14 +255,14 @@ mod tests {
         assert!(sure(&[5.0], &[10.0]) > 0.99 && sure(&[20.0], &[10.0]) < 0.01);
         let one = sure(&[9.0], &[10.0]);
         assert!((0.6..0.95).contains(&one) && sure(&[9.0; 9], &[10.0; 9]) > 0.98, "{one}");
-        // The same ratio from times that jump about is worth less; rounds apart are worth nothing.
+        // Scattered times lower the probability, and rounds that are not shared give none.
         assert!(sure(&[9.0, 6.0, 12.0], &[10.0, 9.0, 9.0]) < sure(&[9.0; 3], &[10.0; 3]));
         let once = |round: u32, ms: f64| Point { error: 0.0, ms: [(round, ms)].into() };
         assert_eq!(once(7, 1.0).surely_cheaper(&point(&[10.0]), 0.0), 0.5);
         // In round 0 rows are minutes apart.
         assert!(once(0, 9.0).surely_cheaper(&once(0, 10.0), 0.0) < one);
         assert_eq!((sure(&[0.0], &[1.0]), sure(&[0.0], &[0.0]), sure(&[1.0], &[0.0])), (1.0, 0.0, 0.0));
-        // A saving below what shows in the frame is none.
+        // A saving of less than `least_ms` counts as none.
         assert!(point(&[5.0; 9]).surely_cheaper(&point(&[10.0; 9]), 6.0) < 0.05);
         assert!((normal(1.96) - 0.975).abs() < 1e-4 && (normal(-1.0) - 0.158_655).abs() < 1e-5);
         assert!(interval(&[10.0; 9], false) < interval(&[10.0], false) && interval(&[], false) == 0.0);

@@ -1,6 +1,6 @@
-//! A hash that is the same on every machine and in every version of the compiler.
+//! A hash that does not depend on the machine or the compiler.
 
-/// Fowler, Noll and Vo, "FNV-1a", 64 bits, over the texts with a mark between them.
+/// 64-bit FNV-1a (Fowler, Noll, Vo) over the texts with a separator between them.
 pub fn fnv(texts: &[&str]) -> u64 {
     const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
     const PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -8,7 +8,7 @@ pub fn fnv(texts: &[&str]) -> u64 {
     texts.iter().fold(BASIS, |hash, text| text.bytes().chain([0xff]).fold(hash, step))
 }
 
-/// Its first digits, for names.
+/// The leading digits of the hash, for file names.
 pub fn short(texts: &[&str]) -> String {
     format!("{:016x}", fnv(texts))[..10].to_owned()
 }
@@ -19,7 +19,7 @@ mod tests {
 
     #[test]
     fn known_values_and_marks_between_texts() {
-        // Of the authors' test vectors: "" is the basis; "a" without the mark.
+        // The authors' test vectors: "" is the offset basis; "a" is without the separator.
         assert_eq!(fnv(&[]), 0xcbf2_9ce4_8422_2325);
         assert_ne!(fnv(&["ab", "c"]), fnv(&["a", "bc"]));
         assert_eq!(short(&["a"]).len(), 10);

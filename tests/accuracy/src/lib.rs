@@ -1,8 +1,8 @@
 //! What accuracy costs: error metrics, sweeps of error against time, and the configuration that they recommend.
 //!
-//! A [`sweep`](sweep::sweep) finds truths ([`truth`]), renders what a [`plan`] lists ([`measure`]) and leaves results in a folder
-//! ([`results`]), within a budget as a [`race`]; a [`report`] is made from those, with the Pareto [`front`] of each slot by one
-//! [`metric`]; [`agreement`] compares two of them; [`tune`] [composes](compose) what choices make together, and chooses.
+//! A [`sweep`](sweep::sweep) traces ground truths ([`truth`]), renders what a [`plan`] lists ([`measure`]) and writes results to a folder
+//! ([`results`]); within a time limit it is a [`race`]. A [`report`] is built from those, with the Pareto [`front`] of each slot by one
+//! [`metric`]; [`agreement`] compares two reports; [`tune`] [composes](compose) predictions for combinations, and chooses one.
 
 pub mod agreement;
 pub mod compose;

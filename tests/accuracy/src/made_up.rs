@@ -1,4 +1,4 @@
-//! A sweep that nobody ran, for tests.
+//! A synthetic sweep, for tests.
 use crate::compose::{Composer, Parts};
 use crate::display::Display;
 use crate::metrics::{Comparison, Picture};
@@ -12,12 +12,12 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
-/// All of it to nine digits: the last one of a number may be another after it was in a file.
+/// Debug text with numbers to nine digits, since a file may change the last one.
 pub fn digits(thing: &impl Debug) -> String {
     format!("{thing:.9?}")
 }
 
-/// Shadows in three qualities and off, gi in two and off, a tone curve.
+/// Slots with shadows in three qualities and off, gi in two and off, and a tone curve.
 pub fn catalogue() -> Catalogue {
     let implementation = |name: &str, settings: Vec<SettingSpec>| ImplementationInfo {
         name: name.to_owned(),
@@ -38,7 +38,7 @@ pub fn catalogue() -> Catalogue {
     ])
 }
 
-/// Of the catalogue.
+/// The run of that catalogue.
 pub fn run() -> Run {
     Run {
         scene: "made up".to_owned(),
@@ -52,7 +52,7 @@ pub fn run() -> Run {
     }
 }
 
-/// What a setup changes of the picture and of its slot's time: (slot, error, milliseconds).
+/// Synthetic effect of a setup on the picture and on its slot's time: (slot, error, milliseconds).
 fn effect_of(label: &str) -> (&'static str, f32, f64) {
     match label {
         "default" => ("", 0.0, 0.0),
@@ -73,7 +73,7 @@ fn truth() -> Picture {
     picture(|i| 0.5 + 0.01 * i as f32)
 }
 
-/// The default is off by 0.1 everywhere; shadows err in even pixels, gi in odd ones.
+/// Synthetic picture: the default is off by 0.1 everywhere; shadows err in even pixels, gi in odd ones.
 pub fn rendered(label: &str) -> Picture {
     let (slot, change, _) = effect_of(label);
     let place = match slot {
@@ -84,7 +84,7 @@ pub fn rendered(label: &str) -> Picture {
     picture(|i| truth.pixels[i][0] + 0.1 + if i % 2 == place { change } else { 0.0 })
 }
 
-/// What was measured of a setup in a round. Later rounds are slower.
+/// Synthetic measurement of a setup in a round. Later rounds are slower.
 pub fn measurement(run: &Run, setup: &str, round: u32) -> Measurement {
     let setup = run.plan.find(setup).unwrap();
     let (slot, _, change) = effect_of(&setup.label);
@@ -104,7 +104,7 @@ pub fn measurement(run: &Run, setup: &str, round: u32) -> Measurement {
     Measurement { setup: setup.id.clone(), round, cost, errors, moving: None }
 }
 
-/// A folder with everything in it.
+/// A folder with all measurements.
 pub fn folder() -> Folder {
     let run = run();
     let all = run.plan.setups.iter().flat_map(|s| (0..=run.rounds).map(|round| measurement(&run, &s.id, round)));
@@ -120,7 +120,7 @@ pub fn folder() -> Folder {
     Folder { measurements: all.collect(), truths: truths.to_vec(), run }
 }
 
-/// Composes its pictures.
+/// A composer of its pictures.
 pub fn composer() -> Composer {
     let run = run();
     let others = run.plan.setups.iter().filter(|s| s.label != "default");
@@ -128,7 +128,7 @@ pub fn composer() -> Composer {
     Composer::new(truth(), Display::PLAIN, (rendered("default"), None), parts)
 }
 
-/// Its report, with pictures that add up.
+/// Its report, with the combination of its pictures.
 pub fn report() -> Report {
     let folder = folder();
     let mut report = Report::build(&folder, Path::new("nowhere")).unwrap();

@@ -1,4 +1,4 @@
-//! Rendering one configuration: what it costs and how wrong it is.
+//! Renders one configuration and measures its cost and error.
 use crate::AccuracyError;
 use crate::compose::TERMS;
 use crate::display::Display;
@@ -15,13 +15,13 @@ use magpie::scene::{Camera, Scene};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use std::collections::BTreeMap;
 
-/// Frames before those that are timed: pipelines and memory are made in the first.
+/// Untimed frames at the start, in which pipelines and memory are created.
 const WARM_UP: u32 = 2;
 
-/// Settings that count when a scene is loaded: another value needs another renderer.
+/// Settings that take effect when a scene is loaded: each combination of values needs its own renderer.
 const OF_LOADING: [(&str, &str); 2] = [("acceleration", "compaction"), ("acceleration", "ray_detail")];
 
-/// Steps of a pass's name that say that it makes good what tracing left. Everything else counts as finding light.
+/// Words in a pass's name that mark it as denoising. All other passes count as tracing.
 const DENOISING: [&str; 12] = [
     "accumulate",
     "bilateral",
@@ -37,22 +37,22 @@ const DENOISING: [&str; 12] = [
     "upsample",
 ];
 
-/// Images of a configuration at the last frame.
+/// Read-back images of a configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Images {
     /// Linear radiance.
     pub picture: Picture,
-    /// The slots' own images: those that have a truth, and those that add up to the picture.
+    /// Output images of slots, by slot: those that have a ground truth, and the terms of the picture.
     pub slots: BTreeMap<String, Picture>,
 }
 
-/// Keys of truths of the picture: at rest at the centres of pixels, and with `post` over their squares; the same in motion.
+/// Key of a ground truth of the whole picture: camera at rest, samples at pixel centres.
 pub const PICTURE: &str = "";
-/// Over the squares of pixels.
+/// The same averaged over pixels, for `post`.
 pub const AREA: &str = "post";
-/// After the camera has moved.
+/// The same as [`PICTURE`] after the camera has moved.
 pub const MOVING: &str = "moving";
-/// Over the squares of pixels, after the camera has moved.
+/// The same as [`AREA`] after the camera has moved.
 pub const MOVING_AREA: &str = "moving.post";
 
 /// Renders configurations of one scene from one camera.
@@ -62,24 +62,24 @@ pub struct Bench<'a> {
     camera: &'a Camera,
     rays: Rays,
     slots: Slots,
-    /// Where the camera goes after the frames at rest.
+    /// Cameras of the moving frames, which follow the frames at rest.
     ways: Vec<Camera>,
-    /// One for each way to load the scene.
+    /// One renderer for each combination of settings that matter when loading.
     renderers: Vec<(Vec<Option<Value>>, Renderer)>,
 }
 
 impl<'a> Bench<'a> {
-    /// Nothing is loaded yet.
+    /// Loads nothing yet.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, rays: Rays, slots: &Slots) -> Self {
         Self { gpu, scene, camera, rays, slots: slots.clone(), ways: Vec::new(), renderers: Vec::new() }
     }
 
-    /// Goes through these places after the frames at rest, with configurations that look back at frames before.
+    /// Sets the cameras of the frames after those at rest, for configurations with a history.
     pub fn go(&mut self, ways: Vec<Camera>) {
         self.ways = ways;
     }
 
-    /// The renderer for a configuration, begun anew.
+    /// The renderer for a configuration, reset to its first frame.
     fn renderer(&mut self, setup: &Setup, run: &Run) -> Result<&mut Renderer, AccuracyError> {
         let of = |(slot, key): (&str, &str)| setup.config.settings.get(slot).and_then(|s| s.get(key)).cloned();
         let key = OF_LOADING.map(of).to_vec();
@@ -99,8 +99,8 @@ impl<'a> Bench<'a> {
         Ok(renderer)
     }
 
-    /// Renders a round of a configuration. In the first round errors are measured as well, against `truths` by slot (the whole
-    /// picture's under the empty name), and the last frame's images come back.
+    /// Renders one round of a configuration. In round 0 errors are measured too, against `truths` by slot (the whole picture's under
+    /// [`PICTURE`]), and the images of the last frame are returned.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -120,7 +120,7 @@ impl<'a> Bench<'a> {
         terms.for_each(|term| looked_at.extend((!looked_at.contains(&term)).then_some(term)));
         renderer.read_slots(&looked_at)?;
 
-        // A scene that moves has its errors measured at the last frame only, which shows the moment of the truth.
+        // If the scene moves, errors are measured at the last frame only, whose time is that of the ground truth.
         let all = run.frames.last().copied().unwrap_or(1);
         let last = if round == 0 { all } else { WARM_UP + run.timed };
         let races = run.minutes.is_some();
@@ -151,7 +151,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// What was read back, as pictures. A slot that gave nothing gave what stands for nothing: light everywhere, or no radiance.
+/// The read-back images. A slot without output counts as visibility 1 or radiance 0.
 fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, AccuracyError> {
     let lacks = |what: &str| AccuracyError::Lacks { setup: setup.label.clone(), frame, what: what.to_owned() };
     let images = result.images.as_ref().ok_or_else(|| lacks("a picture"))?;
@@ -174,8 +174,8 @@ fn pictures(result: &FrameResult, setup: &Setup, frame: u32) -> Result<Images, A
     Ok(Images { picture, slots })
 }
 
-/// Compares what a frame gave with what it should have: the slots' own images, and the picture with the truth under the first of
-/// `keys`; where `post` is measured, as its image with that under the second.
+/// Compares a frame with the ground truth: the slots' own images, and the picture with the one under `keys[0]`; as the image of `post`,
+/// also with the one under `keys[1]`.
 fn compare(
     images: &Images,
     truths: &BTreeMap<String, Truth>,
@@ -206,7 +206,7 @@ fn compare(
     Ok(Errors { frame, picture: against("picture", &images.picture, whole)?, slots })
 }
 
-/// Under which name the truth of a slot is kept; none where it has none.
+/// Whether a slot's own image has a ground truth.
 pub fn has_truth(slot: &str) -> bool {
     truth_of(slot).is_some()
 }
@@ -217,7 +217,7 @@ fn middle(values: impl Iterator<Item = u64>) -> f64 {
     median(&values).unwrap_or(0.0)
 }
 
-/// Medians over the frames; none without a frame, or without times.
+/// Medians over the frames; none without frames or timestamps.
 fn cost(samples: &[FrameSample]) -> Option<Cost> {
     let frames: Vec<u64> = samples.iter().map(|s| s.gpu_ns).collect::<Option<_>>()?;
     let last = samples.last()?;
@@ -257,7 +257,7 @@ fn stage_cost(samples: &[FrameSample], stage: &str) -> Option<StageCost> {
     })
 }
 
-/// By the pass's name: `shadows.upsample`, `gi.denoise.temporal`.
+/// Whether a pass counts as denoising, by its name: `shadows.upsample`, `gi.denoise.temporal`.
 fn is_denoising(name: &str) -> bool {
     name.split('.').skip(1).any(|step| DENOISING.iter().any(|d| step.starts_with(d)))
 }

@@ -1,18 +1,18 @@
-//! By what rows are judged: a metric, of an image.
+//! How rows are judged: by a metric of an image.
 use crate::display::Display;
 use crate::metrics::{Comparison, MetricError, Picture, flip_hdr, flip_ldr, relmse, rmse, smape, ssim};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A metric by which rows are ordered: 0 is no error.
+/// An error metric; 0 is no error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
-    /// FLIP of what a display shows.
+    /// FLIP of display values.
     #[default]
     FlipLdr,
-    /// FLIP over the exposures of the truth.
+    /// HDR-FLIP, over the exposures of the ground truth.
     FlipHdr,
     /// Relative mean squared error.
     Relmse,
@@ -25,10 +25,10 @@ pub enum Metric {
 }
 
 impl Metric {
-    /// All, the default first.
+    /// All metrics, the default first.
     pub const ALL: [Self; 6] = [Self::FlipLdr, Self::FlipHdr, Self::Relmse, Self::Rmse, Self::Smape, Self::Dssim];
 
-    /// For people.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::FlipLdr => "FLIP",
@@ -40,7 +40,7 @@ impl Metric {
         }
     }
 
-    /// On the command line.
+    /// Name on the command line.
     pub fn word(self) -> &'static str {
         match self {
             Self::FlipLdr => "flip",
@@ -52,7 +52,7 @@ impl Metric {
         }
     }
 
-    /// In JSON.
+    /// Name in JSON.
     pub fn key(self) -> &'static str {
         match self {
             Self::FlipLdr => "flip_ldr",
@@ -64,7 +64,7 @@ impl Metric {
         }
     }
 
-    /// The error that it found.
+    /// This metric's value.
     pub fn of(self, comparison: &Comparison) -> f64 {
         match self {
             Self::FlipLdr => comparison.flip_ldr,
@@ -76,10 +76,10 @@ impl Metric {
         }
     }
 
-    /// The error of one picture, without those of all other metrics.
+    /// Computes this metric only.
     ///
     /// # Errors
-    /// [`MetricError`] where the pictures have not the same size or are not finite.
+    /// [`MetricError`] if the pictures differ in size or are not finite.
     pub fn measure(self, test: &Picture, truth: &Picture, display: &Display) -> Result<f64, MetricError> {
         match self {
             Self::FlipLdr => flip_ldr(&display.show(test), &display.show(truth)),
@@ -107,24 +107,24 @@ impl FromStr for Metric {
     }
 }
 
-/// By what a row is judged.
+/// The image that a row is judged by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Image {
-    /// The slot's own image.
+    /// The output of the slot itself.
     Slot,
-    /// The picture, at rest.
+    /// The final picture, with camera and scene at rest.
     #[default]
     Picture,
-    /// The picture while the camera moves.
+    /// The final picture while the camera moves.
     Moving,
 }
 
 impl Image {
-    /// All.
+    /// All images.
     pub const ALL: [Self; 3] = [Self::Slot, Self::Picture, Self::Moving];
 
-    /// On the command line.
+    /// Name on the command line.
     pub fn word(self) -> &'static str {
         match self {
             Self::Slot => "slot",
@@ -133,7 +133,7 @@ impl Image {
         }
     }
 
-    /// For people.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Slot => "its own image",
@@ -152,12 +152,12 @@ impl FromStr for Image {
     }
 }
 
-/// What the fronts of a report stand for.
+/// The metric and image that fronts are computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Judge {
-    /// How errors are counted.
+    /// The metric.
     pub metric: Metric,
-    /// Of which image; where that is not there, of the picture.
+    /// The image; the picture where a slot has no such image.
     pub image: Image,
 }
 

@@ -1,14 +1,14 @@
-//! Pictures of a report as files: what a slot gave, what it should have given, and where FLIP sees a difference.
+//! Picture files of a report: a slot's output, its ground truth, and the FLIP map.
 use crate::AccuracyError;
 use crate::display::Display;
 use crate::metrics::{Picture, flip_ldr_map, magma};
 use image::{DynamicImage, Rgb32FImage, RgbImage, imageops};
 use std::path::Path;
 
-/// Greatest width of a thumbnail, pixels.
+/// Greatest width of a picture in a report, pixels.
 const WIDEST: u32 = 480;
 
-/// Writes what a display shows of it.
+/// Writes the display values of a picture as PNG.
 ///
 /// # Errors
 /// [`AccuracyError::Image`].
@@ -16,7 +16,7 @@ pub fn write_shown(path: &Path, picture: &Picture, display: &Display) -> Result<
     write_rgb(path, picture, display.show(picture).to_srgb8())
 }
 
-/// Writes the FLIP map of what a display shows of both.
+/// Writes the FLIP map of the display values of two pictures.
 ///
 /// # Errors
 /// [`AccuracyError`].
@@ -38,7 +38,7 @@ fn write_rgb(path: &Path, size: &Picture, bytes: Vec<u8>) -> Result<(), Accuracy
     shown.save(path).map_err(AccuracyError::image(path))
 }
 
-/// Writes the numbers as they are.
+/// Writes the linear values as EXR.
 ///
 /// # Errors
 /// [`AccuracyError::Image`].
@@ -49,7 +49,7 @@ pub fn write_exr(path: &Path, picture: &Picture) -> Result<(), AccuracyError> {
     DynamicImage::from(image).save(path).map_err(AccuracyError::image(path))
 }
 
-/// Reads numbers.
+/// Reads the linear values of an EXR.
 ///
 /// # Errors
 /// [`AccuracyError::Image`].
@@ -60,7 +60,7 @@ pub fn read_exr(path: &Path) -> Result<Picture, AccuracyError> {
     Ok(Picture { width, height, pixels })
 }
 
-/// A file in base 64 (RFC 4648), for a page that needs no other files. `None` where there is no such file.
+/// A file in base 64 (RFC 4648), to embed in a page. `None` if there is no such file.
 pub fn base64(path: &Path) -> Option<String> {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let bytes = std::fs::read(path).ok()?;

@@ -1,4 +1,4 @@
-//! What is measured: every implementation of every slot, and every step of its settings.
+//! The list of configurations to measure: every implementation of every slot, and every step of its settings.
 use crate::AccuracyError;
 use crate::hash::short;
 use magpie::config::{Catalogue, Config, Suggestion, Value};
@@ -6,77 +6,77 @@ use magpie::slot::{ImplementationInfo, SettingSpec, SlotInfo};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Slots that do not change the picture, and why.
+/// Slots that do not affect the picture, and why.
 const NOT_PICTURED: [(&str, &str); 1] = [("rays", "it is there for looking at, and no part of the picture")];
 
-/// Settings of what looks back at frames before: rows of a slot that has one are also judged while the camera moves.
+/// Settings whose implementations use history: rows of a slot that has one are also judged while the camera moves.
 const OF_HISTORIES: [&str; 2] = ["denoiser", "anti_aliasing"];
 
-/// Settings that only matter while something moves.
+/// Settings without effect while nothing moves.
 const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
 
-/// Settings of one implementation, from the first on, are measured in all combinations as long as these are up to so many; the others one
-/// at a time.
+/// Limit on the number of setting combinations per implementation. Settings are combined in their order up to this limit; the rest are
+/// varied one at a time.
 const MOST_COMBINATIONS: usize = 12;
 
-/// One row of the report: a slot filled by an implementation with settings, everything else as it is by default.
+/// One row of the report: a slot with an implementation and settings, everything else at its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Variant {
     /// The slot.
     pub slot: String,
-    /// What fills it.
+    /// Name of the implementation.
     pub implementation: String,
     /// Its settings that are swept, and their values.
     pub settings: BTreeMap<String, Value>,
     /// A short name: presets, implementation, and settings that differ from the default.
     pub label: String,
-    /// It is what runs when nothing is said.
+    /// Whether this is the default of its slot.
     pub is_default: bool,
-    /// Names of the presets that it is.
+    /// Names of the presets that are equal to it.
     #[serde(default)]
     pub presets: Vec<String>,
-    /// The [`Setup`] that is rendered for it.
+    /// Id of the [`Setup`] that is rendered for it.
     pub setup: String,
 }
 
-/// A whole configuration to render. The default one serves every slot.
+/// A complete configuration to render. The default one is shared by all slots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
-    /// Unique and always the same for the same configuration.
+    /// Unique, and stable for the same configuration.
     pub id: String,
-    /// For people.
+    /// Name in tables.
     pub label: String,
     /// Every slot and setting.
     pub config: Config,
-    /// The slots of whose variants it is one.
+    /// Slots that have a variant with this setup.
     pub slots: Vec<String>,
-    /// The scene moves while it is measured.
+    /// Whether the scene moves while it is measured.
     pub moving: bool,
-    /// The camera moves after that, for a slot that looks back at frames before.
+    /// Whether the camera moves after the frames at rest, for slots with a history.
     #[serde(default)]
     pub turns: bool,
 }
 
 impl Setup {
-    /// Whether its picture is taken as a whole: a slot makes it of the finished sum.
+    /// Whether the slot acts on the finished sum of the terms, so that its picture is not split into terms.
     pub fn is_whole(&self) -> bool {
         self.slots == ["post"]
     }
 }
 
-/// Everything that is measured, in a fixed order.
+/// All configurations to measure, in a fixed order.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
-    /// Rows, slot by slot in the order of the frame, the default of each slot first.
+    /// Rows by slot in the order of the frame, the default of each slot first.
     pub variants: Vec<Variant>,
-    /// What is rendered for them, the default first.
+    /// Setups that are rendered for them, the default first.
     pub setups: Vec<Setup>,
     /// Slots that are not measured, each with the reason.
     pub left_out: Vec<(String, String)>,
 }
 
 impl Plan {
-    /// Plans a sweep around `base`. `stages` are the slots that are wanted, none for all. `moves` says whether the scene moves.
+    /// Plans a sweep around `base`. `stages` names the slots to measure, empty for all. `moves` says whether the scene moves.
     ///
     /// # Errors
     /// [`AccuracyError::UnknownStage`], [`AccuracyError::NotMeasured`].
@@ -113,10 +113,10 @@ impl Plan {
                 rows.push(Row { implementation, settings, preset: None, config, label });
             }
         }
-        // The default first, the others as they were registered.
+        // The default first, then in the order of registration.
         rows.sort_by_key(|row| row.config != *base);
         rows.extend(slot.presets.iter().filter_map(|preset| {
-            // A preset is what its name says, whatever the base has.
+            // A preset is defined by its name, independently of the base.
             let (around, (implementation, settings)) = (Config::default(), slot.choice(preset.name)?);
             let config = with(catalogue, base, &around, slot, implementation, &settings);
             let label = label(slot, implementation, &settings, &around);
@@ -142,7 +142,7 @@ impl Plan {
         }
     }
 
-    /// The setup of a configuration: a new one, or one that is the same.
+    /// Adds a setup for a configuration, or finds an equal one.
     fn setup(
         &mut self,
         slot: &SlotInfo,
@@ -169,7 +169,7 @@ impl Plan {
         id
     }
 
-    /// The setup of that id.
+    /// The setup with that id.
     pub fn find(&self, id: &str) -> Option<&Setup> {
         self.setups.iter().find(|s| s.id == id)
     }
@@ -181,7 +181,7 @@ impl Plan {
         slots
     }
 
-    /// The setups in the order of what they tell: the default, presets, implementations as they are by default, all else.
+    /// The setups by how informative they are: the default, presets, implementations with default settings, all others.
     pub fn best_first(&self) -> Vec<&Setup> {
         let rank = |setup: &Setup| {
             let variants = self.variants.iter().filter(|v| v.setup == setup.id);
@@ -198,13 +198,13 @@ impl Plan {
         setups
     }
 
-    /// The default setup, with nothing moving.
+    /// The default setup, with the scene at rest.
     pub fn default_setup(&self) -> Option<&Setup> {
         self.setups.iter().find(|s| s.label == "default" && !s.moving)
     }
 }
 
-/// A row before it has a setup.
+/// A variant before its setup is known.
 struct Row<'a> {
     implementation: &'a ImplementationInfo,
     settings: BTreeMap<String, Value>,
@@ -213,7 +213,7 @@ struct Row<'a> {
     label: String,
 }
 
-/// `base` with something else in a slot: an implementation with these settings, the others of the slot as in `around`.
+/// `base` with another implementation in a slot and these settings; the slot's other settings are as in `around`.
 fn with(
     catalogue: &Catalogue,
     base: &Config,
@@ -225,8 +225,8 @@ fn with(
     let mut config = base.clone();
     config.stages.insert(slot.name.clone(), implementation.name.clone());
     if around.stages.get(&slot.name) != Some(&implementation.name) {
-        // What another implementation was set to does not matter here, but for what both of them are asked for and none is measured by,
-        // such as the range of ambient occlusion.
+        // Settings of the previous implementation are dropped, except those that both share and that are not swept, such as the range of
+        // ambient occlusion.
         let is_asked = |key: &String, value: &Value| {
             let spec = implementation.settings.iter().find(|s| s.key == *key);
             spec.is_some_and(|s| s.sweep.is_empty() && s.accept(value).is_ok())
@@ -247,7 +247,7 @@ fn is_of_motion(slot: &SlotInfo, spec: &SettingSpec) -> bool {
     OF_MOTION.iter().any(|(of, key)| *of == slot.name && *key == spec.key)
 }
 
-/// Why a slot has no rows.
+/// The reason why a slot has no rows, if it has none.
 fn why_not(slot: &SlotInfo, moves: bool) -> Option<String> {
     if let Some((_, why)) = NOT_PICTURED.iter().find(|(name, _)| *name == slot.name) {
         return Some((*why).to_owned());
@@ -257,7 +257,7 @@ fn why_not(slot: &SlotInfo, moves: bool) -> Option<String> {
     (choices < 2 && !has_steps).then(|| "there is one way to do it only, without steps".to_owned())
 }
 
-/// The settings of an implementation that trade accuracy for time.
+/// The settings of an implementation that are swept: they trade accuracy for time.
 fn swept<'a>(
     slot: &'a SlotInfo,
     implementation: &'a ImplementationInfo,
@@ -266,7 +266,7 @@ fn swept<'a>(
     implementation.settings.iter().filter(move |s| s.sweep.len() > 1 && (moves || !is_of_motion(slot, s)))
 }
 
-/// What the base has for a setting, or the default where the base runs another implementation.
+/// The base's value of a setting, or the default if the base runs another implementation.
 fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, key: &str) -> Option<Value> {
     let is_chosen = base.stages.get(&slot.name) == Some(&implementation.name);
     let set = base.settings.get(&slot.name).and_then(|values| values.get(key)).filter(|_| is_chosen);
@@ -274,7 +274,7 @@ fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, 
     set.cloned().or_else(default)
 }
 
-/// The settings of every row of an implementation: the base, each step of one setting, and combinations where they are few.
+/// The swept settings of every row of an implementation: the base, each step of one setting, and combinations up to [`MOST_COMBINATIONS`].
 fn steps(
     slot: &SlotInfo,
     implementation: &ImplementationInfo,
@@ -392,7 +392,7 @@ mod tests {
         assert!(of("medium").is_default && of("medium").label == "medium: ray-traced");
         assert_eq!(of("high").label, "high: ray-traced, rays 8");
         assert_eq!(plan.variants.len(), 5 + 1);
-        // Whatever is varied around, a preset is the same.
+        // A preset is the same whatever is varied around it.
         let mut base = Config::default();
         base.set("shadows.resolution=half").unwrap();
         let plan = Plan::new(&with, &base, &["shadows".to_owned()], false).unwrap();
@@ -436,7 +436,7 @@ mod tests {
         let default = plan.default_setup().unwrap();
         assert_eq!(default.slots, ["shadows", "gi"]);
         assert_eq!(plan.setups.len(), plan.variants.len() - 1);
-        // What an implementation was set to is not carried over to another.
+        // Settings of one implementation are not carried over to another.
         assert!(!default.config.settings.contains_key("shadows"));
     }
 

@@ -1,37 +1,37 @@
-//! Which configurations are timed next: those whose place on a front is not yet clear, and those that they have to beat.
+//! Chooses which configurations to time next: those whose place on a front is still uncertain, and their rivals.
 //!
-//! Every configuration is rendered once for its error, and those frames are its first times. After that each slot is a race: a row whose
-//! place is sure enough runs no more; the others run another round together with the row that decides over them, one after another, so
-//! that whatever else the machine does hits them alike.
+//! Every configuration is rendered once for its error, and those frames give its first times. After that, rows of a slot whose place is
+//! certain enough stop; the others run another round together with their rivals, one directly after another, so that load on the machine
+//! affects all of them alike.
 use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
 
-/// Certainty from which a row's place counts as clear.
+/// Probability from which on a row's place counts as certain.
 pub const CLEAR: f64 = 0.95;
-/// Rounds after which a row is left as it stands, the one of its errors not counted.
+/// Rounds after which a row stops in any case, round 0 not counted.
 pub const MOST_ROUNDS: usize = 9;
 
-/// Rounds that rows of a front have at least, so that their prices are known, and not only their order.
+/// Least rounds of rows on a front, so that their times are known as well as their order.
 pub const LEAST_ROUNDS: usize = 3;
 
 /// A row of a slot in the race.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Runner {
-    /// The configuration.
+    /// Id of the configuration.
     pub setup: String,
-    /// Its error and its times.
+    /// Its error and times.
     pub point: Point,
 }
 
-/// How sure a row's place is, and by the comparison with which other.
+/// Certainty of a row's place, and the row that it depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Certainty {
-    /// From 0 to 1: that it is on the front, or that it is not, as it stands.
+    /// Probability of the row's standing, 0 to 1.
     pub sure: f64,
-    /// The row that decides; none where nothing is more accurate.
+    /// The row whose comparison decides; none if no row is more accurate.
     pub rival: Option<usize>,
 }
 
-/// How sure each place of a front is. `points` and what else [`front`] is given.
+/// Certainty of each row's standing; parameters as of [`front`].
 pub fn certainties(points: &[Point], floor: f64, least_ms: f64) -> (Vec<Standing>, Vec<Certainty>) {
     let standing = front(points, floor, least_ms);
     let sure = (0..points.len()).map(|at| certainty(points, &standing, at, least_ms)).collect();
@@ -44,12 +44,12 @@ fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) 
     let better = (0..points.len()).filter(|&k| k != at && is_before(k) && standing[k].is_front());
     let compared = better.map(|k| (k, point.surely_cheaper(&points[k], least_ms)));
     if standing[at].is_front() {
-        // It has to be cheaper than all that are more accurate.
+        // It must be cheaper than all that are more accurate.
         let worst = compared.min_by(|a, b| a.1.total_cmp(&b.1));
         return Certainty { sure: worst.map_or(1.0, |w| w.1), rival: worst.map(|w| w.0) };
     }
     let Standing::DominatedBy(by) = standing[at] else { return Certainty { sure: 1.0, rival: None } };
-    // One that is more accurate, or as accurate and earlier in the plan, is enough if this is not cheaper than it; or one that is as
+    // It is dominated if it is not cheaper than one row that is more accurate, or as accurate and earlier in the plan, or if a row is as
     // accurate and cheaper.
     let tied = (by, point.surely_cheaper(&points[by], least_ms));
     let beaten = compared.chain([tied]).map(|(k, sure)| (k, 1.0 - sure));
@@ -59,8 +59,8 @@ fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) 
     Certainty { sure, rival: Some(rival) }
 }
 
-/// The rows of a slot that run another round, in their order; none where every place is clear or has had its rounds. Rows of the front
-/// run beside the default, which is the first, until their prices are known. `frame_ms` is what the default's frame takes.
+/// Ids of a slot's rows that run another round, in order; empty if every place is certain or out of rounds. Rows on the front run together
+/// with the default, the first row, until their times are known. `frame_ms` is the default's frame time.
 pub fn next(runners: &[Runner], floor: f64, frame_ms: f64) -> Vec<String> {
     let points: Vec<Point> = runners.iter().map(|r| r.point.clone()).collect();
     let (standing, sure) = certainties(&points, floor, LEAST_OF_FRAME * frame_ms);
@@ -88,14 +88,14 @@ mod tests {
     struct Random(u32);
 
     impl Random {
-        /// From 0 to 1.
+        /// Uniform in 0 to 1.
         fn next(&mut self) -> f64 {
             self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
             f64::from(self.0 >> 8) / f64::from(1 << 24)
         }
     }
 
-    /// Error and milliseconds of twenty rows: a front of five, four that are near to it, the rest far off.
+    /// Error and milliseconds of twenty rows: a front of five, four near it, the rest far off.
     fn rows() -> Vec<(f64, f64)> {
         let mut rows = vec![(0.10, 40.0), (0.12, 22.0), (0.20, 12.0), (0.30, 5.0), (0.50, 0.0)];
         rows.extend([(0.11, 41.0), (0.125, 23.0), (0.21, 12.3), (0.32, 5.1)]);
@@ -103,7 +103,7 @@ mod tests {
         rows
     }
 
-    /// A time on a machine that is up to twice as slow from round to round, and 4 % here and there.
+    /// A time on a machine that is up to twice as slow from round to round, with 4 % of noise.
     fn time(ms: f64, busy: f64, random: &mut Random) -> f64 {
         ms * busy * (0.96 + 0.08 * random.next())
     }
@@ -155,7 +155,7 @@ mod tests {
         };
         let runners =
             [runner("best", 0.1, 10.0), runner("near", 0.2, 9.5), runner("far", 0.3, 30.0), runner("cheap", 0.4, 2.0)];
-        // What is cheap is clear, and its price is not known well.
+        // The cheap row's place is certain, but not its time.
         assert_eq!(next(&runners, 0.0, 1.0), ["best", "near", "cheap"]);
         let mut enough = runners.clone();
         for round in 1..=LEAST_ROUNDS as u32 {
@@ -168,7 +168,7 @@ mod tests {
         }
         assert!(next(&enough, 0.0, 1.0).is_empty(), "a tie ends as well");
         assert!(next(&[], 0.0, 1.0).is_empty());
-        // As accurate and not noticeably cheaper: decided by the order of the plan, whichever error is the smaller by a hair.
+        // As accurate and not noticeably cheaper: the order of the plan decides, not the tiny difference in error.
         let alike = [runner("first", 0.2, 2.6), runner("second", 0.1999, 2.0)];
         assert!(next(&alike, 0.0, 300.0).is_empty(), "a saving that does not show in the frame");
     }

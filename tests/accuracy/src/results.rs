@@ -1,4 +1,4 @@
-//! Results as they come in: a line of JSON for each measurement, so that a run can be interrupted, resumed and spread over machines.
+//! Results on disk: a line of JSON per measurement, so that a run can be interrupted, resumed and spread over machines.
 use crate::AccuracyError;
 use crate::metric::Judge;
 use crate::metrics::Comparison;
@@ -10,13 +10,13 @@ use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Name of the file that says what a folder's results are of.
+/// File name of the [`Run`].
 pub const RUN_FILE: &str = "run.json";
-/// Name of the file of measurements.
+/// File name of the [`Measurement`]s.
 pub const RESULTS_FILE: &str = "results.jsonl";
-/// Name of the file of what is known of the truths.
+/// File name of the [`TruthInfo`]s.
 pub const TRUTHS_FILE: &str = "truths.json";
-/// Folder of truths, where no other is named.
+/// Folder of ground truths, unless another is given.
 pub const TRUTHS: &str = "truths";
 /// Folder of pictures.
 pub const IMAGES: &str = "images";
@@ -24,75 +24,75 @@ pub const IMAGES: &str = "images";
 /// The device of a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceName {
-    /// As the driver names it.
+    /// Name according to the driver.
     pub name: String,
-    /// Driver and version.
+    /// Name and version of the driver.
     pub driver: String,
     /// `cpu`, `integrated` or `discrete`.
     pub kind: String,
 }
 
-/// What results are of. Results of runs that differ in anything but `date` do not go together.
+/// Parameters of a run. Results belong together if nothing but `date` differs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Version of Magpie.
     pub magpie: String,
-    /// Commit that it was built from.
+    /// Commit of the build.
     pub commit: String,
     /// When the run began, UTC.
     pub date: String,
-    /// On what.
+    /// Device of the run.
     pub device: DeviceName,
-    /// How rays were traced.
+    /// Backend for rays.
     pub rays: String,
     /// Name of the scene.
     pub scene: String,
-    /// What the truth of the whole picture is of: the scene and the camera are in it.
+    /// Subject of the ground truth of the picture, which identifies scene and camera.
     pub subject: String,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Samples per pixel of the truths.
+    /// Samples per pixel of the ground truths.
     pub samples: u32,
-    /// The frames after which errors are measured, counted from 1.
+    /// Frame counts after which errors are measured, from 1.
     pub frames: Vec<u32>,
-    /// How often every configuration is timed: rounds from 1. In round 0 errors are measured, and times are disturbed by that.
+    /// Number of timing rounds, from 1. In round 0 errors are measured, which disturbs its times.
     pub rounds: u32,
-    /// Frames of each round whose times count.
+    /// Timed frames per round.
     pub timed: u32,
     /// Seed of everything random.
     pub seed: u32,
-    /// Seconds of scene time from frame to frame, where the scene moves.
+    /// Scene time per frame, seconds, if the scene moves.
     pub time_step: f64,
-    /// The moment that is measured, seconds of scene time.
+    /// Scene time of the compared frame, seconds.
     pub time: f64,
-    /// The time that it may take, minutes: configurations race then. None where each has all its rounds.
+    /// Time limit, minutes, in which configurations race; none if each runs all its rounds.
     #[serde(default)]
     pub minutes: Option<f64>,
-    /// Frames after the last in which the camera moves on the path of `magpie bench motion`; the last of them is compared.
+    /// Frames at the end in which the camera moves on the path of `magpie bench motion`; the last of them is compared.
     #[serde(default)]
     pub moving_frames: u32,
-    /// What the race is about.
+    /// Metric and image that fronts, and the race for them, are about.
     #[serde(default)]
     pub judge: Judge,
-    /// Everything that is measured.
+    /// The configurations to measure.
     pub plan: Plan,
 }
 
-/// Seconds as far as they count: the last digit of what was read from a file may be another.
+/// Text of seconds without the digits that a round trip through a file may change.
 fn nanoseconds(seconds: f64) -> String {
     format!("{seconds:.9}")
 }
 
-/// How times are taken.
+/// How times are taken: by fixed rounds or in a race.
 fn way(run: &Run) -> &'static str {
     if run.minutes.is_some() { "a race within minutes" } else { "all rounds of each" }
 }
 
 impl Run {
-    /// Fails where another run is not this one, begun at another time.
+    /// Checks that another run has the same parameters; only the date may differ.
     ///
     /// # Errors
-    /// [`AccuracyError::Different`], which names `path` as where the other comes from.
+    /// [`AccuracyError::Different`], which names `path` as the origin of the other.
     pub fn check_same(&self, other: &Self, path: &Path) -> Result<(), AccuracyError> {
         let pairs = [
             ("the version", self.magpie.clone(), other.magpie.clone()),
@@ -124,91 +124,92 @@ impl Run {
     }
 }
 
-/// What the passes of a stage took in one round.
+/// Cost of a stage's passes in one round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageCost {
-    /// GPU milliseconds of all its passes, median over the frames.
+    /// GPU time of all its passes, milliseconds, median over the frames.
     pub ms: f64,
-    /// The least of them.
+    /// Minimum over the frames, milliseconds.
     pub min_ms: f64,
-    /// Of these, the passes that find light: all but the next. Median.
+    /// GPU time of its passes except for denoising, milliseconds, median.
     pub trace_ms: f64,
-    /// Passes that make good what tracing left: denoising, filtering, upsampling. Median.
+    /// GPU time of its denoising, filtering and upsampling, milliseconds, median.
     pub denoise_ms: f64,
-    /// Rays that looked for the nearest hit, median.
+    /// Closest-hit rays per frame, median.
     pub rays_closest: u64,
-    /// Rays that looked for any hit, median.
+    /// Any-hit rays per frame, median.
     pub rays_any: u64,
-    /// Passes.
+    /// Number of passes.
     pub passes: u32,
 }
 
-/// What one configuration took in one round.
+/// Cost of a configuration in one round.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Milliseconds of the GPU from the first to the last timestamp of a frame, median.
+    /// GPU time from the first to the last timestamp of a frame, milliseconds, median.
     pub frame_ms: f64,
-    /// The least of them.
+    /// Minimum over the frames, milliseconds.
     pub frame_min_ms: f64,
-    /// By stage; one without passes is missing.
+    /// Cost by stage; stages without passes are missing.
     pub stages: BTreeMap<String, StageCost>,
-    /// Memory of transients as placed, bytes.
+    /// Memory of transients after aliasing, bytes.
     pub transient_bytes: u64,
-    /// Memory that is kept from frame to frame, bytes.
+    /// Memory of histories, bytes.
     pub history_bytes: u64,
-    /// Acceleration structures, bytes.
+    /// Memory of acceleration structures, bytes.
     pub acceleration_bytes: u64,
 }
 
-/// Errors after so many frames.
+/// Errors after a number of frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Frames, from 1.
+    /// Number of frames, from 1.
     pub frame: u32,
-    /// Of the linear picture.
+    /// Error of the linear picture.
     pub picture: Comparison,
-    /// Of the slots' own images, where they have a truth; of `post` the picture to the truth over the squares of pixels.
+    /// Errors of the slots' own images that have a ground truth; for `post` that of the picture against the ground truth averaged over
+    /// pixels.
     pub slots: BTreeMap<String, Comparison>,
 }
 
-/// One configuration in one round.
+/// Result of a configuration in one round.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
     /// [`Setup::id`](crate::plan::Setup::id).
     pub setup: String,
-    /// 0 for the one in which errors are measured.
+    /// Round; in 0 errors are measured.
     pub round: u32,
-    /// What it took.
+    /// Its cost.
     pub cost: Cost,
-    /// How wrong it is; in round 0 only, since errors are the same every time.
+    /// Its errors; in round 0 only, as they are the same in every round.
     pub errors: Vec<Errors>,
-    /// The same after the frames in which the camera moved, where it did.
+    /// Its errors after the camera has moved, if it did.
     #[serde(default)]
     pub moving: Option<Errors>,
 }
 
-/// A folder of results.
+/// A folder of results that is being written.
 #[derive(Debug)]
 pub struct Results {
     folder: PathBuf,
     file: File,
-    /// What is there.
+    /// Measurements so far.
     pub measurements: Vec<Measurement>,
 }
 
-/// Reads a file of JSON.
+/// Reads a JSON file.
 pub(crate) fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T, AccuracyError> {
     let text = std::fs::read_to_string(path).map_err(AccuracyError::file(path))?;
     serde_json::from_str(&text).map_err(|e| AccuracyError::Json { path: path.to_owned(), line: e.line(), source: e })
 }
 
-/// Writes a file of JSON, whole or not at all.
+/// Writes a JSON file atomically.
 pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), AccuracyError> {
     let text = serde_json::to_string_pretty(value).map_err(AccuracyError::json(path, 0))? + "\n";
     write_text(path, &text)
 }
 
-/// Writes a text, whole or not at all.
+/// Writes a text file atomically.
 pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), AccuracyError> {
     let part = path.with_extension("part");
     std::fs::write(&part, text).map_err(AccuracyError::file(&part))?;
@@ -216,7 +217,7 @@ pub(crate) fn write_text(path: &Path, text: &str) -> Result<(), AccuracyError> {
 }
 
 impl Results {
-    /// Opens a folder for this run, and makes it where it is not there. What is there already stays, if it is of the same run.
+    /// Opens a folder for this run, and creates it if needed. Existing results of the same run are kept.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -238,12 +239,12 @@ impl Results {
         Ok(Self { folder: folder.to_owned(), file, measurements })
     }
 
-    /// Whether a measurement is there.
+    /// Whether this measurement exists.
     pub fn has(&self, setup: &str, round: u32) -> bool {
         self.measurements.iter().any(|m| m.setup == setup && m.round == round)
     }
 
-    /// Adds one, on the disk as well.
+    /// Adds a measurement, also to the file.
     ///
     /// # Errors
     /// [`AccuracyError::File`].
@@ -256,7 +257,7 @@ impl Results {
     }
 }
 
-/// Reads measurements. A last line that is cut off, as an interrupted run leaves it, is taken away.
+/// Reads measurements and drops a last line that an interrupted run left incomplete.
 fn mend(path: &Path) -> Result<Vec<Measurement>, AccuracyError> {
     let text = std::fs::read_to_string(path).map_err(AccuracyError::file(path))?;
     let whole = text.rfind('\n').map_or(0, |at| at + 1);
@@ -267,19 +268,19 @@ fn mend(path: &Path) -> Result<Vec<Measurement>, AccuracyError> {
     text[..whole].lines().enumerate().map(parse).collect()
 }
 
-/// All that a folder holds.
+/// Contents of a results folder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Folder {
-    /// Of what.
+    /// Parameters of the run.
     pub run: Run,
-    /// Measurements.
+    /// Its measurements.
     pub measurements: Vec<Measurement>,
-    /// Truths.
+    /// Quality of its ground truths.
     pub truths: Vec<TruthInfo>,
 }
 
 impl Folder {
-    /// Reads a folder.
+    /// Reads a results folder.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -289,7 +290,7 @@ impl Folder {
         Ok(Self { run, measurements: mend(&folder.join(RESULTS_FILE))?, truths })
     }
 
-    /// Fails where a measurement is missing. Of a race the default has to be there.
+    /// Checks that no measurement is missing. Of a race only the default is required.
     ///
     /// # Errors
     /// [`AccuracyError::Incomplete`].
@@ -313,10 +314,10 @@ impl Folder {
     }
 }
 
-/// Brings the folders of a run's shards together in `out`: results, truths' figures, pictures.
+/// Merges the folders of a run's shards into `out`: results, quality of the ground truths, pictures.
 ///
 /// # Errors
-/// [`AccuracyError::Different`] where they are not of the same run, [`AccuracyError::Incomplete`] where one is missing.
+/// [`AccuracyError::Different`] if they are not of the same run, [`AccuracyError::Incomplete`] if a measurement is missing.
 pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Folder, AccuracyError> {
     let Some(first) = folders.first() else { return Err(AccuracyError::NothingToMerge) };
     let mut all = Folder::read(first)?;
@@ -341,7 +342,7 @@ pub fn merge(folders: &[PathBuf], out: &Path) -> Result<Folder, AccuracyError> {
         all.run.date = all.run.date.min(other.run.date);
     }
     all.check_complete(out)?;
-    // In the order of the plan, whichever machine was faster.
+    // In the order of the plan, independent of the machines' speed.
     let place = |m: &Measurement| all.run.plan.setups.iter().position(|s| s.id == m.setup);
     all.measurements.sort_by_key(|m| (m.round, place(m)));
     let images = out.join(IMAGES);

@@ -1,4 +1,4 @@
-//! A sweep: truths, then every configuration round after round, each result on the disk as soon as it is there.
+//! A sweep: ground truths first, then every configuration round by round. Each result is written immediately.
 mod course;
 mod truths;
 
@@ -28,9 +28,9 @@ use std::time::{Instant, SystemTime};
 /// A part of a sweep, for one of several machines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which, from 1.
+    /// Index of the part, from 1.
     pub index: u32,
-    /// Of how many.
+    /// Number of parts.
     pub count: u32,
 }
 
@@ -47,47 +47,46 @@ impl FromStr for Shard {
 }
 
 impl Shard {
-    /// Whether the configuration at this place of the plan belongs to it.
+    /// Whether the configuration with this index in the plan belongs to it.
     pub fn has(self, place: usize) -> bool {
         place as u64 % u64::from(self.count) == u64::from(self.index - 1)
     }
 }
 
-/// How to sweep.
+/// Options of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Where results go.
+    /// Folder of results.
     pub out: PathBuf,
-    /// Where truths are kept; in a folder of `out` where nothing is said. Several runs may share one.
+    /// Folder of ground truths, by default one in `out`. Several runs may share one.
     pub truths: Option<PathBuf>,
-    /// The slots; none for all.
+    /// Slots to measure; empty for all.
     pub stages: Vec<String>,
-    /// A smaller picture, fewer samples and frames.
+    /// Use a smaller picture, fewer samples and frames by default.
     pub quick: bool,
-    /// Width and height, pixels.
+    /// Width and height, pixels; none for the default.
     pub size: Option<[u32; 2]>,
-    /// Samples per pixel of the truths.
+    /// Samples per pixel of the ground truths; none for the default.
     pub samples: Option<u32>,
-    /// The time that it may take, minutes. Configurations race for the fronts then, and it ends with what is known. None: each has all
-    /// its rounds.
+    /// Time limit, minutes: configurations then race for the fronts, and the sweep ends with what it knows. None: each runs all its rounds.
     pub minutes: Option<f64>,
-    /// What the fronts, and the race for them, stand for.
+    /// Metric and image that fronts, and the race for them, are about.
     pub judge: Judge,
     /// The part to measure; none for all.
     pub shard: Option<Shard>,
     /// Seed of everything random.
     pub seed: u32,
-    /// How rays are traced.
+    /// Backend for rays.
     pub rays: Rays,
-    /// What the program was built from.
+    /// Commit of the build.
     pub commit: String,
 }
 
-/// How much there is of everything.
+/// Default amounts of everything.
 struct Extent {
     size: [u32; 2],
     samples: u32,
-    /// The last two say how much an error changes from frame to frame.
+    /// The last two measure how much an error changes from frame to frame.
     frames: [u32; 4],
     rounds: u32,
     timed: u32,
@@ -98,24 +97,24 @@ const QUICK: Extent = Extent { size: [160, 90], samples: 128, frames: [1, 8, 23,
 const FULL: Extent =
     Extent { size: [640, 360], samples: 1024, frames: [1, 8, 63, 64], rounds: 9, timed: 16, moving: 16 };
 
-/// Minutes that a quick sweep takes at most, where nothing else is said.
+/// Default time limit of a quick sweep, minutes.
 pub const QUICK_MINUTES: f64 = 10.0;
 
-/// Seconds of scene time from frame to frame.
+/// Scene time per frame, seconds.
 const TIME_STEP: f64 = 1.0 / 60.0;
 
-/// How far a sweep is.
+/// Progress of a sweep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Units of work that are done.
+    /// Units of work done.
     pub done: u64,
-    /// All of them.
+    /// Units of work in total.
     pub all: u64,
-    /// Units that were done before, by an earlier run.
+    /// Units of work done by an earlier run.
     pub skipped: u64,
-    /// What is being done.
+    /// Current activity.
     pub what: String,
-    /// Of what `all` is a number.
+    /// Name of the unit.
     pub unit: &'static str,
 }
 
@@ -125,21 +124,21 @@ impl fmt::Display for Progress {
     }
 }
 
-/// What is swept.
+/// Scene and program to sweep.
 pub struct Subject<'a> {
     /// The device.
     pub gpu: &'a Gpu,
-    /// The scene, with all that it lacked supplied.
+    /// The scene, including supplied camera and lights.
     pub scene: &'a Scene,
-    /// From where it is seen.
+    /// The camera.
     pub camera: &'a Camera,
     /// The implementations.
     pub slots: &'a Slots,
-    /// What is measured around.
+    /// The base configuration.
     pub config: &'a Config,
 }
 
-/// Sweeps, and gives all that the folder then holds. What is there already is not measured again.
+/// Runs a sweep and returns the contents of the folder. Existing results are not measured again.
 ///
 /// # Errors
 /// [`AccuracyError`].
@@ -155,7 +154,7 @@ pub fn sweep(
     let frames = extent.frames.to_vec();
     let moves = !scene.animations.is_empty();
     let plan = Plan::new(&slots.catalogue(), config, &options.stages, moves)?;
-    // Frames before the moment that is measured have moments of their own, from 0.
+    // The frames before the measured time start at time 0.
     let time = if moves { f64::from(extent.frames[3] - 1) * TIME_STEP } else { 0.0 };
     let reference = ReferenceOptions {
         width: size[0],
@@ -193,7 +192,7 @@ pub fn sweep(
     let mine = |place: usize| options.shard.is_none_or(|shard| shard.has(place));
     let setups: Vec<&Setup> = run.plan.setups.iter().enumerate().filter(|(at, _)| mine(*at)).map(|(_, s)| s).collect();
 
-    // The camera has moved by one step in the first frame after those at rest.
+    // The first frame after those at rest has moved by one step.
     let ways: Vec<Camera> = around(camera, run.moving_frames + 1).split_off(1);
     let place = ways.last().unwrap_or(camera);
     let wanted = truths::wanted(&setups, run.moving_frames > 0);
@@ -211,7 +210,7 @@ pub fn sweep(
         display: Display::of(config),
         out: &options.out,
         start,
-        // What is measured stands against the truths as they were.
+        // Once measurements exist, the ground truths they were compared with must not change.
         is_frozen: run.minutes.is_some() && !results.measurements.is_empty(),
     };
     let truths = finder.find(&wanted, &mut at, progress)?;
@@ -224,13 +223,13 @@ pub fn sweep(
     Folder::read(&options.out)
 }
 
-/// Measures on the device, and leaves pictures in the folder.
+/// Measures on the device, and writes pictures to the folder.
 struct OnDevice<'a> {
     bench: Bench<'a>,
     run: &'a Run,
     truths: &'a BTreeMap<String, Truth>,
     out: &'a Path,
-    /// Of the default, once it has been measured.
+    /// Terms of the default, once it has been measured.
     terms: Option<[Picture; 4]>,
     start: Instant,
 }
@@ -257,7 +256,7 @@ impl course::Measures for OnDevice<'_> {
     }
 }
 
-/// Pictures of a configuration for the report.
+/// Writes the pictures of a configuration for the report.
 fn write_images(
     folder: &Path,
     setup: &Setup,
@@ -268,7 +267,7 @@ fn write_images(
     let all = images.slots.iter().map(|(slot, picture)| (slot.as_str(), picture)).chain([("", &images.picture)]);
     for (slot, picture) in all {
         if !slot.is_empty() && !setup.slots.iter().any(|s| s == slot) {
-            continue; // a term of the picture
+            continue; // it is only needed as a term of the picture
         }
         let key = if slot.is_empty() && setup.is_whole() { AREA } else { slot };
         let Some(truth) = truths.get(key) else { continue };
@@ -280,13 +279,13 @@ fn write_images(
     Ok(())
 }
 
-/// Name of a picture of a slot, or of the whole picture under the empty name.
+/// File name of a picture of a slot; `slot` is empty for the whole picture.
 pub fn image_name(setup: &str, slot: &str, what: &str) -> String {
     let slot = if slot.is_empty() { "picture" } else { slot };
     format!("{setup}.{slot}.{what}")
 }
 
-/// `2026-01-31 12:34 UTC` of a time after 1970, by the days-to-civil algorithm (Hinnant 2013, "chrono-Compatible Low-Level Date
+/// Formats a time after 1970 as `2026-01-31 12:34 UTC`, by the days-to-civil algorithm (Hinnant 2013, "chrono-Compatible Low-Level Date
 /// Algorithms").
 fn date(time: SystemTime) -> String {
     let seconds = time.duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_secs()) as i64;

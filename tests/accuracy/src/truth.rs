@@ -1,4 +1,4 @@
-//! Truths: what each slot should give, converged as far as its standard error says, and kept in files.
+//! Ground truths: the expected output of each slot, path-traced, with its standard error, and cached in files.
 use crate::AccuracyError;
 use crate::display::Display;
 use crate::hash::short;
@@ -11,12 +11,12 @@ use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, Referen
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Samples between two times that an unfinished truth is saved.
+/// Samples between two saves of an unfinished ground truth.
 const SAVE_EVERY: u64 = 64;
 /// Samples between two reports of progress.
 const STEP: u32 = 8;
 
-/// The slots whose own image has a truth.
+/// The slots whose own image has a ground truth.
 pub const TRUTHS: [(&str, Only); 5] = [
     ("shadows", Only::Shadows),
     ("ao", Only::AmbientOcclusion),
@@ -25,10 +25,10 @@ pub const TRUTHS: [(&str, Only); 5] = [
     ("reflections", Only::Reflections),
 ];
 
-/// Slots whose own image is a share of light, 0 to 1, and 1 where a slot gives none; the others give radiance, and none is 0.
+/// Slots whose own image is visibility or openness, 0 to 1, and 1 without output; those of other slots are radiance, and 0 without output.
 pub const SHARES: [&str; 2] = ["shadows", "ao"];
 
-/// How far away things hide a point, in metres, in the truth of a configuration's `ao`: as far as in the configuration.
+/// Range of ambient occlusion, metres, in the ground truth of a configuration's `ao`: the configuration's own.
 pub fn ao_range(config: &Config) -> f32 {
     match config.settings.get("ao").and_then(|settings| settings.get("range")) {
         Some(Value::Float(range)) => *range as f32,
@@ -37,29 +37,29 @@ pub fn ao_range(config: &Config) -> f32 {
     }
 }
 
-/// The truth of a slot's own image, where there is one.
+/// The ground truth of a slot's own image, if it has one.
 pub fn truth_of(slot: &str) -> Option<Only> {
     TRUTHS.iter().find(|(name, _)| *name == slot).map(|(_, only)| *only)
 }
 
-/// Where truths come from.
+/// A source of ground truths. Tests replace it.
 pub trait TruthSource {
-    /// Of what it is: two with the same are the same, samples and seeds aside.
+    /// Identity of the ground truth: equal for equal scenes and cameras, independent of samples and seed.
     fn subject(&self, only: Only) -> String;
 
-    /// Begins, or goes on from, an estimate.
+    /// Starts an estimate, or continues one.
     ///
     /// # Errors
     /// [`AccuracyError`].
     fn begin(&mut self, only: Only, from: Option<&Estimate>) -> Result<(), AccuracyError>;
 
-    /// Adds samples to what was begun.
+    /// Adds samples per pixel to the current estimate.
     ///
     /// # Errors
     /// [`AccuracyError`].
     fn add(&mut self, samples: u32) -> Result<(), AccuracyError>;
 
-    /// What they came to.
+    /// The current estimate.
     fn estimate(&self) -> Option<&Estimate>;
 }
 
@@ -73,12 +73,12 @@ pub struct PathTracer<'a> {
 }
 
 impl<'a> PathTracer<'a> {
-    /// Of this scene from this camera. Samples lie at the centres of pixels, where the raster has its own.
+    /// Samples at pixel centres, as the raster.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, options: ReferenceOptions) -> Self {
         Self { gpu, scene, camera, options: ReferenceOptions { pixel: PixelSampling::Centre, ..options }, begun: None }
     }
 
-    /// The same over the whole squares of pixels: what anti-aliasing looks for.
+    /// Samples over the pixels' squares, as anti-aliasing approximates.
     pub fn over_pixels(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, options: ReferenceOptions) -> Self {
         Self { gpu, scene, camera, options: ReferenceOptions { pixel: PixelSampling::Area, ..options }, begun: None }
     }
@@ -111,12 +111,12 @@ impl TruthSource for PathTracer<'_> {
     }
 }
 
-/// What is known of a truth.
+/// Quality of a ground truth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthInfo {
-    /// Name of the [`Only`]; with `_area` over the squares of pixels, with `_moving` after the camera has moved.
+    /// Name of the [`Only`]; with `_area` if averaged over pixels, with `_moving` for the moved camera.
     pub only: String,
-    /// A hash of all that it depends on: scene, camera, size, model, samples, seed.
+    /// Hash of everything that it depends on: scene, camera, size, model, samples, seed.
     pub hash: String,
     /// Samples per pixel.
     pub samples: u64,
@@ -124,21 +124,21 @@ pub struct TruthInfo {
     pub standard_error: f64,
     /// Mean luminance, or mean visibility.
     pub mean: f64,
-    /// What every metric finds between this truth and another of the same quality: the same picture with normally distributed errors of
-    /// the stated size. Errors of a stage that are no larger cannot be told from none.
+    /// Noise floor of every metric: the error between this ground truth and the same with normally distributed noise of its standard error.
+    /// Smaller errors of a stage are indistinguishable from 0.
     pub floor: Comparison,
 }
 
-/// A truth.
+/// A ground truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
-    /// The mean.
+    /// The mean of its samples.
     pub picture: Picture,
-    /// What is known of it.
+    /// Its quality.
     pub info: TruthInfo,
 }
 
-/// Truths in a folder.
+/// A folder of ground truths.
 #[derive(Clone, Debug)]
 pub struct TruthCache {
     folder: PathBuf,
@@ -147,7 +147,7 @@ pub struct TruthCache {
 }
 
 impl TruthCache {
-    /// Files go to this folder, which is made. So many samples per pixel, from this seed.
+    /// Creates the folder if needed. Ground truths have `samples` samples per pixel, from this seed.
     ///
     /// # Errors
     /// [`AccuracyError::File`].
@@ -156,14 +156,14 @@ impl TruthCache {
         Ok(Self { folder: folder.to_owned(), samples, seed })
     }
 
-    /// The hash that a truth goes by.
+    /// Hash in the file name of a ground truth.
     pub fn hash(&self, source: &dyn TruthSource, only: Only) -> String {
         let version = concat!("magpie ", env!("CARGO_PKG_VERSION"));
         short(&[version, &source.subject(only), &self.samples.to_string(), &self.seed.to_string()])
     }
 
-    /// Takes the truth from its file, or finds it and writes the file. One that was interrupted goes on. `progress` is told of samples
-    /// that are there, and says whether to go on: what has been asked for once and has samples can end before it has all of them.
+    /// Loads the ground truth, or traces it and saves it; an interrupted one is continued. `progress` is called with the number of samples,
+    /// and returns whether to continue: tracing may stop early once there are some samples.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -183,7 +183,7 @@ impl TruthCache {
         }
         let wanted = u64::from(self.samples);
         let begun = known.as_ref().map_or(0, |e| e.samples);
-        // What little there is cannot do without a first step: a standard error needs two samples.
+        // At least one step is always traced: a standard error needs two samples.
         let mut goes_on = progress(begun.min(wanted)) || begun < u64::from(STEP);
         if begun < wanted && goes_on {
             source.begin(only, known.as_ref())?;
@@ -200,7 +200,7 @@ impl TruthCache {
                     }
                 }
             }
-            // From the file in any case: who finds the truth there has the same numbers.
+            // Loaded from the file in any case, so that later runs get exactly the same numbers.
             known = Some(Estimate::load(&path, Some(&subject)).map_err(failed)?);
         }
         let estimate = known.unwrap_or_else(|| Estimate::new(1, 1));
@@ -209,10 +209,10 @@ impl TruthCache {
 }
 
 impl Truth {
-    /// An estimate as a truth of that name.
+    /// A ground truth of that name from an estimate.
     ///
     /// # Errors
-    /// [`AccuracyError::Metric`] where it is not finite.
+    /// [`AccuracyError::Metric`] if it is not finite.
     pub fn new(name: &str, hash: String, estimate: &Estimate, display: &Display) -> Result<Self, AccuracyError> {
         let (width, height) = (estimate.width as usize, estimate.height as usize);
         let pixel = |v: &DVec3| v.as_vec3().to_array();
@@ -234,12 +234,12 @@ impl Truth {
     }
 }
 
-/// The picture with independent normal errors of these standard deviations, always the same ones.
+/// The picture with independent normal noise of these standard deviations, always the same.
 fn perturbed(picture: &Picture, errors: &[DVec3]) -> Picture {
     let mut random = Normal(0x9e37_79b9_7f4a_7c15);
     let mut pixels = picture.pixels.clone();
     for (pixel, error) in pixels.iter_mut().zip(errors) {
-        // The channels of a path vary together.
+        // The channels of a path are correlated.
         let deviation = random.next();
         for (x, e) in pixel.iter_mut().zip(error.to_array()) {
             *x += (deviation * e) as f32;
@@ -248,7 +248,7 @@ fn perturbed(picture: &Picture, errors: &[DVec3]) -> Picture {
     Picture { pixels, ..*picture }
 }
 
-/// Normal deviates: SplitMix64 (Steele, Lea, Flood 2014), then Box and Muller 1958.
+/// Normal deviates: SplitMix64 (Steele, Lea, Flood 2014), then the transform of Box and Muller 1958.
 struct Normal(u64);
 
 impl Normal {
@@ -271,7 +271,7 @@ impl Normal {
 mod tests {
     use super::*;
 
-    /// Every sample is 1 in even pixels; in odd ones it is 0 or 2 in turns.
+    /// Every sample is 1 in even pixels; in odd ones it alternates between 0 and 2.
     struct MadeUp {
         estimate: Option<Estimate>,
         asked: u32,
@@ -325,7 +325,7 @@ mod tests {
             TruthCache::new(folder.path(), 100, 1).unwrap().hash(&source, Only::Gi)
         );
 
-        // A file with fewer samples than it should have is what an interrupted run leaves.
+        // A file with fewer samples, as an interrupted run leaves it.
         let path = folder.path().join(format!("gi-{}.exr", first.info.hash));
         let mut part = MadeUp { estimate: None, asked: 0 };
         part.begin(Only::Gi, None).unwrap();
@@ -336,7 +336,7 @@ mod tests {
         assert_eq!((source.asked, resumed.info.samples), (36, 100));
         assert!((resumed.info.standard_error / first.info.standard_error - 1.0).abs() < 0.02);
 
-        // Who has no time left gets what there is, and a little where there is nothing.
+        // Without remaining time the existing samples are used, or a minimum is traced.
         source.asked = 0;
         let hasty = cache(200).get(&mut source, Only::Gi, show, &mut |samples| samples < 20).unwrap();
         assert_eq!((source.asked, hasty.info.samples), (24, 24));
@@ -352,7 +352,7 @@ mod tests {
         let cache = TruthCache::new(folder.path(), 100, 0).unwrap();
         let mut source = MadeUp { estimate: None, asked: 0 };
         let truth = cache.get(&mut source, Only::Gi, &Display::PLAIN, &mut |_| true).unwrap();
-        // Half the pixels have a deviation of 1 over 100 samples, divided by n - 1.
+        // Half the pixels have a standard deviation of 1 over 100 samples, divided by n - 1.
         let wanted = (0.5_f64 / 99.0).sqrt();
         assert!((truth.info.standard_error - wanted).abs() < 1e-6, "{} {wanted}", truth.info.standard_error);
         assert!((truth.info.floor.rmse / wanted - 1.0).abs() < 0.5, "{} {wanted}", truth.info.floor.rmse);

@@ -1,8 +1,8 @@
-//! Counts heap allocations, of all threads, while it is told to.
+//! Counts heap allocations of all threads while switched on.
 //!
-//! Written here because it must cost nothing while the clock runs. On the machine of `docs/bench.md` allocating and freeing
-//! 64 bytes takes 12 ns; `stats_alloc` adds 21 ns, which would be charged to whoever allocates most, and
-//! `allocation-counter` adds 4 ns and does not see other threads.
+//! A custom counter because it must cost nothing while the clock runs. On the machine of `docs/bench.md` allocating and freeing 64 bytes
+//! takes 12 ns; `stats_alloc` adds 21 ns, which would be charged to whoever allocates most, and `allocation-counter` adds 4 ns and does not
+//! see other threads.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -50,7 +50,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// Begins or stops counting.
+/// Switches counting on or off.
 pub(crate) fn count(on: bool) {
     COUNTING.store(on, Ordering::Relaxed);
 }

@@ -1,4 +1,4 @@
-//! Charts of lines, as SVG.
+//! Line charts as SVG.
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use plotters::series::DashedLineSeries;
@@ -8,55 +8,55 @@ use std::fmt::Display;
 const SIZE: (u32, u32) = (900, 540);
 const TITLE: i32 = 20;
 const TEXT: i32 = 15;
-/// Room for the legend beside the plot, where it hides nothing.
+/// Width of the legend beside the plot, pixels.
 const LEGEND: i32 = 285;
 
-/// A chart could not be drawn.
+/// Drawing a chart failed.
 #[derive(Debug, thiserror::Error)]
 #[error("chart `{title}`: {message}")]
 pub struct ChartError {
-    /// Its title.
+    /// Title of the chart.
     title: String,
-    /// What plotters says.
+    /// The error of plotters.
     message: String,
 }
 
 /// One axis.
 #[derive(Clone, Copy)]
 pub struct Axis {
-    /// Quantity and unit.
+    /// Quantity and unit, as the axis is labelled.
     pub name: &'static str,
-    /// Equal factors take equal lengths.
+    /// Whether the axis is logarithmic.
     pub log: bool,
 }
 
-/// One line of a chart.
+/// A line of a chart.
 pub struct Line {
-    /// What the legend says.
+    /// Text in the legend.
     pub label: String,
-    /// Its colour.
+    /// Colour of the line.
     pub colour: Colour,
-    /// Dashes instead of one stroke.
+    /// Whether the line is dashed.
     pub dashed: bool,
-    /// Of lines of one colour and style, the width tells them apart, pixels.
+    /// Stroke width, pixels; tells lines of the same colour and style apart.
     pub width: u32,
-    /// Places, from left to right.
+    /// Points in order of x.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Lines over one axis, and a legend.
+/// A line chart with a legend.
 pub struct Chart {
-    /// Above the plot.
+    /// Text above the plot.
     pub title: String,
-    /// To the right.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Up.
+    /// Vertical axis.
     pub y: Axis,
-    /// In the order of the legend.
+    /// Lines in the order of the legend.
     pub lines: Vec<Line>,
 }
 
-/// Colours that the colour-blind tell apart (Okabe and Ito 2008).
+/// A colour from a palette for colour-blind readers (Okabe and Ito 2008).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Colour(u8, u8, u8);
 
@@ -75,7 +75,7 @@ impl Colour {
     }
 }
 
-/// A number as axes show it: three digits that count, so that no two ticks read the same.
+/// Formats an axis label with three significant digits, so that no two ticks read the same.
 fn number(value: &f64) -> String {
     let decimals = (2.0 - value.abs().max(1e-6).log10().floor()).clamp(0.0, 6.0) as usize;
     let text = format!("{value:.decimals$}");
@@ -83,7 +83,7 @@ fn number(value: &f64) -> String {
 }
 
 impl Chart {
-    /// From the least to the greatest of one coordinate, with some air; a linear axis of values begins at zero.
+    /// Range of one coordinate with a margin; a linear vertical axis begins at zero.
     fn range(&self, axis: Axis, pick: fn(&(f64, f64)) -> f64) -> std::ops::Range<f64> {
         let values = self.lines.iter().flat_map(|l| &l.points).map(pick).filter(|v| v.is_finite());
         let (lo, hi) = values.fold((f64::MAX, 0.0_f64), |(lo, hi), v| (lo.min(v), hi.max(v)));
@@ -166,7 +166,7 @@ impl Chart {
 }
 
 impl Chart {
-    /// What each line is, beside the plot.
+    /// Draws the legend beside the plot.
     fn legend(&self, root: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>) -> Result<(), ChartError> {
         let left = SIZE.0 as i32 - LEGEND + 14;
         for (line, at) in self.lines.iter().zip(0..) {

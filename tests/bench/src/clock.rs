@@ -1,15 +1,15 @@
-//! The stop watch of one frame.
+//! Times the phases of a frame.
 
 use crate::allocations;
 use std::time::Instant;
 
-/// Name of the phase in which a contestant frees what the frame used, after the device is done. Shown, but not part of the sum.
+/// Name of the phase in which a contestant frees a frame's resources, once the device is done. Reported, but not part of the sum.
 pub const RETIRE: &str = "retire";
 
-/// Phases of a frame; the clock itself allocates nothing.
+/// Most phases in a frame, so that the clock need not allocate.
 const MOST: usize = 8;
 
-/// Times the phases of one frame: each on the wall, and all together as the time that the calling thread was on a CPU.
+/// Wall time of each phase of a frame, and CPU time of the calling thread over all of them.
 ///
 /// A phase is named `declare`, `plan`, `record` or `submit`; where a library cannot be timed more finely, one name joins
 /// several: `plan+record`.
@@ -24,12 +24,12 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A clock that counts allocations as well, for a frame whose times are not kept.
+    /// A clock that also counts allocations, for a frame whose times are discarded.
     pub(crate) fn counting() -> Self {
         Self { counts: true, ..Self::default() }
     }
 
-    /// Begins.
+    /// Starts the clock.
     pub fn start(&mut self) {
         if self.counts {
             allocations::count(true);
@@ -38,7 +38,7 @@ impl Clock {
         self.since = Some(Instant::now());
     }
 
-    /// Ends a phase; the next one begins at once.
+    /// Ends a phase; the next one starts at once.
     pub fn lap(&mut self, phase: &'static str) {
         let now = Instant::now();
         if let Some(since) = self.since.replace(now) {
@@ -46,7 +46,7 @@ impl Clock {
         }
     }
 
-    /// Stops before the wait for the device.
+    /// Stops the clock before the wait for the device.
     pub fn stop(&mut self) {
         self.since = None;
         self.cpu = self.cpu_since.take().and_then(|since| thread_time()?.checked_sub(since));
@@ -55,19 +55,19 @@ impl Clock {
         }
     }
 
-    /// Times `free`, which gives back what the frame used, as [`RETIRE`].
+    /// Times `free`, which releases the frame's resources, as [`RETIRE`].
     pub fn retire(&mut self, free: impl FnOnce()) {
         let begun = Instant::now();
         free();
         self.note(RETIRE, begun.elapsed().as_nanos() as u64);
     }
 
-    /// Time of the calling thread on a CPU between start and stop, nanoseconds; none where the system does not tell.
+    /// CPU time of the calling thread between start and stop, nanoseconds; none if the system does not provide it.
     pub fn cpu(&self) -> Option<u64> {
         self.cpu
     }
 
-    /// Notes a phase that the contestant timed itself, nanoseconds.
+    /// Records a phase that the contestant timed itself, nanoseconds.
     pub fn note(&mut self, phase: &'static str, nanoseconds: u64) {
         debug_assert!(self.count < MOST, "more than {MOST} phases: {phase}");
         if let Some(lap) = self.laps.get_mut(self.count) {
@@ -76,18 +76,18 @@ impl Clock {
         }
     }
 
-    /// The phases in their order, nanoseconds.
+    /// The phases in order, nanoseconds.
     pub fn laps(&self) -> &[(&'static str, u64)] {
         &self.laps[..self.count]
     }
 
-    /// Sum of the phases but [`RETIRE`], nanoseconds.
+    /// Sum of all phases except [`RETIRE`], nanoseconds.
     pub fn total(&self) -> u64 {
         self.laps().iter().filter(|(phase, _)| *phase != RETIRE).map(|(_, time)| time).sum()
     }
 }
 
-/// Time that this thread has been on a CPU, nanoseconds.
+/// CPU time of this thread so far, nanoseconds.
 #[cfg(unix)]
 fn thread_time() -> Option<u64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);

@@ -1,100 +1,100 @@
-//! Who takes part.
+//! The interface of the libraries that are compared.
 
 use crate::{clock::Clock, work::Work};
 use magpie::gpu::GpuError;
 use magpie::graph::execute::ExecuteError;
 use std::fmt::Display;
 
-/// Why a benchmark did not come to its end.
+/// Why a benchmark could not be completed.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// No device, or it failed.
+    /// There is no usable device, or it failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// Magpie's frame did not run.
+    /// Magpie's frame failed.
     #[error("magpie: {0}")]
     Graph(#[from] ExecuteError),
-    /// Another contestant could not do its part.
+    /// Another contestant failed.
     #[error("{contestant}: {what}: {message}")]
     Failed {
-        /// Who.
+        /// Name of the contestant.
         contestant: &'static str,
-        /// Which call or step.
+        /// The call or step that failed.
         what: &'static str,
-        /// What it said.
+        /// Its error message.
         message: String,
     },
-    /// A frame came out wrong.
+    /// A frame produced a wrong result.
     #[error("{contestant}: word {word} after {} passes ({}): wanted {wanted:#010x}, got {got:#010x}", work.passes, work.variant.name())]
     Wrong {
-        /// Who.
+        /// Name of the contestant.
         contestant: &'static str,
-        /// Doing what.
+        /// The work that it did.
         work: Work,
-        /// Index of the word.
+        /// Index of the first wrong word.
         word: usize,
-        /// What the CPU says.
+        /// Value computed on the CPU.
         wanted: u32,
-        /// What was read back.
+        /// Value that was read back.
         got: u32,
     },
 }
 
 impl BenchError {
-    /// Whether the device or the library cannot do so much; less may go well.
+    /// Whether the error is a limit of the device or the library, so that less work may succeed.
     pub(crate) fn is_limit(&self) -> bool {
         use GpuError::Limit;
         matches!(self, Self::Gpu(Limit { .. }) | Self::Graph(ExecuteError::Pass { source: Limit { .. }, .. }))
     }
 
-    /// For `map_err`: a contestant's own error, in its words.
+    /// For `map_err`: wraps a contestant's own error.
     pub(crate) fn failed<E: Display>(contestant: &'static str, what: &'static str) -> impl Fn(E) -> Self {
         move |error| Self::Failed { contestant, what, message: error.to_string() }
     }
 }
 
-/// What a frame says about itself.
+/// Statistics of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frame {
-    /// Barriers of the whole frame; none where the library does not tell.
+    /// Barriers of the whole frame; none if the library does not report them.
     pub barriers: Option<u32>,
 }
 
-/// One way to run the passes. Each has a device of its own and takes turns with the others.
+/// A library or variant that runs the passes. Each has its own device; they take turns.
 pub trait Contestant {
     /// Name in the report.
     fn name(&self) -> &'static str;
 
-    /// One line: what is made anew every frame and what is kept.
+    /// One line for the report: what is rebuilt every frame and what is kept.
     fn about(&self) -> &'static str;
 
-    /// Why it cannot take part in this work, if so.
+    /// Why it cannot do this work, if so.
     fn refuses(&self, _: Work) -> Option<String> {
         None
     }
 
-    /// Makes everything that is kept from frame to frame, and drops that of the work before.
+    /// Creates everything that is kept from frame to frame, and drops that of the previous work.
     ///
     /// # Errors
     /// [`BenchError`] of the device or the library.
     fn prepare(&mut self, work: Work) -> Result<(), BenchError>;
 
-    /// Runs one frame and waits for it. The clock stands during the wait.
+    /// Runs one frame and waits for it, with the clock stopped during the wait.
     ///
-    /// Fills the words that the CPU will read with zeros first, so that an earlier frame cannot pass for this one.
+    /// Zeroes the words that will be read back first, so that an earlier frame's result cannot be mistaken for this one's.
     ///
     /// # Errors
     /// [`BenchError`] of the device or the library.
     fn frame(&mut self, clock: &mut Clock) -> Result<Frame, BenchError>;
 
-    /// What the last frame left in the memory that the CPU reads.
+    /// The words that the last frame copied to CPU-visible memory.
     ///
     /// # Errors
     /// [`BenchError`] of the device or the library.
     fn result(&self) -> Result<Vec<u32>, BenchError>;
 }
 
-/// Compares what came out with what the CPU says.
+/// Compares a contestant's result with the expected words.
 pub(crate) fn check(contestant: &dyn Contestant, work: Work, expected: &[u32]) -> Result<(), BenchError> {
     let result = contestant.result()?;
     let name = contestant.name();

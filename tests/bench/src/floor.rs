@@ -1,7 +1,7 @@
-//! The floor: the same passes by hand, with ash and nothing else.
+//! The baseline: the same passes in hand-written Vulkan, with ash and nothing else.
 //!
-//! Who writes this knows the whole frame: one command buffer that is recorded again every frame, one memory barrier between
-//! two passes, and four places in turn for what the passes write.
+//! It exploits knowledge of the whole frame: one command buffer that is recorded again every frame, one memory barrier between two passes,
+//! and four resources in rotation for the passes' outputs.
 #![allow(unsafe_code)]
 
 use crate::{BenchError, Clock, Contestant, Frame, Variant, Work};
@@ -11,7 +11,7 @@ use magpie_shaders::{Address, BENCH_BUFFER_COMP, BENCH_IMAGE_ARRAY_COMP, Shader,
 use std::ffi::CStr;
 
 const NAME: &str = "floor";
-/// Places for what the passes write. Pass `i` writes place `i % 4`, while passes `i - 1` and `i - 2` are read.
+/// Resources in rotation. Pass `i` writes resource `i % 4` while those of passes `i - 1` and `i - 2` are read.
 const PLACES: u32 = 4;
 
 fn failed<E: std::fmt::Display>(what: &'static str) -> impl Fn(E) -> BenchError {
@@ -31,7 +31,7 @@ pub struct Floor {
     set_layout: vk::DescriptorSetLayout,
     sets: vk::DescriptorPool,
     set: vk::DescriptorSet,
-    /// Of the two variants.
+    /// One for each variant.
     programs: [Program; 2],
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
@@ -53,7 +53,7 @@ struct Program {
     pipeline: vk::Pipeline,
 }
 
-/// A buffer or an image with memory of its own.
+/// A buffer or an image with its own memory.
 struct Bound<T> {
     raw: T,
     memory: vk::DeviceMemory,
@@ -207,7 +207,7 @@ impl Floor {
     /// On the device of this name.
     ///
     /// # Errors
-    /// [`BenchError::Failed`] with the call of Vulkan.
+    /// [`BenchError::Failed`] with the Vulkan call.
     pub fn new(device_name: &str) -> Result<Self, BenchError> {
         let vulkan = Vulkan::new(device_name)?;
         let device = &vulkan.device;
@@ -291,7 +291,7 @@ impl Floor {
         Ok(floor)
     }
 
-    /// Brings the images into the layout in which they stay.
+    /// Transitions the images to the layout that they keep.
     fn settle_images(&self) -> Result<(), BenchError> {
         let barriers: Vec<_> = self
             .images
@@ -398,7 +398,7 @@ impl Floor {
         }
     }
 
-    /// Copies what the last pass wrote to where the host reads.
+    /// Copies the last pass's output to CPU-visible memory.
     fn copy_last(&self) {
         let (device, commands) = (&self.vulkan.device, self.commands);
         let slot = (self.work.passes + PLACES - 1) % PLACES;

@@ -1,7 +1,7 @@
-//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`, [`pairs`] is `magpie bench pairs`; the rest is `magpie bench graph`: what the CPU pays per pass of a frame graph, beside hand-written Vulkan and other graphs.
+//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`, [`pairs`] is `magpie bench pairs`; the rest is
+//! `magpie bench graph`: CPU cost per pass of a frame graph, compared with hand-written Vulkan and other graphs.
 //!
-//! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` says
-//! what is measured and how.
+//! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` describes the method.
 
 mod allocations;
 mod chart;

@@ -1,4 +1,4 @@
-//! Magpie's own graph: the whole frame is declared anew every time.
+//! Magpie's frame graph, with the whole frame declared anew every time.
 
 use crate::{BenchError, Clock, Contestant, Frame, Variant, Work};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, Kernel};
@@ -10,15 +10,14 @@ use magpie_shaders::bench::{BufferParams, ImageParams, SIDE};
 use magpie_shaders::{BENCH_BUFFER_COMP, BENCH_IMAGE_COMP};
 use std::sync::Arc;
 
-/// The graph, with its cache of plans or without. It records on the calling thread alone, as the others do, and takes no GPU
-/// times: nobody else does.
+/// The graph, with or without its cache of plans. Like the others it records on the calling thread only, and takes no GPU timestamps.
 pub struct Magpie {
     cached: bool,
     executor: Executor,
     imports: Imports,
     kernels: [Kernel; 2],
     work: Work,
-    /// The application's, who keeps them as it likes: making them is not the graph's.
+    /// Names of the passes, kept by the application: creating them is not part of the graph's work.
     names: Vec<String>,
     result: Arc<Buffer>,
 }
@@ -77,7 +76,7 @@ impl Magpie {
         g.leave(target.read(), Access::HostRead, Domain::Copy);
     }
 
-    /// Every pass in turn, each with the outputs of the two before it; gives the output of the last.
+    /// Adds all passes, each with the outputs of the two before it, and returns the output of the last.
     fn chain<K>(
         &self,
         g: &mut FrameGraph,
@@ -170,7 +169,7 @@ impl Contestant for Magpie {
         self.imports = imports;
         let executed = ran?;
         let sample = &executed.sample;
-        // Whatever the call does beside its phases, and does not wait for, is planning: it makes things ready.
+        // The rest of the call, without its known phases and the wait, counts as planning.
         let known = sample.record_ns + sample.submit_ns + sample.wait_ns;
         clock.note("plan", sample.cpu_ns.saturating_sub(known));
         clock.note("record", sample.record_ns);

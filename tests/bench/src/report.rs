@@ -1,4 +1,4 @@
-//! The figures, as JSON and as a table.
+//! Results of `magpie bench graph` as JSON and as a table.
 
 use crate::clock::{Clock, RETIRE};
 use crate::{Frame, Work};
@@ -8,41 +8,41 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::thread::available_parallelism;
 
-/// The four phases in their order.
+/// The four phases in order.
 const PHASES: [&str; 4] = ["declare", "plan", "record", "submit"];
-/// The growth that is reported goes from this number of passes to the greatest.
+/// Number of passes that growth is measured from, up to the greatest number.
 const GROWTH_FROM: u32 = 100;
 const MICROSECOND: f64 = 1e3;
 
-/// A whole run.
+/// Results of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Version.
+    /// Version of Magpie.
     pub magpie: &'static str,
     /// Name of the device.
     pub device: String,
-    /// Its driver.
+    /// Name and version of its driver.
     pub driver: String,
-    /// Threads of the machine.
+    /// CPU threads of the machine.
     pub threads: usize,
-    /// Whether the other graphs were built in.
+    /// Whether the build includes the other libraries.
     pub peers: bool,
-    /// Who took part, and what each keeps from frame to frame.
+    /// The contestants.
     pub contestants: Vec<Entry>,
-    /// One per contestant and work.
+    /// Results, one per contestant and work.
     pub rows: Vec<Row>,
-    /// Who could not take part, and why.
+    /// Contestants that could not take part, with the reason.
     pub left_out: Vec<LeftOut>,
-    /// One per contestant and variant, where two sizes were measured.
+    /// Growth with the number of passes, one per contestant and variant with at least two sizes.
     pub growth: Vec<Growth>,
 }
 
 /// A contestant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Entry {
-    /// Its name.
+    /// Name of the contestant.
     pub name: &'static str,
-    /// What it does anew every frame and what it keeps.
+    /// What it rebuilds every frame and what it keeps.
     pub about: &'static str,
 }
 
@@ -55,11 +55,11 @@ pub struct LeftOut {
     pub passes: u32,
     /// Name of the contestant.
     pub contestant: &'static str,
-    /// What stands in its way.
+    /// The reason.
     pub why: String,
 }
 
-/// Figures of one contestant at one work. Times are µs per pass, without the wait for the device.
+/// Results of one contestant on one work. Times are µs per pass, without the wait for the device.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// `buffer` or `image`.
@@ -70,45 +70,45 @@ pub struct Row {
     pub contestant: &'static str,
     /// Measured frames.
     pub frames: usize,
-    /// `declare`, `plan`, `record` and `submit`, joined by `+` where they can only be timed together; then `retire`.
+    /// `declare`, `plan`, `record` and `submit`, joined by `+` if they can only be timed together; then `retire`.
     pub phases: Vec<Phase>,
-    /// Sum of the phases but `retire`, µs per pass.
+    /// Sum of the phases except `retire`, µs per pass.
     pub total_us: Spread,
-    /// Time of the calling thread on a CPU in the same phases: what other programs take away is not in it, nor what other
-    /// threads do. None where the system does not tell.
+    /// CPU time of the calling thread in the same phases, µs per pass: without time taken by other programs, and without other threads.
+    /// None if the system does not provide it.
     pub cpu_us: Option<Spread>,
-    /// Barriers per pass; none where the library does not tell.
+    /// Barriers per pass; none if the library does not report them.
     pub barriers_per_pass: Option<f64>,
-    /// Heap allocations of a frame.
+    /// Heap allocations per frame.
     pub allocations_per_frame: u64,
 }
 
 /// Time of a phase.
 #[derive(Clone, Debug, Serialize)]
 pub struct Phase {
-    /// Name.
+    /// Name of the phase.
     pub phase: &'static str,
-    /// µs per pass.
+    /// Time, µs per pass.
     pub us: Spread,
 }
 
-/// How the time per pass grows with the number of passes; 1 is linear.
+/// Growth of the time per pass with the number of passes; 1 means that the total is linear.
 #[derive(Clone, Debug, Serialize)]
 pub struct Growth {
     /// `buffer` or `image`.
     pub variant: &'static str,
     /// Name of the contestant.
     pub contestant: &'static str,
-    /// Fewer passes.
+    /// The smaller number of passes.
     pub from: u32,
-    /// More passes.
+    /// The greater number of passes.
     pub to: u32,
-    /// Median time on the CPU per pass of the greater frame over that of the smaller; the sum of the phases where that is not known.
+    /// Ratio of the median CPU times per pass, greater over smaller; of the sums of phases if CPU time is unknown.
     pub ratio: f64,
 }
 
 impl Row {
-    /// None without a frame.
+    /// None without frames.
     pub(crate) fn new(
         contestant: &'static str,
         work: Work,
@@ -135,7 +135,7 @@ impl Row {
         })
     }
 
-    /// The four columns of the phases. A figure of joined phases stands in the last of them, `+` in those before.
+    /// The four phase columns. Joined phases are shown in the last of them, with `+` in the others.
     fn cells(&self) -> [String; 4] {
         PHASES.map(|column| {
             let named = |phase: &&Phase| phase.phase.split('+').any(|part| part == column);
@@ -163,12 +163,12 @@ impl Report {
     }
 
     /// # Errors
-    /// A figure that JSON cannot hold.
+    /// A value that JSON cannot represent.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// Median times in a table for people.
+    /// Median times as a text table.
     #[must_use]
     pub fn table(&self) -> String {
         // Writing to a String cannot fail.

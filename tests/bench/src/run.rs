@@ -1,4 +1,4 @@
-//! The contestants take turns.
+//! Runs the contestants in turn.
 
 use crate::contestant::check;
 use crate::report::{Entry, LeftOut, Report, Row};
@@ -7,26 +7,26 @@ use magpie::gpu::Gpu;
 
 /// Most passes in a frame.
 pub const MAX_PASSES: u32 = 100_000;
-/// Most measured frames of each contestant and size.
+/// Most measured frames per contestant and size.
 pub const MAX_REPEAT: u32 = 100_000;
 /// Numbers of passes of a quick run.
 pub const QUICK_PASSES: [u32; 2] = [10, 100];
 
 const PASSES: [u32; 4] = [10, 100, 1_000, 10_000];
-/// Frames before the measured ones, beside the very first, which pays for memory.
+/// Unmeasured frames, beside the first, which also allocates memory.
 const WARM_UP: u32 = 3;
 const QUICK_REPEAT: u32 = 5;
-/// Passes per size and contestant that the number of frames is chosen for, and the bounds of that number.
+/// Total passes per size and contestant that the number of frames is derived from, and the limits of that number.
 const PASSES_IN_ALL: u32 = 50_000;
 const LEAST_FRAMES: u32 = 15;
 const MOST_FRAMES: u32 = 300;
 
-/// What is measured.
+/// Options of `magpie bench graph`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
     /// Numbers of passes, each from 1 to [`MAX_PASSES`].
     pub passes: Vec<u32>,
-    /// Measured frames of each contestant and size; `None` for a number that suits the size.
+    /// Measured frames per contestant and size; `None` for a number that suits the size.
     pub repeat: Option<u32>,
 }
 
@@ -37,7 +37,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// A few seconds: small frames, few of them.
+    /// Options for a run of a few seconds.
     pub fn quick() -> Self {
         Self { passes: QUICK_PASSES.to_vec(), repeat: Some(QUICK_REPEAT) }
     }
@@ -47,7 +47,7 @@ impl Options {
     }
 }
 
-/// Everyone who was built in, on the device of `gpu`.
+/// All contestants of this build, on the device of `gpu`.
 fn contestants(gpu: &Gpu) -> Result<Vec<Box<dyn Contestant>>, BenchError> {
     let name = &gpu.report().name;
     let mut all: Vec<Box<dyn Contestant>> =
@@ -61,12 +61,12 @@ fn contestants(gpu: &Gpu) -> Result<Vec<Box<dyn Contestant>>, BenchError> {
     Ok(all)
 }
 
-/// Measures every contestant on both variants, and checks what every frame wrote.
+/// Measures every contestant on both variants, and checks every frame's result.
 ///
-/// `progress` is told what comes next.
+/// `progress` is called with a description of each step.
 ///
 /// # Errors
-/// [`BenchError`]: a device that failed, or a frame that came out wrong.
+/// [`BenchError`]: a device that failed, or a wrong result.
 pub fn run(gpu: &Gpu, options: &Options, mut progress: impl FnMut(&str)) -> Result<Report, BenchError> {
     let mut contestants = contestants(gpu)?;
     let (mut rows, mut left_out) = (Vec::new(), Vec::new());
@@ -90,7 +90,7 @@ pub fn run(gpu: &Gpu, options: &Options, mut progress: impl FnMut(&str)) -> Resu
     Ok(Report::new(gpu.report(), about, rows, left_out))
 }
 
-/// Prepares and runs a first frame; or says why this contestant cannot do the work.
+/// Prepares a contestant and runs its first frame; returns the reason if it cannot do the work.
 fn ready(contestant: &mut dyn Contestant, work: Work) -> Result<Option<String>, BenchError> {
     if let Some(why) = contestant.refuses(work) {
         return Ok(Some(why));
@@ -102,7 +102,7 @@ fn ready(contestant: &mut dyn Contestant, work: Work) -> Result<Option<String>, 
     }
 }
 
-/// One frame of each contestant in turn, until each has run so many.
+/// Runs one frame of each contestant in turn, until each has run `frames`.
 fn turns(contestants: &mut [&mut Box<dyn Contestant>], work: Work, frames: u32) -> Result<Vec<Row>, BenchError> {
     let expected = work.expected();
     let mut samples: Vec<Vec<Clock>> = contestants.iter().map(|_| Vec::new()).collect();
@@ -116,7 +116,7 @@ fn turns(contestants: &mut [&mut Box<dyn Contestant>], work: Work, frames: u32) 
             }
         }
     }
-    // Counting takes time of its own, so it has a frame of its own.
+    // Counting allocations takes time, so it has a frame of its own.
     let mut rows = Vec::new();
     for (contestant, samples) in contestants.iter_mut().zip(&samples) {
         let before = allocations();

@@ -1,8 +1,8 @@
-//! `vk-graph` 0.14: its graph built anew every frame, and its prepared command stream.
+//! `vk-graph` 0.14: its graph rebuilt every frame, and its prepared command stream.
 //!
-//! Buffers of the graph built anew are leased from the library's pool, as its examples do; the prepared stream holds its own.
-//! Images stand in one descriptor set that is made once, and the graph is only told of the accesses: a set per pass would
-//! measure the driver. The prepared stream of this version can bind no set, so it takes part with buffers only.
+//! Buffers of the rebuilt graph are leased from the library's pool, as in its examples; the prepared stream holds its own. Images are in
+//! one descriptor set that is created once, and the graph only gets their accesses: a set per pass would measure the driver. The prepared
+//! stream of this version cannot bind a set, so it only takes part with buffers.
 
 use crate::{BenchError, Clock, Contestant, Frame, Variant, Work};
 use magpie_shaders::bench::{BufferParams, ImageParams, SIDE};
@@ -27,7 +27,7 @@ use vk_graph::stream::{BufferArg, CommandStream, CommandStreamMut};
 use vk_graph::submission::{QueueSubmitInfo, RecordSelection};
 
 const NAME: &str = "vk-graph";
-/// The first family computes on every device that Magpie accepts.
+/// The first queue family supports compute on every device that Magpie accepts.
 const FAMILY: u32 = 0;
 /// Objects of the pool beside those of the passes.
 const SPARE: usize = 16;
@@ -50,8 +50,7 @@ pub struct VkGraph {
     pool: HashPool,
 }
 
-/// Adds the passes over buffers and the copy. The library's graph and its command stream have the same methods, but no trait in
-/// common.
+/// Adds the buffer passes and the copy. The library's graph and its command stream have the same methods, but no common trait.
 macro_rules! add_buffer_passes {
     ($graph:expr, $bench:expr, $pool:expr, $result:expr) => {{
         let (graph, bench, pool) = ($graph, $bench, $pool);
@@ -89,10 +88,10 @@ fn buffer_info() -> BufferInfo {
 }
 
 impl VkGraph {
-    /// On the device of this name; with the prepared stream, or with a graph built anew every frame.
+    /// On the device of this name; with the prepared stream, or with a graph rebuilt every frame.
     ///
     /// # Errors
-    /// [`BenchError::Failed`] in the words of the library.
+    /// [`BenchError::Failed`] with the library's message.
     pub fn new(device_name: &str, prepared: bool) -> Result<Self, BenchError> {
         let instance = Instance::create(InstanceInfo::default()).map_err(failed("instance"))?;
         let physical = Instance::physical_devices(&instance).map_err(failed("devices"))?;

@@ -1,8 +1,8 @@
-//! `vulkano-taskgraph` 0.35: its graph built once by hand, and built anew every frame.
+//! `vulkano-taskgraph` 0.35: its graph built once, and rebuilt every frame.
 //!
-//! The library has no transients: the buffers and images are made once, and every frame uses them again. The images stand in
-//! one descriptor set that is made once. Each task binds what it needs, as it knows nothing of the others, and calls the
-//! functions without checks, as the library asks for.
+//! The library has no transients: buffers and images are created once and reused every frame. The images are in one descriptor set that is
+//! created once. Each task binds all that it needs, as tasks do not know of each other, and uses the unchecked functions, as the library
+//! recommends.
 #![allow(unsafe_code)]
 
 use crate::{BenchError, Clock, Contestant, Frame, Variant, Work};
@@ -57,7 +57,7 @@ pub struct Taskgraph {
     graph: Option<ExecutableTaskGraph<World>>,
 }
 
-/// What the tasks are handed when they record.
+/// Resources that the tasks record with.
 struct World {
     programs: [Arc<ComputePipeline>; 2],
     set: Option<Arc<DescriptorSet>>,
@@ -169,10 +169,10 @@ impl Task for CopyImage {
 }
 
 impl Taskgraph {
-    /// On the device of this name; with the graph built once, or anew every frame.
+    /// On the device of this name; with the graph built once, or rebuilt every frame.
     ///
     /// # Errors
-    /// [`BenchError::Failed`] in the words of the library.
+    /// [`BenchError::Failed`] with the library's message.
     pub fn new(device_name: &str, once: bool) -> Result<Self, BenchError> {
         let library = VulkanLibrary::new().map_err(failed("loader"))?;
         let info = InstanceCreateInfo { max_api_version: Some(Version::V1_3), ..Default::default() };
@@ -219,7 +219,7 @@ impl Taskgraph {
         })
     }
 
-    /// Lets go of the buffers and images of the work before; no frame is in flight.
+    /// Releases the buffers and images of the previous work; no frame is in flight.
     fn release(&mut self) -> Result<(), BenchError> {
         self.graph = None;
         self.world.set = None;
@@ -309,7 +309,7 @@ impl Taskgraph {
     }
 }
 
-/// The tasks are a chain: each comes after the one before.
+/// Makes each task depend on the one before.
 fn link(graph: &mut TaskGraph<World>, last: &mut Option<NodeId>, next: NodeId) -> Result<(), BenchError> {
     match last.replace(next) {
         Some(before) => graph.add_edge(before, next).map_err(failed("edge")),

@@ -1,23 +1,23 @@
-//! What every contestant does in a frame, and what must come out.
+//! The work of every contestant in a frame, and its expected result.
 
 use magpie_shaders::bench::{CELLS, FIRST_FACTOR, NUMBER_FACTOR, SECOND_FACTOR, SIDE};
 use serde::Serialize;
 
-/// What the passes write.
+/// Kind of resource that the passes write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Variant {
-    /// 256 bytes, reached by device address.
+    /// Buffers of 256 bytes, accessed by device address.
     Buffer,
-    /// 4x4 pixels of one unsigned integer.
+    /// Images of 4x4 pixels, one unsigned integer each.
     Image,
 }
 
 impl Variant {
-    /// Both.
+    /// Both variants.
     pub const ALL: [Self; 2] = [Self::Buffer, Self::Image];
 
-    /// Name, as the report has it.
+    /// Name in the report.
     pub fn name(self) -> &'static str {
         match self {
             Self::Buffer => "buffer",
@@ -39,20 +39,20 @@ impl Variant {
     }
 }
 
-/// A frame of so many passes.
+/// A frame of `passes` passes.
 ///
-/// Pass `i` reads what passes `i - 1` and `i - 2` wrote, writes a transient of its own and dispatches one workgroup. What the
-/// last pass wrote is copied to where the CPU can read it.
+/// Pass `i` reads the outputs of passes `i - 1` and `i - 2`, writes its own transient and dispatches one workgroup. The last output is
+/// copied to CPU-visible memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Work {
-    /// What the passes write.
+    /// Kind of resource.
     pub variant: Variant,
-    /// Passes, the copy at the end not counted.
+    /// Number of passes, without the final copy.
     pub passes: u32,
 }
 
 impl Work {
-    /// What the last pass must have written.
+    /// Expected output of the last pass.
     pub fn expected(self) -> Vec<u32> {
         let lane = |lane: u32| {
             let (mut first, mut second) = (0_u32, 0_u32);

@@ -1,4 +1,4 @@
-//! The camera and the G-buffer's numbers, decoded in double precision.
+//! Camera and G-buffer decoding in double precision.
 
 use glam::{DMat3, DVec3};
 use magpie::graph::Extent;
@@ -7,7 +7,7 @@ use magpie::scene::Camera;
 /// A camera in double precision.
 #[derive(Clone, Copy, Debug)]
 pub struct Eye {
-    /// Where it is.
+    /// Its position, world, metres.
     pub position: DVec3,
     rotation: DMat3,
     scale: [f64; 2],
@@ -16,7 +16,7 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// For pictures of this size.
+    /// For an image of this size.
     pub fn new(camera: &Camera, extent: Extent) -> Self {
         let rotation = camera.world_from_camera.matrix3;
         let half = (0.5 * f64::from(camera.vertical_fov)).tan();
@@ -25,24 +25,24 @@ impl Eye {
         Self { position, rotation, scale: [half * size[0] / size[1], half], size, near: camera.near.into() }
     }
 
-    /// Through a point of the image, pixels from its upper left corner; one unit of view depth long.
+    /// Direction through a point of the image, pixels from its upper left corner; of unit view depth.
     pub fn ray(&self, x: f64, y: f64) -> DVec3 {
         let (u, v) = (x / self.size[0] * 2.0 - 1.0, y / self.size[1] * 2.0 - 1.0);
         self.rotation * DVec3::new(u * self.scale[0], -v * self.scale[1], -1.0)
     }
 
-    /// Through the centre of a pixel, counted row by row.
+    /// Direction through the centre of a pixel, given by its index row by row.
     pub fn pixel_ray(&self, pixel: usize) -> DVec3 {
         let width = self.size[0] as usize;
         self.ray((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5)
     }
 
-    /// View depth of a reversed depth; 0 of the background.
+    /// View depth of a reversed depth; 0 for background.
     pub fn view_depth(&self, depth: f32) -> f64 {
         if depth > 0.0 { self.near / f64::from(depth) } else { 0.0 }
     }
 
-    /// Where a point is seen, 0 to 1 from the upper left corner; `None` behind the camera.
+    /// uv of a point, 0 to 1 from the upper left corner; `None` behind the camera.
     pub fn project(&self, world: DVec3) -> Option<[f64; 2]> {
         let seen = self.rotation.transpose() * (world - self.position);
         let depth = -seen.z;

@@ -1,4 +1,4 @@
-//! Slow, obvious, double-precision answers to compare the GPU with.
+//! Simple CPU implementations in double precision, to compare the GPU with.
 
 pub mod gbuffer;
 pub mod path;

@@ -1,9 +1,9 @@
-//! Rays against every triangle of a scene in double precision (Möller and Trumbore 1997).
+//! Brute-force ray intersection with every triangle of a scene, in double precision (Möller and Trumbore 1997).
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use magpie::scene::{AlphaMode, Scene};
 use magpie_shaders::rays::RayTask;
 
-/// Where a ray meets the plane of a triangle.
+/// Intersection of a ray with the plane of a triangle.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
     /// Index of the instance.
@@ -12,17 +12,17 @@ pub struct Crossing {
     pub primitive: u32,
     /// Distance in lengths of the direction.
     pub t: f64,
-    /// Least of the three barycentric coordinates: 0 on an edge, below 0 outside.
+    /// Least of the three barycentric coordinates: 0 on an edge, negative outside.
     pub inside: f64,
     /// Cosine of the angle between ray and normal.
     pub cosine: f64,
-    /// Longest edge over the height on it, at least 1.15: by so much more than its corners' rounding moves the point that is met.
+    /// Longest edge over the height on it, at least 1.15: the factor by which rounding of the vertices moves the intersection.
     pub slender: f64,
-    /// Its material is alpha-tested.
+    /// Whether its material is alpha-tested.
     pub tested: bool,
 }
 
-/// The triangles of a scene in the world, instance after instance.
+/// The triangles of a scene in world space, by instance.
 pub struct Triangles {
     instances: Vec<Placed>,
 }
@@ -34,7 +34,7 @@ struct Placed {
     tested: bool,
 }
 
-/// A transform as the device has it, in double precision.
+/// A transform of the device in double precision.
 pub fn double(m: &Affine3A) -> DAffine3 {
     let a = m.matrix3;
     let columns = [a.x_axis, a.y_axis, a.z_axis].map(|c| Vec3::from(c).as_dvec3());
@@ -45,7 +45,7 @@ pub fn double(m: &Affine3A) -> DAffine3 {
 }
 
 impl Triangles {
-    /// All of a scene.
+    /// All triangles of a scene.
     pub fn new(scene: &Scene) -> Self {
         let placed = |instance: &magpie::scene::Instance| {
             let (mesh, world) =
@@ -62,7 +62,7 @@ impl Triangles {
         Self { instances: scene.instances.iter().map(placed).collect() }
     }
 
-    /// Every triangle that the ray crosses, the nearest first; those that it misses by less than `near` of their size too.
+    /// Every triangle that the ray crosses, the nearest first, including near misses by up to `near` in barycentric coordinates.
     pub fn crossings(&self, ray: &RayTask, near: f64) -> Vec<Crossing> {
         let (origin, direction) = (Vec3::from(ray.origin).as_dvec3(), Vec3::from(ray.direction).as_dvec3());
         let mut found = Vec::new();
@@ -82,7 +82,7 @@ impl Triangles {
         found
     }
 
-    /// Where the ray crosses the plane of one triangle.
+    /// Intersection with the plane of one triangle.
     pub fn crossing(&self, ray: &RayTask, instance: u32, primitive: u32) -> Option<Crossing> {
         let placed = self.instances.get(instance as usize)?;
         let (origin, direction) = (Vec3::from(ray.origin).as_dvec3(), Vec3::from(ray.direction).as_dvec3());
@@ -91,13 +91,13 @@ impl Triangles {
         Some(Crossing { instance, primitive, t, inside, cosine, slender, tested: placed.tested })
     }
 
-    /// Size of the greatest coordinate, metres.
+    /// Greatest absolute coordinate, metres.
     pub fn reach(&self) -> f64 {
         self.instances.iter().map(|p| p.lower.abs().max(p.upper.abs()).max_element()).fold(0.0, f64::max)
     }
 }
 
-/// Whether the ray's line goes through a box.
+/// Whether the ray's line passes through an instance's bounds.
 fn passes(origin: DVec3, direction: DVec3, placed: &Placed) -> bool {
     let (a, b) = ((placed.lower - origin) / direction, (placed.upper - origin) / direction);
     let (mut from, mut to) = (0.0_f64, f64::INFINITY);
@@ -113,7 +113,7 @@ fn passes(origin: DVec3, direction: DVec3, placed: &Placed) -> bool {
     from <= to
 }
 
-/// Distance, least barycentric coordinate, cosine; none for a ray in the plane, or a triangle without area.
+/// Distance, least barycentric coordinate, cosine; none for a ray in the plane or a degenerate triangle.
 fn cross(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<(f64, f64, f64)> {
     let (u, v) = (*b - *a, *c - *a);
     let normal = u.cross(v);
@@ -135,8 +135,8 @@ fn slender([a, b, c]: &[DVec3; 3]) -> f64 {
     longest / (*b - *a).cross(*c - *a).length()
 }
 
-/// Whether a point lies inside of a closed mesh: the solid angle of its triangles is a full turn (Van Oosterom and Strackee 1983,
-/// "The Solid Angle of a Plane Triangle").
+/// Whether a point is inside a closed mesh: the triangles' solid angles sum to a full turn (Van Oosterom and Strackee 1983, "The Solid
+/// Angle of a Plane Triangle").
 pub fn is_inside(positions: &[Vec3], indices: &[u32], point: DVec3) -> bool {
     let sum: f64 = indices
         .as_chunks::<3>()

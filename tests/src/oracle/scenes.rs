@@ -1,4 +1,4 @@
-//! Small scenes that converge quickly: what the reference on the device and the witness are both asked for.
+//! Small scenes that converge quickly, for comparing the reference on the device with the CPU path tracer.
 use crate::made::{add, block, camera, material, plane, scene};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use magpie::scene::{
@@ -24,14 +24,14 @@ fn matte(colour: [f32; 3]) -> Material {
     material(colour, 0.0, 0.9)
 }
 
-/// Glass of index 1.5 that is the border of a volume.
+/// Glass of index 1.5 that is the boundary of a volume.
 fn glass(roughness: f32) -> Material {
     Material { transmission: 1.0, thickness: 1.0, ..material([1.0; 3], 0.0, roughness) }
 }
 
-/// A room with coloured walls, a block and a glossy ball under a rectangle.
+/// A room with coloured walls, a block and a glossy sphere under a rectangular light.
 pub fn area_light() -> Scene {
-    // A little aside: seen straight on, edges of the room run through the centres of pixels.
+    // Slightly off-axis: seen straight on, edges of the room would pass through pixel centres.
     let mut s = scene("area light", camera([0.07, 1.04, 3.6], [0.01, 0.99, 0.0]));
     let wall = |x: f32, y: f32, z: f32, turn: Quat| Affine3A::from_rotation_translation(turn, Vec3::new(x, y, z));
     add(&mut s, plane(1.0), matte([0.7, 0.7, 0.7]), at(0.0, 0.0, 0.0));
@@ -52,7 +52,7 @@ pub fn area_light() -> Scene {
     s
 }
 
-/// A few texels of colour, brighter above.
+/// An environment map of a few colours, brighter above.
 fn surroundings() -> Environment {
     let texels = [
         [2.0, 2.2, 3.0],
@@ -78,7 +78,7 @@ fn surroundings() -> Environment {
     }
 }
 
-/// Matte, glossy and metal things and a texture under an environment map.
+/// Matte, glossy, metallic and textured objects under an environment map.
 pub fn environment_map() -> Scene {
     let mut s = scene("environment map", camera([0.0, 1.4, 4.2], [0.0, 0.4, 0.0]));
     let rgba: Vec<u8> = (0..16_u32)
@@ -98,7 +98,7 @@ pub fn environment_map() -> Scene {
     s
 }
 
-/// Metal balls from smooth to rough under a rectangle and a sphere.
+/// Metal spheres from smooth to rough under a rectangular and a spherical light.
 pub fn glossy_metal() -> Scene {
     let mut s = scene("glossy metal", camera([0.0, 1.6, 4.4], [0.0, 0.3, 0.0]));
     add(&mut s, plane(2.2), material([0.5; 3], 0.0, 0.6), at(0.0, 0.0, 0.0));
@@ -117,7 +117,7 @@ pub fn glossy_metal() -> Scene {
     s
 }
 
-/// A slab and a ball of rough glass, and a thin sheet, lit by a rectangle.
+/// A slab and a sphere of rough glass, and a thin sheet, lit by a rectangular light.
 pub fn rough_dielectric() -> Scene {
     let mut s = scene("rough dielectric", camera([0.0, 1.5, 4.2], [0.0, 0.55, 0.0]));
     add(&mut s, plane(4.0), matte([0.7, 0.6, 0.5]), at(0.0, 0.0, 0.0));
@@ -139,7 +139,7 @@ pub fn rough_dielectric() -> Scene {
     s
 }
 
-/// Reflections of their own (KHR_materials_specular): none, strong, coloured, of half a metal and of glass.
+/// Dielectric reflections by KHR_materials_specular: none, strong, coloured, of a half metal and of glass.
 pub fn own_reflections() -> Scene {
     let mut s = scene("own reflections", camera([0.0, 1.5, 4.4], [0.0, 0.35, 0.0]));
     let with = |m: Material, ior: f32, specular: f32, colour: [f32; 3]| {
@@ -160,7 +160,7 @@ pub fn own_reflections() -> Scene {
     s
 }
 
-/// A ball of smooth, tinted glass under an environment map.
+/// A sphere of smooth, tinted glass under an environment map.
 pub fn glass_ball() -> Scene {
     let mut s = scene("glass ball", camera([0.0, 1.1, 3.4], [0.0, 0.6, 0.0]));
     add(&mut s, plane(1.6), matte([0.6, 0.6, 0.55]), at(0.0, 0.0, 0.0));
@@ -170,7 +170,7 @@ pub fn glass_ball() -> Scene {
     s
 }
 
-/// Some seventy lights of all kinds over a floor with blocks.
+/// About seventy lights of all kinds over a floor with blocks.
 pub fn many_lights() -> Scene {
     let mut s = scene("many lights", camera([0.0, 2.4, 4.6], [0.0, 0.2, 0.0]));
     add(&mut s, plane(2.5), matte([0.7; 3]), at(0.0, 0.0, 0.0));
@@ -209,8 +209,8 @@ pub fn many_lights() -> Scene {
     s
 }
 
-/// The built-in Cornell box, purely Lambertian: with an index of refraction of 1 nothing is left of the surface's reflection, and the
-/// diffuse part is Lambert's.
+/// The built-in Cornell box, purely Lambertian: an index of refraction of 1 has no specular reflection, which makes the diffuse part
+/// Lambert's.
 pub fn cornell_diffuse() -> Scene {
     let mut s = builtin("cornell").unwrap_or_default();
     s.name = "cornell diffuse".to_owned();

@@ -1,21 +1,21 @@
-//! Direct lighting of one surface point, from the textbook forms of the equations.
+//! Direct lighting of one surface point, by the textbook forms of the equations.
 //!
-//! The definitions are those of `shaders/lib/README.md`; the formulas are written for reading, not for 32-bit floats.
+//! The definitions are those of `shaders/lib/README.md`; the formulas are written for clarity, in double precision.
 
 use glam::DVec3;
 use magpie::scene::Light;
 use std::f64::consts::PI;
 
-/// Least GGX alpha, a physical floor.
+/// Least alpha of GGX.
 pub const MIN_ALPHA: f64 = 0.002;
 /// Least distance to a light, metres.
 pub const MIN_LIGHT_DISTANCE: f64 = 1e-4;
-/// Least difference of a spot's cosines (KHR_lights_punctual).
+/// Least difference of a spot light's cosines (KHR_lights_punctual).
 const MIN_CONE: f64 = 0.001;
-/// Stands in for a cosine of 0 where a formula divides by it.
+/// Replaces a cosine of 0 in denominators.
 const GRAZING: f64 = 1e-12;
 
-/// A point of a surface, as the G-buffer has it.
+/// A surface point with the G-buffer's attributes.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// World, metres.
@@ -32,14 +32,14 @@ pub struct SurfacePoint {
     pub roughness: f64,
 }
 
-/// What a light sends to a point.
+/// Light from one light source at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Incident {
-    /// Unit, towards the light.
+    /// Direction towards the light, unit.
     pub direction: DVec3,
     /// Metres; infinite for directional lights.
     pub distance: f64,
-    /// Irradiance of a surface that faces the light.
+    /// Irradiance on a surface that faces the light.
     pub irradiance: DVec3,
 }
 
@@ -77,10 +77,11 @@ pub fn alpha(roughness: f64) -> f64 {
     (roughness * roughness).max(MIN_ALPHA)
 }
 
-/// Share of the diffuse part that is left once no surface returns more light than it gets.
+/// Factor of the diffuse part that conserves energy.
 pub const DIFFUSE_SHARE: f64 = 0.998;
 
-/// The BRDF (specular as in glTF 2.0, appendix B; diffuse by Shirley et al. 1997) from light direction `l` to viewer `v`, per steradian; 0 for a light below the surface.
+/// The BRDF (specular as in glTF 2.0, appendix B; diffuse by Shirley et al. 1997) from light direction `l` to viewer `v`, per steradian; 0
+/// for a light below the surface.
 pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let n = p.normal;
     let n_l = n.dot(l);
@@ -93,7 +94,7 @@ pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let f0 = DVec3::splat(0.04).lerp(p.base_colour, p.metalness);
     let f = schlick(f0, v.dot(h));
     let specular = f * ggx_d(n.dot(h), alpha) * smith_g2(n_v, n_l, alpha) / (4.0 * n_v * n_l);
-    // What enters and what leaves, over what comes through on average: 1 - F integrated over the cosine-weighted hemisphere.
+    // Diffuse: share entering times share leaving, over the cosine-weighted mean of 1 - F.
     let f90 = (50.0 * f0.max_element()).min(1.0);
     let through = |cosine| DVec3::ONE - schlick(f0, cosine);
     let average = DVec3::ONE - (20.0 * f0 + DVec3::splat(f90)) / 21.0;
@@ -102,7 +103,7 @@ pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     DIFFUSE_SHARE * (1.0 - p.metalness) * p.base_colour / PI * coupled + specular
 }
 
-/// Light at a point, unoccluded (KHR_lights_punctual; rectangles from their centre).
+/// Incident light at a point, unoccluded (KHR_lights_punctual; rectangles from their centre).
 pub fn incident(light: &Light, position: DVec3) -> Incident {
     let towards = |at: DVec3| {
         let d = at - position;
@@ -131,7 +132,7 @@ pub fn incident(light: &Light, position: DVec3) -> Incident {
             let across = half_u.as_dvec3().cross(half_v.as_dvec3());
             let area = 4.0 * across.length();
             let cosine = across.normalize_or_zero().dot(-direction).max(0.0);
-            // No emitter of this radiance gives more than pi times it.
+            // An emitter's irradiance is at most pi times its radiance.
             let irradiance = radiance.as_dvec3() * area * cosine / square.max(area / PI);
             Incident { direction, distance, irradiance }
         }

@@ -1,4 +1,4 @@
-//! Effects that do nothing but go on from the frame before, and a model of each on the CPU.
+//! Minimal effects with history, and a CPU model of each.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, Gpu, Kernel};
@@ -112,7 +112,7 @@ impl Rig {
         Ok(Self { gpu: gpu.clone(), executor, kernels })
     }
 
-    /// Runs one frame; messages of the validation layers are errors.
+    /// Runs one frame; validation messages are errors.
     pub fn frame<T>(
         &mut self,
         full: Extent,
@@ -127,13 +127,13 @@ impl Rig {
         Ok((declared, executed))
     }
 
-    /// Runs one frame of these effects and compares what they saw with what they should have seen.
+    /// Runs one frame of these effects and compares their results with the model.
     pub fn images(&mut self, full: Extent, effects: &mut [&mut Accumulate], valid: &[bool]) -> Result<()> {
         let (pending, _) = self.frame(full, |f| effects.iter().map(|e| e.declare(f)).collect::<Result<Vec<_>>>())?;
         effects.iter_mut().zip(&pending).zip(valid).try_for_each(|((effect, seen), valid)| effect.check(seen, *valid))
     }
 
-    /// A frame without anything.
+    /// An empty frame.
     pub fn nothing(&mut self) -> Result<()> {
         let imports = Imports::default();
         let g = self.executor.begin(Extent::new(1, 1));
@@ -142,7 +142,7 @@ impl Rig {
     }
 }
 
-/// A frame that is declared.
+/// A frame that is being declared.
 pub struct Frame<'a> {
     pub g: &'a mut FrameGraph,
     imports: &'a Shared,
@@ -150,16 +150,16 @@ pub struct Frame<'a> {
     kernels: Kernels,
 }
 
-/// An image that adds to every texel of the frame before: a number that depends on the texel.
+/// An image history: each frame adds a number to every texel that depends on the texel.
 pub struct Accumulate {
-    /// Of its passes; all call their history by the same name.
+    /// Prefix of its pass names; the history has the same name for all.
     pub name: &'static str,
     pub scope: HistoryScope,
     pub desc: ImageDesc,
     last: Vec<[u32; 4]>,
 }
 
-/// What a frame saw of an image.
+/// Read-back of an image in one frame.
 pub struct Seen {
     valid: bool,
     parts: Vec<(Part, Extent, usize)>,
@@ -172,12 +172,12 @@ impl Accumulate {
         Self { name, scope: HistoryScope::new(), desc, last: Vec::new() }
     }
 
-    /// Another instance takes its place.
+    /// Replaces the effect by another instance, which has a history of its own.
     pub fn swap(&mut self) {
         self.scope = HistoryScope::new();
     }
 
-    /// The least step between two values.
+    /// The smallest step between two values of the format.
     fn unit(&self) -> f32 {
         match self.desc.format {
             Format::R8Unorm | Format::Rg8Unorm | Format::Rgba8Unorm => 1.0 / 255.0,
@@ -231,7 +231,7 @@ impl Accumulate {
         })
     }
 
-    /// Compares what a frame saw with the model: the values of the frame before where that is valid, else zeros.
+    /// Compares a frame's read-back with the model: the previous frame's values if valid, else zeros.
     pub fn check(&mut self, seen: &Seen, valid: bool) -> Result<()> {
         let name = self.name;
         ensure!(seen.valid == valid, "{name}: valid is {}, should be {valid}", seen.valid);
@@ -271,7 +271,7 @@ fn salt(part: Part) -> u32 {
 }
 
 impl Frame<'_> {
-    /// Texels of parts of an image, as four words each.
+    /// Reads back texels of parts of an image, four words each.
     pub fn read(
         &mut self,
         name: &str,
@@ -299,7 +299,7 @@ impl Frame<'_> {
         Ok(buffer)
     }
 
-    /// Bytes of a buffer.
+    /// Reads back bytes of a buffer.
     pub fn copy(&mut self, name: &str, from: Handle<magpie::graph::Buffer>, bytes: u64) -> Result<Arc<Buffer>> {
         let (target, buffer) = results(self.gpu, self.g, self.imports, name, bytes)?;
         let target = self.g.pass(name, Queue::Transfer, |p| {
@@ -311,7 +311,7 @@ impl Frame<'_> {
         Ok(buffer)
     }
 
-    /// A history of words: each is what it was plus its number, from 1. Gives validity, the words before, the words after.
+    /// A history of words: each is incremented by its number, from 1. Returns validity, and buffers with the words before and after.
     pub fn words(&mut self, scope: &HistoryScope, count: u32) -> Result<(bool, Arc<Buffer>, Arc<Buffer>)> {
         let bytes = u64::from(count) * 4;
         let history = self.g.history_buffer(scope, "words", BufferDesc::new(bytes));
@@ -329,8 +329,8 @@ impl Frame<'_> {
         Ok((history.valid, before, after))
     }
 
-    /// The same in a buffer that keeps what it holds, of which `count` words are read and `written` are written. Gives how many
-    /// bytes were valid, and the words afterwards.
+    /// The same in a kept buffer, of which `count` words are read and `written` are written. Returns how many bytes were valid, and a
+    /// buffer with the words afterwards.
     pub fn kept(&mut self, scope: &HistoryScope, count: u32, written: u32) -> Result<(u64, Arc<Buffer>)> {
         let bytes = u64::from(count) * 4;
         let kept = self.g.kept_buffer(scope, "kept", BufferDesc::new(bytes));
@@ -346,7 +346,7 @@ impl Frame<'_> {
     }
 }
 
-/// The words of a buffer.
+/// Reads the words of a buffer.
 pub fn words_of(buffer: &Buffer, count: u32) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(&buffer.contents()[..count as usize * 4])
 }

@@ -1,9 +1,9 @@
-//! Rust text without what is not code: just enough of a lexer for the rules.
+//! Strips comments and strings from Rust source, with a minimal lexer.
 
 use super::tree::Tree;
 use std::collections::BTreeSet;
 
-/// `text` with comments and the insides of strings and characters blanked; lines and columns stay.
+/// `text` with comments and the contents of strings and characters blanked; lines and columns stay.
 pub fn code(text: &str) -> String {
     let source: Vec<char> = text.chars().collect();
     let mut out = String::with_capacity(text.len());
@@ -56,7 +56,7 @@ fn comment_end(source: &[char], at: usize) -> usize {
     source.len()
 }
 
-/// `at` is the opening quote.
+/// `at` is the index of the opening quote.
 fn string_end(source: &[char], at: usize) -> usize {
     let mut here = at + 1;
     while here < source.len() {
@@ -69,7 +69,7 @@ fn string_end(source: &[char], at: usize) -> usize {
     source.len()
 }
 
-/// A string with a prefix (`r"`, `r#"`, `b"`, `br"`, `c"`), or `at` where it is only a name.
+/// The end of a string with a prefix (`r"`, `r#"`, `b"`, `br"`, `c"`), or `at` if it is only a name.
 fn prefixed_end(source: &[char], at: usize) -> usize {
     let mut here = at;
     while here < source.len() && matches!(source[here], 'r' | 'b' | 'c') && here - at < 2 {
@@ -93,7 +93,7 @@ fn prefixed_end(source: &[char], at: usize) -> usize {
     source.len()
 }
 
-/// A character literal, or `at` where the quote begins a lifetime.
+/// The end of a character literal, or `at` if the quote begins a lifetime.
 fn character_end(source: &[char], at: usize) -> usize {
     match (source.get(at + 1), source.get(at + 2)) {
         (Some('\\'), Some(_)) => {
@@ -105,7 +105,7 @@ fn character_end(source: &[char], at: usize) -> usize {
     }
 }
 
-/// `code`, and also without every item that only a test build has.
+/// [`code`] without the items of test builds.
 pub fn code_without_tests(text: &str) -> String {
     let mut code = code(text);
     const MARK: &str = "#[cfg(test)]";
@@ -117,7 +117,7 @@ pub fn code_without_tests(text: &str) -> String {
     code
 }
 
-/// The end of the item that begins at `start`: its closing brace, or a semicolon before any.
+/// The end of the item that begins at `start`: its closing brace, or a semicolon if it comes first.
 fn item_end(code: &str, start: usize) -> usize {
     let mut depth = 0;
     for (offset, c) in code[start..].char_indices() {
@@ -137,7 +137,7 @@ fn item_end(code: &str, start: usize) -> usize {
     code.len()
 }
 
-/// Files that are modules of a test build only: `#[cfg(test)] mod tests;`, with or without a `#[path]`.
+/// Files of modules in test builds only: `#[cfg(test)] mod tests;`, with or without a `#[path]`.
 pub fn test_files(tree: &Tree) -> BTreeSet<String> {
     let mut files = BTreeSet::new();
     for (path, text) in tree.rust() {
@@ -159,7 +159,7 @@ pub fn test_files(tree: &Tree) -> BTreeSet<String> {
     files
 }
 
-/// The lines (from 1) on which `word` stands as a whole word.
+/// The lines, from 1, that contain `word` as a whole word.
 pub fn lines_with_word<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     let whole = move |line: &str| {
         line.match_indices(word).any(|(at, _)| {
@@ -170,7 +170,7 @@ pub fn lines_with_word<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item =
     code.lines().enumerate().filter(move |(_, line)| whole(line)).map(|(number, _)| number + 1)
 }
 
-/// The lines (from 1) that hold `part`.
+/// The lines, from 1, that contain `part`.
 pub fn lines_with<'a>(code: &'a str, part: &'a str) -> impl Iterator<Item = usize> + 'a {
     code.lines().enumerate().filter(move |(_, line)| line.contains(part)).map(|(number, _)| number + 1)
 }

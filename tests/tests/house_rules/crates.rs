@@ -1,4 +1,4 @@
-//! What a crate may know, and how its code may fail.
+//! Rules about dependencies between crates, unsafe code, barriers and panics.
 
 use super::code::{code, code_without_tests, lines_with, lines_with_word, test_files};
 use super::tree::Tree;
@@ -10,16 +10,15 @@ const GPU: &str = "engine/src/gpu/";
 const ENCODER: &str = "engine/src/gpu/encoder.rs";
 const EXECUTE: &str = "engine/src/graph/execute/";
 
-/// Files of the benchmark that may name Vulkan: the frame by hand that the graph is measured against, and the graph of a
-/// library whose interface is made of Vulkan's types.
+/// Files of the benchmark that may use Vulkan directly: the hand-written baseline, and a library whose interface consists of Vulkan types.
 const BENCH_VULKAN: [&str; 2] = [FLOOR, "tests/bench/src/vk_graph.rs"];
-/// Files of the benchmark that may be unsafe: the frame by hand, a library whose interface is unsafe to call, and the allocator
-/// that counts, as that trait is unsafe to implement.
+/// Files of the benchmark with unsafe code: the hand-written baseline, a library with an unsafe interface, and the counting allocator,
+/// whose trait is unsafe to implement.
 const BENCH_UNSAFE: [&str; 3] = [FLOOR, "tests/bench/src/vulkano.rs", "tests/bench/src/allocations.rs"];
-/// The frame by hand, which places its barriers itself.
+/// The hand-written baseline, which places its barriers itself.
 const FLOOR: &str = "tests/bench/src/floor.rs";
 
-/// Each crate of the workspace and those that it may depend on.
+/// The crates of the workspace with their allowed dependencies.
 const MAY_DEPEND: [(&str, &[&str]); 8] = [
     ("magpie-shaders", &[]),
     ("magpie", &["magpie-shaders"]),
@@ -31,7 +30,7 @@ const MAY_DEPEND: [(&str, &[&str]); 8] = [
     ("xtask", &[]),
 ];
 
-/// The packages of the workspace: the path of the manifest, the name, and the names of all dependencies.
+/// The packages of the workspace: path of the manifest, name, and names of all dependencies.
 fn packages(tree: &Tree) -> Vec<(&str, String, Vec<String>)> {
     let mut packages = Vec::new();
     for (path, text) in tree.texts().filter(|(path, _)| *path == "Cargo.toml" || path.ends_with("/Cargo.toml")) {
@@ -45,7 +44,7 @@ fn packages(tree: &Tree) -> Vec<(&str, String, Vec<String>)> {
     packages
 }
 
-/// Dependencies of every kind, those of single targets too, under their true names.
+/// Dependencies of every kind, target-specific ones included, by their package names.
 fn dependencies_of(manifest: &toml::Table, found: &mut Vec<String>) {
     for (key, value) in manifest {
         let Some(table) = value.as_table() else { continue };
@@ -60,7 +59,7 @@ fn dependencies_of(manifest: &toml::Table, found: &mut Vec<String>) {
     }
 }
 
-/// Dependencies point one way: demo and tests, passes, engine, shaders.
+/// Dependencies point in one direction: demo and tests, passes, engine, shaders.
 pub fn dependencies(tree: &Tree) -> Vec<String> {
     let allowed = BTreeMap::from(MAY_DEPEND);
     let mut faults = Vec::new();
@@ -77,7 +76,7 @@ pub fn dependencies(tree: &Tree) -> Vec<String> {
     faults
 }
 
-/// Nothing but the GPU layer uses ash, under its own name or as the `vk` that it hands out. The benchmark's named files may.
+/// Only the GPU layer uses ash, under its own name or as the `vk` that it exports. The benchmark's named files may too.
 pub fn vulkan(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, name, dependencies) in packages(tree) {
@@ -97,7 +96,7 @@ pub fn vulkan(tree: &Tree) -> Vec<String> {
     faults
 }
 
-/// No unsafe code outside the GPU layer, in tests neither. The benchmark's named files may.
+/// No unsafe code outside the GPU layer, not even in tests. The benchmark's named files are exempt.
 pub fn unsafe_code(tree: &Tree) -> Vec<String> {
     let outside = tree.rust().filter(|(path, _)| !path.starts_with(GPU) && !BENCH_UNSAFE.contains(path));
     outside
@@ -108,16 +107,16 @@ pub fn unsafe_code(tree: &Tree) -> Vec<String> {
         .collect()
 }
 
-/// How far above an unsafe block its reason may begin: a long comment and a statement of several lines.
+/// Lines before an unsafe block in which its `SAFETY:` comment may begin, for long comments and statements of several lines.
 const REASON_WITHIN: usize = 12;
 
-/// Every unsafe block and unsafe impl has a comment with `SAFETY:` of its own in the lines before it.
+/// Every unsafe block and unsafe impl has its own comment with `SAFETY:` in the lines before it.
 pub fn safety_comments(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in tree.rust() {
         let code = code(text);
         let original: Vec<&str> = text.lines().collect();
-        let mut free_from = 0; // the first line that no earlier block has used
+        let mut free_from = 0; // the first line that no earlier block has claimed
         for (index, line) in code.lines().enumerate() {
             let Some(at) = lines_with_word(line, "unsafe").next().and(line.find("unsafe")) else { continue };
             let rest = line[at + "unsafe".len()..].trim_start();
@@ -125,7 +124,7 @@ pub fn safety_comments(tree: &Tree) -> Vec<String> {
                 code.lines().skip(index + 1).map(str::trim_start).find(|line| !line.is_empty()).unwrap_or_default();
             let opens = rest.starts_with('{') || rest.starts_with("impl") || (rest.is_empty() && next.starts_with('{'));
             if !opens {
-                continue; // a function, whose callers state the reason
+                continue; // an unsafe function: its callers state the reason
             }
             let from = free_from.max(index.saturating_sub(REASON_WITHIN));
             if !original[from..=index].iter().any(|line| line.contains("SAFETY:")) {

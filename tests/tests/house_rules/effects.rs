@@ -1,13 +1,13 @@
-//! What an effect may know of the others, and where it must show up.
+//! Rules about effects: independence of each other, and the files that each must have.
 
 use super::code::code;
 use super::tree::Tree;
 use std::collections::BTreeSet;
 
-/// A part that other effects are made of, not an effect on its own.
+/// Shared by effects, not an effect itself.
 const SHARED: &str = "denoise";
 
-/// An effect names no other effect: they meet in `stages.rs`, and share `denoise` and the files beside the folders.
+/// Effects do not refer to each other: they are connected in `stages.rs`, and share `denoise` and the files beside the folders.
 pub fn imports(tree: &Tree) -> Vec<String> {
     let effects = tree.folders("passes/src");
     let mut faults = Vec::new();
@@ -15,7 +15,7 @@ pub fn imports(tree: &Tree) -> Vec<String> {
         let Some((effect, file)) = path.strip_prefix("passes/src/").and_then(|rest| rest.split_once('/')) else {
             continue;
         };
-        // How deep this module lies below the crate: `super` that often is the root.
+        // Depth of this module in the crate: that many `super` lead to the root.
         let depth = 1 + file.split('/').count() - usize::from(file.ends_with("mod.rs"));
         let code = code(text);
         for (line, name) in names_from_root(&code, depth) {
@@ -27,14 +27,14 @@ pub fn imports(tree: &Tree) -> Vec<String> {
     faults
 }
 
-/// The first name, with its line, of every path that begins at the root of the crate.
+/// The first name of every path from the root of the crate, with its line.
 fn names_from_root(code: &str, depth: usize) -> Vec<(usize, String)> {
     let mut names = Vec::new();
     let line_of = |at: usize| 1 + code[..at].matches('\n').count();
     let supers = "super::".repeat(depth);
     for root in ["crate::", "magpie_passes::", &supers] {
         for (at, _) in code.match_indices(root) {
-            // In `super::super::x` the inner `super` begins no path, except that of a module inside the file.
+            // In `super::super::x` the inner `super` does not begin a path of its own.
             let mut rest = code[at + root.len()..].trim_start();
             while let Some(deeper) = rest.strip_prefix("super::") {
                 rest = deeper.trim_start();
@@ -66,7 +66,7 @@ fn first_names(path: &str) -> Vec<String> {
     names
 }
 
-/// An effect has one name in every folder: its code, its shaders, its page, and a test that looks at its image.
+/// An effect has its code, shaders, documentation page and image test under the same name.
 pub fn four_folders(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     let effects = tree.folders("passes/src");
@@ -87,7 +87,7 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
         );
     }
     // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark, `ray` to every
-    // pipeline that traces.
+    // ray-tracing pipeline.
     let others = BTreeSet::from(["src", "tests", "lib", "check", "bench", "ray"]);
     for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
         faults.push(format!("shaders/{folder} has no passes/src/{folder}"));

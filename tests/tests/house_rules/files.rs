@@ -1,16 +1,16 @@
-//! What may stand in any file.
+//! Rules for all files.
 
 use super::code::lines_with;
 use super::tree::Tree;
 
-/// Lines in a source file.
+/// Most lines of a source file.
 const LONGEST: usize = 600;
-/// Lines in a shader with an entry point.
+/// Most lines of a shader with an entry point.
 const LONGEST_ENTRY: usize = 250;
-/// Shader files with an entry point.
+/// Extensions of shaders with an entry point.
 const ENTRIES: [&str; 10] = ["comp", "vert", "frag", "mesh", "task", "rgen", "rmiss", "rchit", "rahit", "rint"];
 
-/// No source file is longer than a person reads in one go; tables of data aside.
+/// Source files are limited in length, except tables of data.
 pub fn length(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in tree.texts() {
@@ -29,12 +29,12 @@ pub fn length(tree: &Tree) -> Vec<String> {
     faults
 }
 
-/// Where the words of the next two rules are written by others or by a program.
+/// Whether a file is hand-written by this project, for the next two rules.
 fn written_here(path: &str) -> bool {
     path != "Cargo.lock" && !path.starts_with("LICENSE")
 }
 
-/// The places of `words` in all text files.
+/// Occurrences of `words` in all text files.
 fn places_of(tree: &Tree, words: &[String], begins: fn(&str) -> bool) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in tree.texts().filter(|(path, _)| written_here(path)) {
@@ -50,18 +50,18 @@ fn places_of(tree: &Tree, words: &[String], begins: fn(&str) -> bool) -> Vec<Str
     faults
 }
 
-/// The parts are put together here, so that this file does not break its own rule.
+/// Joins the parts, which are split so that this file does not break its own rule.
 fn joined(parts: &[(&str, &str)]) -> Vec<String> {
     parts.iter().map(|(a, b)| format!("{a}{b}")).collect()
 }
 
-/// No marks of unfinished work, and no test that is switched off.
+/// No markers of unfinished work, and no disabled tests.
 pub fn marks(tree: &Tree) -> Vec<String> {
     let words = joined(&[("TO", "DO"), ("FIX", "ME"), ("todo", "!("), ("unimplement", "ed!("), ("#[ig", "nore")]);
     places_of(tree, &words, |before| !before.ends_with(|c: char| c.is_alphanumeric()))
 }
 
-/// No path of somebody's machine, no host of a package registry: the set-up takes both from where it runs.
+/// No absolute paths of a machine, and no hosts of package registries: the set-up takes both from its environment.
 pub fn places(tree: &Tree) -> Vec<String> {
     let paths = joined(&[("/ro", "ot/"), ("/ho", "me/"), ("/wo", "rk/"), ("/Us", "ers/"), ("C:\\", "Users")]);
     let hosts = joined(&[
@@ -80,7 +80,7 @@ pub fn places(tree: &Tree) -> Vec<String> {
         ("ghcr", ".io"),
         ("docker", ".io"),
     ]);
-    // Behind another name it is a path inside the repository.
+    // After another path component it is a path inside the repository.
     let absolute = |before: &str| !before.ends_with(|c: char| c.is_alphanumeric() || "._-}".contains(c));
     let mut faults = places_of(tree, &paths, absolute);
     faults.extend(places_of(tree, &hosts, |_| true));

@@ -1,8 +1,8 @@
-//! Links of the documentation.
+//! Links in the documentation.
 
 use super::tree::Tree;
 
-/// Every link and image of a Markdown file that is not on the web leads to a file or folder of the repository.
+/// Every local link and image of a Markdown file leads to a file or folder of the repository.
 pub fn local(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for (path, text) in tree.texts().filter(|(path, _)| path.ends_with(".md")) {
@@ -17,7 +17,7 @@ pub fn local(tree: &Tree) -> Vec<String> {
     faults
 }
 
-/// The targets in a Markdown text with their lines: inline links and images, definitions, and HTML.
+/// The link targets of a Markdown text with their lines: inline links and images, definitions, and HTML.
 fn targets(text: &str) -> Vec<(usize, String)> {
     let mut targets = Vec::new();
     let mut fenced = false;
@@ -47,7 +47,7 @@ fn targets(text: &str) -> Vec<(usize, String)> {
     targets
 }
 
-/// `target` seen from the file `from`, as a path from the root; `None` where it leaves the repository.
+/// The path from the root of `target` in the file `from`; `None` if it leaves the repository.
 fn resolve(from: &str, target: &str) -> Option<String> {
     let folder = from.rsplit_once('/').map_or("", |(folder, _)| folder);
     let mut parts: Vec<&str> = if target.starts_with('/') { Vec::new() } else { folder.split('/').collect() };

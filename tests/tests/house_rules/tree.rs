@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Every file that is or could be committed: its path from the root, with `/`, and its text where it is text.
+/// All files that git does not ignore: path from the root, with `/`, and contents of text files.
 #[derive(Default)]
 pub struct Tree {
     paths: BTreeSet<String>,
@@ -21,7 +21,7 @@ impl Tree {
     pub fn of_repository() -> Tree {
         let mut tree = Tree::default();
         for path in listed_by_git().unwrap_or_else(|| walked(root())) {
-            let Ok(bytes) = std::fs::read(root().join(&path)) else { continue }; // deleted and not yet committed
+            let Ok(bytes) = std::fs::read(root().join(&path)) else { continue }; // deleted, but not yet committed
             tree.paths.insert(path.clone());
             if let Ok(text) = String::from_utf8(bytes) {
                 tree.texts.insert(path, text);
@@ -30,7 +30,7 @@ impl Tree {
         tree
     }
 
-    /// A tree made for a test.
+    /// A tree for a test.
     pub fn of(files: &[(&str, &str)]) -> Tree {
         let texts: BTreeMap<_, _> = files.iter().map(|&(path, text)| (path.to_owned(), text.to_owned())).collect();
         Tree { paths: texts.keys().cloned().collect(), texts }
@@ -56,13 +56,13 @@ impl Tree {
         self.paths.iter().map(String::as_str)
     }
 
-    /// Whether `path` is a file, or a folder with a file in it.
+    /// Whether `path` is a file, or a folder that contains one.
     pub fn has(&self, path: &str) -> bool {
         let path = path.trim_end_matches('/');
         self.paths.contains(path) || self.has_folder(path)
     }
 
-    /// Whether `path` is a folder with a file in it; the root is.
+    /// Whether `path` is a folder that contains a file; true of the root.
     pub fn has_folder(&self, path: &str) -> bool {
         let inside = format!("{path}/");
         path.is_empty() || self.paths.range(inside.clone()..).next().is_some_and(|first| first.starts_with(&inside))

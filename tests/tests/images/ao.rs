@@ -1,4 +1,4 @@
-//! Openness as a picture.
+//! Image test of openness.
 use anyhow::Result;
 use magpie_tests::harness::{builtin, compare_with_golden, config, gpu, linear, render};
 

@@ -1,4 +1,4 @@
-//! The error of one image against another, on the device against the library.
+//! The error of one image against another, on the device and by the library.
 use anyhow::{Context, Result, bail, ensure};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, Image, ImageUse};
 use magpie::graph::{
@@ -11,10 +11,10 @@ use magpie_tests::bench::{Bench, Ran, Shared, results};
 use magpie_tests::harness::{builtin, compare_with_golden, config, gpu, linear, render};
 use std::sync::Arc;
 
-/// Relative; the sums of the library are in double precision.
+/// Greatest relative difference; the library's sums are in double precision.
 const CLOSE: f64 = 1e-5;
 
-/// Brings pixels of the host into a frame.
+/// Uploads an image into a frame.
 fn upload(
     gpu: &Gpu,
     g: &mut FrameGraph,
@@ -40,7 +40,7 @@ fn upload(
     }))
 }
 
-/// Runs both passes over two images of the host.
+/// Runs both passes on two uploaded images.
 fn measure(bench: &mut Bench, test: &Pixels, reference: &Pixels) -> Result<(Ran, Errors)> {
     let gpu = bench.gpu.clone();
     let effect = Metrics::new(&gpu)?;
@@ -64,7 +64,7 @@ fn measure(bench: &mut Bench, test: &Pixels, reference: &Pixels) -> Result<(Ran,
     Ok((ran, errors))
 }
 
-/// Both passes against the library: every pixel, and the whole.
+/// Compares both passes with the library: every pixel, and the total.
 fn agree(bench: &mut Bench, test: &Pixels, reference: &Pixels) -> Result<Ran> {
     let (ran, errors) = measure(bench, test, reference)?;
     let ran = ran.clean()?;
@@ -97,7 +97,7 @@ fn floats(extent: Extent, format: Format, value: impl Fn(u32) -> f32) -> Pixels 
     Pixels { extent, format, bytes: (0..count).flat_map(|i| value(i).to_le_bytes()).collect() }
 }
 
-/// Different from number to number, from -1 to 1, the same on every run.
+/// Pseudo-random from -1 to 1 by number.
 fn noise(i: u32) -> f32 {
     (i.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995).wrapping_mul(0x85eb_ca6b) as f32 / 2.0_f32.powi(31) - 1.0
 }
@@ -113,7 +113,7 @@ fn metrics_of_the_courtyard_are_those_of_the_library() -> Result<()> {
         (radiance(&["stages.shadows=off"])?, radiance(&["shadows.edges=hard", "shadows.most_lights=1"])?);
     let mut bench = Bench::new(&gpu)?;
     let ran = agree(&mut bench, &test, &reference)?;
-    // Only what is in shadow differs; no light there is the greatest symmetric error.
+    // Only shadowed pixels differ; a value of 0 has the greatest symmetric error.
     let error = ran.image("metrics.error:error")?;
     let values = error.values();
     let dark = values.iter().filter(|v| v[2] > 0.9).count() * 10 / values.len();
@@ -130,22 +130,22 @@ fn metrics_of_every_kind_of_image_are_those_of_the_library() -> Result<()> {
     let reference = floats(extent, Format::Rgba32Float, |i| 3.0 + 2.0 * noise(i));
     let test = floats(extent, Format::Rgba32Float, |i| 3.0 + 2.0 * noise(i) + 0.3 * noise(i + 9999));
     agree(&mut bench, &test, &reference)?;
-    // Below zero, far above one, and zero in the reference.
+    // Negative, far above one, and zero in the reference.
     let wide = |seed| move |i: u32| if i % 7 == seed { 0.0 } else { 1e3 * noise(i + seed) };
     let (a, b) = (floats(extent, Format::Rgba32Float, wide(1)), floats(extent, Format::Rgba32Float, wide(2)));
     agree(&mut bench, &a, &b)?;
-    // One channel is grey; an image of colours is compared with it in all three.
+    // A single channel is read as grey and compared with all three of a colour image.
     let grey = floats(extent, Format::R32Float, |i| noise(i).abs());
     agree(&mut bench, &grey, &floats(extent, Format::R32Float, |i| noise(i + 1).abs()))?;
     agree(&mut bench, &reference, &grey)?;
-    // What a display is sent is decoded. Encoded apart from 0, for a power function's rounding is relative to its result.
+    // Display values are sRGB-decoded. 0 is avoided, as the precision of a power function is relative to its result.
     let display = |seed: u32| {
         let bytes = (0..37 * 11 * 4).map(|i| 128 + (noise(i + seed) * 127.0) as u8 / 2).collect();
         Pixels { extent, format: Format::Rgba8Unorm, bytes }
     };
     let (a, b) = (display(1), display(77));
     agree(&mut bench, &a, &b)?;
-    // The display image is the later upload: under validation every pass may see every texture, the scan of a float image too.
+    // The display image is uploaded later: under validation every pass may see every texture, so the scan covers a float image too.
     agree(&mut bench, &reference, &b)?;
     Ok(())
 }
@@ -154,7 +154,7 @@ fn metrics_of_every_kind_of_image_are_those_of_the_library() -> Result<()> {
 fn metrics_of_many_tiles_lose_nothing_and_are_the_same_twice() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
-    // More tiles than threads of the second pass, and one pixel whose error is nearly all of the sum.
+    // More tiles than threads of the second pass, and one pixel with nearly all of the error.
     let extent = Extent::new(611, 405);
     let test = floats(extent, Format::Rgba32Float, |i| if i == 90_001 { 300.0 } else { 1.0 + 0.1 * noise(i) });
     let reference = floats(extent, Format::Rgba32Float, |_| 1.0);

@@ -1,10 +1,10 @@
-//! The truth as a picture.
+//! Image test of the reference.
 use anyhow::Result;
 use magpie_passes::Slots;
 use magpie_passes::reference::{Reference, ReferenceOptions};
 use magpie_tests::harness::{builtin, compare_with_golden, config, gpu};
 
-/// The same random numbers on every device: what differs is what paths that graze an edge see.
+/// Greatest difference from the golden. Random numbers are the same on every device; only paths that graze an edge differ.
 const LIMIT: f64 = 0.02;
 
 #[test]

@@ -1,4 +1,4 @@
-//! Mips, layers, sizes and formats of images; buffers.
+//! NaN provenance for mips, layers, sizes and formats of images, and for buffers.
 use crate::{ADD, Add, NOTHING, only, path, poison};
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
@@ -10,7 +10,7 @@ use magpie_shaders::Address;
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::gpu;
 
-/// Adds a constant to the words of one buffer, as floats, or to zeros; a source of zero is none.
+/// Adds a constant to the words of a buffer, as floats, or to zeros if the source is 0.
 const ADD_WORDS: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -77,7 +77,7 @@ fn every_mip_and_layer_of_every_float_format() -> Result<()> {
                     }));
                 }
                 let image = image.context("no image")?;
-                // Reads one mip of one layer and makes an image of half the size.
+                // Reads one mip of one layer and writes an image of half the size.
                 let part = Part { mip, mips: 1, layer, layers: 1 };
                 let half = g.pass("user.halve", Queue::Graphics, |p| {
                     let source = p.sample_part(image.read(), part);
@@ -144,7 +144,7 @@ fn all_mips_that_one_pass_wrote_and_inputs_of_another_size() -> Result<()> {
     let origin = &report.origin;
     ensure!(origin.place == Place::Pixel { x: 3, y: 2, mip: 2, layer: 0 } && origin.infinite == 1, "{report}");
     let [texels, image] = [input(&origin.inputs, "user.texels:texels")?, input(&origin.inputs, "user.begin:image")?];
-    // Pixel 19 of 32 is element 399 of 672.
+    // Pixel 19 of 32 corresponds to element 399 of 672.
     let Seen::At(Place::Element(399), value) = texels.seen else { bail!("{report}") };
     ensure!(value.values == Values::Float([2.0, 0.0, 0.0, 0.0]), "{report}");
     ensure!(image.seen == Seen::Not(Unseen::Overwritten), "{report}");
@@ -200,7 +200,7 @@ void main() {
     println!("{report}");
     let inputs = &report.origin.inputs;
     let [floats, ids] = [input(inputs, "user.floats:x")?, input(inputs, "user.ids:x")?];
-    // The centre of pixel (13, 4) of 20x10 lies in the corner of (27, 9) of 40x20.
+    // The centre of pixel (13, 4) of 20x10 is in pixel (27, 9) of 40x20.
     ensure!(floats.to_string() == "user.floats:x at (27, 9): (27.0, 9.0)", "{floats}");
     ensure!(ids.to_string() == "user.ids:x at (27, 9): (27, 9)", "{ids}");
     Ok(())
@@ -245,7 +245,7 @@ fn buffers_of_floats_transient_and_kept() -> Result<()> {
     ensure!(path(report) == "user.sum (frame 1) → kept buffer sums → user.sum (frame 2)", "{report}");
     ensure!((report.arose, report.last_frame) == (1, 3), "{report}");
 
-    // One that arises in a transient goes on to those who read it.
+    // A NaN that arises in a transient propagates to its readers.
     let mut bench = Bench::new(&gpu)?;
     bench.run(Extent::new(8, 8), &[], |g, _| {
         let mut chain: Option<Handle<Buffer>> = None;
@@ -316,7 +316,7 @@ fn more_outputs_than_one_buffer_of_findings_holds() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut bench = Bench::new(&gpu)?;
     let words = bench.kernel("add_words.comp", ADD_WORDS)?;
-    // 200 outputs with 44 bytes each do not fit in the first buffer, which has 4 KiB.
+    // 200 outputs at 44 bytes each exceed the first buffer of 4 KiB.
     let ran = bench.run(Extent::new(8, 8), &[], |g, _| {
         let mut last: Option<Handle<Buffer>> = None;
         for i in 0..200 {

@@ -1,16 +1,15 @@
-//! Follows a plan on queues that know nothing of each other, with a model of memory after Vulkan's, and complains about the first
-//! thing that is wrong.
+//! Executes a plan on a model of independent queues with a memory model after Vulkan's, and reports the first error.
 //!
-//! Nothing of the planner's code is used: only the plain data that it takes and gives. What that data means is written down here a
-//! second time, as slowly and plainly as can be.
+//! It uses none of the planner's code, only the plain data that goes in and comes out. The meaning of that data is implemented a second
+//! time, as simply as possible.
 //!
 //! | file | checks |
 //! |---|---|
-//! | `checker` | that the lists of a plan fit together: each pass once, batches that wait for earlier ones, queues that can |
-//! | `checker/cull` | that the passes that run are those that the frame needs |
-//! | `checker/memory` | lifetimes, places in heaps, figures |
-//! | `checker/run` | waiting, visibility, layouts, owners, contents, memory that is shared in turn |
-//! | `checker/words` | what each access means |
+//! | `checker` | consistency of the plan's lists: each pass once, batches wait for earlier ones only, queues support their passes |
+//! | `checker/cull` | the passes that run are those that the frame needs |
+//! | `checker/memory` | lifetimes, placement in heaps, statistics |
+//! | `checker/run` | execution order, visibility, layouts, queue ownership, contents, aliased memory |
+//! | `checker/words` | meaning of each access |
 
 #[path = "checker/cull.rs"]
 mod cull;
@@ -26,19 +25,19 @@ use magpie::graph::{
     plan::{Footprint, Plan, Sharing},
 };
 
-/// What a plan was asked for.
+/// The request that a plan was made for.
 pub struct Asked<'a> {
-    /// Steps of the plan.
+    /// Optional steps of the planner.
     pub switches: Switches,
     /// Queues of the device.
     pub device: Queues,
-    /// What objects take of memory.
+    /// Memory requirements of resources.
     pub footprint: &'a dyn Fn(Shape, Uses, Sharing) -> Footprint,
-    /// How far images and other things keep apart.
+    /// Page size that separates images from other resources in a heap (bufferImageGranularity), bytes.
     pub granularity: u64,
 }
 
-/// What is wrong with a plan.
+/// An error in a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Complaint(pub String);
 
@@ -48,7 +47,7 @@ fn wrong<T>(text: String) -> Result<T, Complaint> {
     Err(Complaint(text))
 }
 
-/// Whether the plan is right; if not, the first complaint.
+/// Checks a plan; returns the first error.
 pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     check_lists(d, plan)?;
     check_switches(d, plan, asked)?;
@@ -57,7 +56,7 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     memory::check(d, plan, asked)
 }
 
-/// Most bytes of transients, unpadded, alive at one position of an order.
+/// Most bytes of transients, unpadded, that are alive at one position of an order.
 pub fn peak(d: &Declaration, order: &[u32]) -> u64 {
     let lives = memory::lives(d, order);
     let alive = |at: u32| -> u64 {
@@ -108,7 +107,7 @@ fn check_lists(d: &Declaration, plan: &Plan) -> Found {
             return wrong(format!("batch {index} has waits {:?} of {}", batch.waits, plan.waits.len()));
         }
         for &wait in &plan.waits[batch.waits.range()] {
-            // A batch that comes later in the order of submission would never begin on a device with one queue.
+            // Waiting for a batch that is submitted later would deadlock on a device with one queue.
             if wait as usize >= index {
                 return wrong(format!("batch {index} waits for batch {wait}, which is not handed over before it"));
             }
@@ -123,7 +122,7 @@ fn check_lists(d: &Declaration, plan: &Plan) -> Found {
     Ok(())
 }
 
-/// Whether a queue can run a pass at all.
+/// Whether a queue supports a pass.
 fn can_run(queue: Queue, domain: Domain) -> bool {
     match (queue, domain) {
         (Queue::Graphics, _)
@@ -167,7 +166,7 @@ fn check_switches(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     Ok(())
 }
 
-/// Which pass writes which version of a resource, and of which part.
+/// The pass that writes each version of a resource, and the part it writes.
 struct Versions<'a> {
     /// By resource and version.
     writers: Vec<Vec<Option<(u32, &'a Use)>>>,
@@ -194,19 +193,19 @@ impl<'a> Versions<'a> {
         self.writers[resource as usize][version as usize].map(|(pass, _)| pass)
     }
 
-    /// Whether a weak pass made this version over contents that were there already.
+    /// Whether a weak pass made this version from existing contents.
     fn is_mere_change(&self, resource: u32, version: u32) -> bool {
         let first = u32::from(words::comes_empty(&self.d.resources[resource as usize]));
         let weak = |pass: u32| self.d.passes[pass as usize].weak;
         version > first && self.writer(resource, version).is_some_and(weak)
     }
 
-    /// The version that a cell holds where `version` is meant: the newest up to it that a pass which runs wrote there. `Ok(None)`:
-    /// nothing was ever written there.
+    /// The version that a cell holds when `version` is read: the newest up to it that a pass which runs wrote there. `Ok(None)`: it was
+    /// never written.
     fn held(&self, resource: u32, version: u32, cell: (u32, u32), strict: bool) -> Result<Option<u32>, Complaint> {
         for v in (0..=version).rev() {
             let Some((pass, u)) = self.writers[resource as usize][v as usize] else {
-                // What an import came with.
+                // The initial contents of an import.
                 return Ok((!words::comes_empty(&self.d.resources[resource as usize])).then_some(v));
             };
             if !covers(u.part, cell) {
@@ -223,7 +222,7 @@ impl<'a> Versions<'a> {
     }
 }
 
-/// Whether a part has this mip and layer.
+/// Whether a part contains this mip and layer.
 fn covers(part: Part, (mip, layer): (u32, u32)) -> bool {
     let has = |first: u16, count: u16, at: u32| (u32::from(first)..u32::from(first) + u32::from(count)).contains(&at);
     has(part.mip, part.mips, mip) && has(part.layer, part.layers, layer)

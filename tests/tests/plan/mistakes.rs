@@ -1,4 +1,4 @@
-//! Ways to spoil a good plan, and a frame made by hand in which each can be done.
+//! Mistakes to plant in a correct plan, and a frame in which each is possible.
 
 use magpie::graph::{
     Access, BufferDesc, Declaration, Domain, Extent, Format, FrameGraph, HistoryScope, ImageDesc, ImportKey, Layout,
@@ -6,25 +6,25 @@ use magpie::graph::{
     plan::{Barrier, Culled, Handover, Lane, Plan, Role, Sharing},
 };
 
-/// Where a mistake can be planted: two numbers that its kind understands.
+/// A place for a mistake: two numbers whose meaning depends on its kind.
 pub type Place = (usize, usize);
 
-/// Spoils a plan. The function plans a declaration anew.
+/// Plants a mistake in a plan. The function argument replans a declaration.
 pub type Plant = fn(&Declaration, &mut Plan, Place, &dyn Fn(&Declaration) -> Plan);
 
 /// A kind of mistake.
 pub struct Mistake {
-    /// What is wrong.
+    /// What is wrong with the plan.
     pub name: &'static str,
-    /// Every place in a plan where it can be planted.
+    /// Every place in a plan where it is possible.
     pub places: fn(&Declaration, &Plan) -> Vec<Place>,
-    /// Plants it in one of them.
+    /// Plants it at one of them.
     pub plant: Plant,
-    /// The reason where some plantings do no harm; without one, each must be found.
+    /// Why some places are harmless; without a reason every planted mistake must be found.
     pub harmless: Option<&'static str>,
 }
 
-/// Every kind.
+/// All kinds of mistakes.
 pub const MISTAKES: &[Mistake] = &[
     Mistake {
         name: "a barrier is missing",
@@ -90,7 +90,7 @@ pub const MISTAKES: &[Mistake] = &[
         places: |d, plan| {
             let (certain, all) = (certain(d, plan), plan.before.iter().enumerate());
             let all = all.flat_map(|(position, stop)| stop.range().map(move |b| (b, position)));
-            // One that serves several uses may serve this pass only in what it could do before the frame already.
+            // A barrier for several uses may be needed by later ones only, if this pass can rely on the state before the frame.
             let moves = |b: usize| plan.barriers[b].layout_from != plan.barriers[b].layout_to;
             let one = |b: usize| moves(b) || plan.barriers[b].to.iter().count() == 1;
             all.filter(|&(b, _)| certain.contains(&(b, 0)) && one(b)).collect()
@@ -168,7 +168,7 @@ pub const MISTAKES: &[Mistake] = &[
             (0..plan.culled.len()).filter(|&i| writes(plan.culled[i].pass)).map(|i| (i, 0)).collect()
         },
         plant: |d, plan, (index, _), again| {
-            // All that the planner would do for it is done, so only its being there is wrong.
+            // Replans with the pass's results as outputs, so that only its presence is wrong.
             let mut wider = d.clone();
             let written = uses_of(d, plan.culled[index].pass).iter();
             wider.outputs.extend(written.filter_map(|u| Some(OutputDecl { resource: u.resource, version: u.writes? })));
@@ -345,33 +345,33 @@ pub const MISTAKES: &[Mistake] = &[
     },
 ];
 
-// Barriers and where they stand.
+// Barriers and their places.
 
 fn barriers(plan: &Plan, suits: impl Fn(&Barrier) -> bool) -> Vec<Place> {
     (0..plan.barriers.len()).filter(|&b| suits(&plan.barriers[b])).map(|b| (b, 0)).collect()
 }
 
-/// Barriers that nothing else can stand for. On several queues, those that change no layout are not: their queue may have waited
-/// for another one that has waited for it, or that began after the frame before was over, and knows all by this detour.
+/// Barriers that are certainly needed. With several queues only those that change a layout: others may be implied by waits on other queues,
+/// directly or indirectly.
 fn certain(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let several = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
     let writes = |u: &Use, b: &Barrier| u.resource == b.resource && u.writes.is_some() && u.part.overlaps(b.part);
     let written = |b: &Barrier| plan.order.iter().any(|&p| uses_of(d, p).iter().any(|u| writes(u, b)));
-    // At the end the planner makes ready once more what was in no use, or came readable, was only read and is left readable.
+    // At the end the planner also issues redundant barriers, for imports that were not in use, or were only read and stay readable.
     let needless = |i: usize, b: &Barrier| plan.end.range().contains(&i) && (b.from.is_empty() || !written(b));
     let is_certain = |i: usize, b: &Barrier| b.layout_from != b.layout_to || (!several && !needless(i, b));
     let all = plan.barriers.iter().enumerate();
     all.filter(|(i, b)| is_certain(*i, b)).map(|(i, _)| (i, 0)).collect()
 }
 
-/// Barriers that name several uses, with the number of each.
+/// Barriers that name several uses, with the index of each.
 fn each_use(plan: &Plan, uses: impl Fn(&Barrier) -> Uses) -> Vec<Place> {
     let several = |b: &usize| uses(&plan.barriers[*b]).iter().count() > 1;
     let all = (0..plan.barriers.len()).filter(several);
     all.flat_map(|b| (0..uses(&plan.barriers[b]).iter().count()).map(move |n| (b, n))).collect()
 }
 
-/// The barriers of each place, in the order of places: before and after each pass, and at the end.
+/// The barriers of each place, in order: before and after each pass, and at the end.
 fn stops(plan: &Plan) -> Vec<Vec<Barrier>> {
     let spans = plan.before.iter().zip(&plan.after).flat_map(|(before, after)| [before, after]).chain([&plan.end]);
     spans.map(|span| plan.barriers[span.range()].to_vec()).collect()
@@ -391,7 +391,7 @@ fn set_stops(plan: &mut Plan, stops: Vec<Vec<Barrier>>) {
     plan.end = spans[2 * passes];
 }
 
-/// Takes a barrier out of the place that it stands in.
+/// Removes a barrier.
 fn take_out(plan: &mut Plan, barrier: usize) {
     let (mut all, mut at) = (stops(plan), barrier);
     for stop in &mut all {
@@ -410,7 +410,7 @@ fn insert(plan: &mut Plan, stop: usize, barrier: Barrier) {
     set_stops(plan, all);
 }
 
-/// Takes a pass out with its barriers, and its batch with it where it was alone.
+/// Removes a pass with its barriers, and its batch if it becomes empty.
 fn leave_out(plan: &mut Plan, position: usize) {
     let mut all = stops(plan);
     all.drain(2 * position..2 * position + 2);
@@ -436,14 +436,14 @@ fn other(layout: Layout) -> Layout {
     if layout == Layout::General { Layout::ShaderRead } else { Layout::General }
 }
 
-/// A use in a pass of another domain, where it can be in one.
+/// The same access in a pass of another domain, if possible.
 fn swapped((access, domain): (Access, Domain)) -> (Access, Domain) {
     access.at(if domain == Domain::Raster { Domain::Compute } else { Domain::Raster })
 }
 
 // Batches, passes and memory.
 
-/// Each wait, with the batch that it is of.
+/// Each wait, with its batch.
 fn waits(plan: &Plan) -> Vec<Place> {
     plan.batches.iter().enumerate().flat_map(|(b, batch)| batch.waits.range().map(move |w| (b, w))).collect()
 }
@@ -461,7 +461,7 @@ fn uses_of(d: &Declaration, pass: u32) -> &[Use] {
     &d.uses[d.passes[pass as usize].uses.range()]
 }
 
-/// Positions of one batch whose passes use one part of one resource, which one of them at least writes.
+/// Positions of one batch whose passes use the same part of a resource, at least one of them writing.
 fn dependent(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let meets = |x: &Use, y: &Use| {
         x.resource == y.resource && x.part.overlaps(y.part) && (x.writes.is_some() || y.writes.is_some())
@@ -472,7 +472,7 @@ fn dependent(d: &Declaration, plan: &Plan) -> Vec<Place> {
     plan.batches.iter().flat_map(|b| of_batch(b.passes)).filter(|&(a, b)| depend(a, b)).collect()
 }
 
-/// Attachments of passes that run whose contents are read later, or are what the frame is made for.
+/// Attachments of running passes whose contents are read later, or are outputs of the frame.
 fn read_attachments(d: &Declaration, plan: &Plan) -> Vec<Place> {
     let attached = |i: &usize| d.uses[*i].access.is_attachment();
     let wanted = |i: usize| {
@@ -490,7 +490,7 @@ fn sharing(plan: &Plan, suits: impl Fn(Sharing) -> bool) -> Vec<Place> {
     (0..plan.transients.len()).filter(|&t| suits(plan.transients[t].sharing)).map(|t| (t, 0)).collect()
 }
 
-/// A frame in which every mistake can be made, on two queues.
+/// A frame in which every mistake is possible, on two queues.
 pub fn frame() -> FrameGraph {
     let mut g = FrameGraph::new(Extent::new(32, 32));
     let float = ImageDesc::full(Format::Rgba16Float);

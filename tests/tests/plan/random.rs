@@ -1,4 +1,4 @@
-//! Random frames: any numbers are a script that declares a frame without mistakes.
+//! Random frames: any numbers are a script that declares a valid frame.
 
 use magpie::graph::{
     Access, Blas, Buffer, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, HistoryScope, Image, ImageDesc,
@@ -6,19 +6,19 @@ use magpie::graph::{
 };
 use proptest::prelude::*;
 
-/// What a random frame does.
+/// A script of a frame.
 #[derive(Clone, Debug)]
 pub struct Script {
-    /// Imported images: last use, what they are left for.
+    /// Imported images: last use, requested final state.
     images: Vec<(u8, u8)>,
-    /// Imported buffers: last use, what they are left for.
+    /// Imported buffers: last use, requested final state.
     buffers: Vec<(u8, u8)>,
     /// Histories and kept buffers.
     histories: Vec<u8>,
-    /// Last use of an acceleration structure of the caller.
+    /// Last use of a caller's acceleration structure.
     tlas: u8,
     steps: Vec<Step>,
-    /// Versions that the frame is made for.
+    /// Outputs of the frame, as choices of versions.
     outputs: Vec<u8>,
 }
 
@@ -28,11 +28,11 @@ struct Step {
     kind: u8,
     weak: bool,
     queue: u8,
-    /// What it does, with which resource, and with which part of it.
+    /// Actions: kind, choice of resource, choice of part.
     actions: Vec<(u8, u8, u8)>,
 }
 
-/// Scripts of frames with up to this many passes.
+/// Scripts of frames with up to `most` passes.
 pub fn scripts(most: usize) -> impl Strategy<Value = Script> {
     let pair = || (any::<u8>(), any::<u8>());
     let actions = prop::collection::vec((any::<u8>(), any::<u8>(), any::<u8>()), 1..6);
@@ -52,13 +52,13 @@ pub fn scripts(most: usize) -> impl Strategy<Value = Script> {
     )
 }
 
-/// A resource, as far as the script may use it.
+/// A resource and what the script may do with it.
 struct Item<K> {
-    /// Absent while a pass changes it, and where it can only be read.
+    /// None while a pass writes it, and if it is read-only.
     write: Option<WriteHandle<K>>,
     read: Handle<K>,
     defined: bool,
-    /// Last step that used it, and whether it may be read again there, and how.
+    /// Last step that used it, and which further reads are allowed there.
     step: usize,
     again: Option<Access>,
     depth: bool,
@@ -83,7 +83,7 @@ struct World {
     buffers: Vec<Item<Buffer>>,
     blas: Vec<Item<Blas>>,
     tlas: Vec<Item<Tlas>>,
-    /// The step that is declared, from 1.
+    /// Index of the step that is being declared, from 1.
     step: usize,
     /// Size of its attachments.
     target: Option<Extent>,
@@ -126,7 +126,7 @@ impl Script {
             wanted.extend(world.tlas.iter().map(|i| Wanted::Tlas(i.read)));
         }
         for &pick in &self.outputs {
-            // Late ones more often: they need more.
+            // Late versions more often, as they need more passes.
             let count = wanted.len().max(1);
             let pick = pick as usize;
             match wanted.get(if pick.is_multiple_of(2) { pick % count } else { count - 1 - pick % count.min(9) }) {
@@ -217,7 +217,7 @@ enum Wanted {
     Tlas(Handle<Tlas>),
 }
 
-/// One of the things that a pass does.
+/// One action of a pass.
 struct Act {
     name: String,
     action: u8,
@@ -234,7 +234,7 @@ impl Act {
         ImageDesc { format, size: Size::Fixed(extent), mips, layers }
     }
 
-    /// Some part of an image.
+    /// A random part of an image.
     fn part(&self, (_, mips, layers): (Extent, u32, u32)) -> Part {
         let (first, some) = (u32::from(self.part), u32::from(self.part / 8));
         let range = |all: u32, first: u32, some: u32| {
@@ -318,7 +318,7 @@ impl World {
         });
     }
 
-    /// What any shader can do.
+    /// Actions of any shader.
     fn shader(&mut self, p: &mut PassBuilder<'_>, act: &Act) {
         let (step, pick) = (self.step, act.pick);
         match act.action / 10 % 10 {
@@ -430,7 +430,7 @@ impl World {
     }
 }
 
-/// One of the items that suit: half of the time one of the newest.
+/// One of the suitable items; half of the time one of the newest.
 fn choose<K>(items: &mut [Item<K>], pick: usize, suits: impl Fn(&Item<K>) -> bool) -> Option<&mut Item<K>> {
     let mut free: Vec<_> = items.iter_mut().filter(|i| suits(i)).collect();
     let count = free.len();
@@ -453,7 +453,7 @@ fn see<K: Kind>(
     read(item.read, item.size);
 }
 
-/// Writes one of the items, if there is one; gives its size.
+/// Writes one of the items, if there is one; returns its size.
 fn change<K: Kind>(
     items: &mut [Item<K>],
     step: usize,
@@ -469,5 +469,5 @@ fn change<K: Kind>(
     Some(item.size)
 }
 
-/// Nothing is recorded, so tokens are of no use.
+/// Nothing is recorded, so tokens are not needed.
 fn drop_token<T>(_: T) {}

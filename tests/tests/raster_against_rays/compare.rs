@@ -1,4 +1,4 @@
-//! Where two answers differ, and why.
+//! Differences between raster and rays, and their causes.
 use super::look::{Both, EXTENT, Seen};
 use anyhow::{Result, ensure};
 use magpie::scene::{AlphaMode, Animator, Camera, Scene};
@@ -8,33 +8,34 @@ use std::collections::BTreeMap;
 const ROUNDING: f64 = 2e-5;
 const SNAP: f64 = 1.0 / 256.0;
 const NORMAL: f64 = 1e-3;
-/// Texture coordinates are rounded to 1/256 of a texel where texels are mixed, and alpha goes from 0 to 1 within one.
+/// Tolerance for alpha near the cutoff: texture coordinates are quantised to 1/256 of a texel for filtering, and alpha may go from 0 to 1
+/// within a texel.
 const ALPHA: f32 = 1.0 / 128.0;
-/// Cosine below which a surface is seen edge-on: there the 1/256 of a pixel by which vertices are snapped also turn it.
+/// Cosine below which a surface counts as edge-on, where vertex snapping also changes its slope.
 const GRAZING: f64 = 0.02;
 
-/// What two answers for a pixel differ in, and why.
+/// Cause of a difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Cause {
-    /// Alpha is within its rounding of the cut-off.
+    /// Alpha is within rounding of the cutoff.
     Alpha,
-    /// Within a pixel of an edge of what is seen, or on an edge that two triangles share.
+    /// Within a pixel of a visible edge, or on an edge shared by two triangles.
     Edge,
     /// The surface is seen edge-on.
     Slope,
-    /// None of these.
+    /// Unknown.
     Other,
 }
 
-/// Pixels of one kind of thing.
+/// Statistics of the pixels of one kind of geometry.
 #[derive(Clone, Debug, Default)]
 pub struct Count {
     pub pixels: u32,
-    /// Those that differ, by what and why.
+    /// Number of differing pixels by cause and property.
     pub differ: BTreeMap<(Cause, &'static str), u32>,
-    /// Those that show another triangle of the same instance: no difference, where the rest agrees.
+    /// Pixels with another triangle of the same instance, which is no difference if everything else agrees.
     pub triangle: u32,
-    /// Pixels that show such a thing, by raster and by rays.
+    /// Pixels that show this kind, by raster and by rays.
     pub cover: [u32; 2],
 }
 
@@ -61,10 +62,10 @@ impl Count {
     }
 }
 
-/// Counts by kind. One thing may be of several kinds; `"all"` counts every pixel once.
+/// Statistics by kind. A pixel may count for several kinds; `"all"` has every pixel once.
 pub type Counts = BTreeMap<&'static str, Count>;
 
-/// What each instance of a scene is.
+/// The kinds of each instance.
 pub struct Kinds(Vec<Vec<&'static str>>);
 
 impl Kinds {
@@ -93,13 +94,13 @@ impl Kinds {
     }
 }
 
-/// Depth of the plane of a pixel's surface as it is seen one pixel on in x and in y, over the depth at the pixel.
+/// Relative change of depth on the plane of a pixel's surface over one pixel in x and in y.
 fn slope(eye: &Eye, seen: &Seen, x: f64, y: f64) -> [f64; 2] {
     let here = seen.normal.dot(eye.ray(x, y));
     [(1.0, 0.0), (0.0, 1.0)].map(|(dx, dy)| (seen.normal.dot(eye.ray(x + dx, y + dy) - eye.ray(x, y)) / here).abs())
 }
 
-/// What the two answers for a pixel differ in.
+/// The property in which the two answers for a pixel differ, if any.
 fn difference(eye: &Eye, raster: &Seen, ray: &Seen, x: f64, y: f64) -> Option<&'static str> {
     if raster.instance != ray.instance {
         return Some("instance");
@@ -112,15 +113,15 @@ fn difference(eye: &Eye, raster: &Seen, ray: &Seen, x: f64, y: f64) -> Option<&'
     }
     let slope = slope(eye, ray, x, y);
     let bound = ROUNDING + SNAP * (slope[0] + slope[1]);
-    let same_depth = (raster.depth / ray.depth - 1.0).abs() <= bound; // false for a NaN
+    let same_depth = (raster.depth / ray.depth - 1.0).abs() <= bound; // false for NaN
     if !same_depth {
         return Some("depth");
     }
     None
 }
 
-/// Whether a pixel touches an edge of what is seen: within one pixel, in either answer, there is another instance, a crease
-/// of more than 5 degrees, or a surface that is not where the plane of this one would be, by more than 1 % of the depth.
+/// Whether a pixel touches a visible edge: within one pixel, in either answer, there is another instance, a crease of more than 5 degrees,
+/// or a depth that differs by more than 1 % from the pixel's plane.
 fn at_edge(eye: &Eye, both: &Both, x: i64, y: i64) -> bool {
     let (width, height) = (i64::from(EXTENT.width), i64::from(EXTENT.height));
     [&both.raster, &both.rays].into_iter().any(|image| {
@@ -138,13 +139,13 @@ fn at_edge(eye: &Eye, both: &Both, x: i64, y: i64) -> bool {
             }
             let ray = |x: i64, y: i64| eye.ray(x as f64 + 0.5, y as f64 + 0.5);
             let expected = centre.depth * centre.normal.dot(ray(x, y)) / centre.normal.dot(ray(nx, ny));
-            let same_plane = (other.depth / expected - 1.0).abs() < 0.01; // false for a NaN
+            let same_plane = (other.depth / expected - 1.0).abs() < 0.01; // false for NaN
             centre.normal.dot(other.normal) < 5_f64.to_radians().cos() || !same_plane
         })
     })
 }
 
-/// Whether both answers are triangles of one instance with an edge in common: the pixel's centre lies on that edge.
+/// Whether both answers are triangles of one instance with a common edge, on which the pixel's centre lies.
 fn adjacent(scene: &Scene, a: &Seen, b: &Seen) -> bool {
     if a.instance != b.instance || a.instance == 0 {
         return false;
@@ -166,7 +167,7 @@ fn grazing(eye: &Eye, seen: &Seen, x: f64, y: f64) -> bool {
 fn cause(scene: &Scene, eye: &Eye, both: &Both, x: u32, y: u32) -> Cause {
     let at = (y * EXTENT.width + x) as usize;
     let (raster, ray) = (&both.raster[at], &both.rays[at]);
-    // The nearer one is there by one answer only.
+    // Only one of the answers contains the nearer surface.
     let distance = |s: &Seen| if s.instance == 0 { f64::INFINITY } else { s.depth };
     let nearer = if distance(raster) <= distance(ray) { raster } else { ray };
     let centre = (f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -181,7 +182,7 @@ fn cause(scene: &Scene, eye: &Eye, both: &Both, x: u32, y: u32) -> Cause {
     }
 }
 
-/// Counts the pixels of one picture.
+/// Compares the pixels of one picture.
 pub fn compare(scene: &Scene, kinds: &Kinds, camera: &Camera, both: &Both, label: &str) -> Counts {
     let eye = Eye::new(camera, EXTENT);
     let mut counts = Counts::new();
@@ -215,12 +216,12 @@ pub fn compare(scene: &Scene, kinds: &Kinds, camera: &Camera, both: &Both, label
     counts
 }
 
-/// Share of the pixels that must agree.
+/// Least share of pixels that must agree.
 const LEAST: f64 = 0.999;
-/// The same for things of small triangles, where by the edges that these share, in 1/256 of a pixel, either triangle may be seen.
+/// The same for objects with small triangles, whose shared edges are ambiguous to 1/256 of a pixel.
 const LEAST_OF_SMALL: f64 = 0.995;
 
-/// Prints the counts and fails where a kind disagrees too often or without a known cause.
+/// Prints the statistics, and fails if a kind differs too often or without a known cause.
 pub fn check(counts: &Counts, label: &str) -> Result<()> {
     for (kind, count) in counts {
         let causes: Vec<_> = count.differ.iter().map(|((cause, what), n)| format!("{cause:?} ({what}) {n}")).collect();
@@ -233,7 +234,7 @@ pub fn check(counts: &Counts, label: &str) -> Result<()> {
         );
     }
     for (kind, count) in counts {
-        // Of few pixels a single one is a large share.
+        // A single pixel is a large share of few.
         let small = matches!(*kind, "skinned" | "morphed" | "moving");
         let least = if small { LEAST_OF_SMALL } else { LEAST };
         let allowed = ((1.0 - least) * f64::from(count.pixels)).max(1.0);

@@ -1,4 +1,4 @@
-//! One picture, by raster and by rays.
+//! One picture by raster and by rays.
 use anyhow::Result;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -104,16 +104,16 @@ struct Params {
     margins: StorageImage,
 }
 
-/// What one pixel shows, `instance` 0 for nothing.
+/// The surface of a pixel; `instance` is 0 for background.
 #[derive(Clone, Copy, Default)]
 pub struct Seen {
     pub instance: u32,
     pub primitive: u32,
     /// View depth, metres.
     pub depth: f64,
-    /// Of the triangle or sphere, towards the viewer.
+    /// Geometric normal, towards the viewer.
     pub normal: DVec3,
-    /// How far alpha is from the cut-off; 1 where nothing is tested.
+    /// Absolute difference of alpha from the cutoff; 1 without an alpha test.
     pub margin: f32,
 }
 
@@ -121,13 +121,13 @@ pub struct Seen {
 pub struct Both {
     pub raster: Vec<Seen>,
     pub rays: Vec<Seen>,
-    /// Closest-hit rays.
+    /// Number of closest-hit rays.
     pub closest: u64,
-    /// Of the rays, if it was measured.
+    /// GPU time of the rays, if measured.
     pub nanoseconds: Option<u64>,
 }
 
-/// Draws and traces one picture.
+/// Rasterises and traces one picture.
 pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays, policy: &Policy) -> Result<Both> {
     let kernel = bench.ray_kernel("raster_against_rays.ray", GLSL, rays)?;
     let gpu = bench.gpu.clone();

@@ -1,4 +1,4 @@
-//! Scenes of few shapes, and what the slot `shadows` says of them.
+//! Simple scenes, and their results of the slot `shadows`.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie::config::Config;
@@ -12,7 +12,7 @@ use magpie_tests::oracle::gbuffer::Eye;
 
 pub const SIZE: [u32; 2] = [160, 90];
 
-/// A renderer that is asked for the shadows.
+/// A renderer whose shadows are read back.
 pub struct Rig {
     renderer: Renderer,
 }
@@ -55,12 +55,12 @@ pub fn passes(result: &FrameResult) -> Vec<String> {
     result.plan.order.iter().map(|pass| result.declaration.pass_name(*pass).to_owned()).collect()
 }
 
-/// What the shadows of a scene are with this configuration, in its first frame.
+/// Visibility in the first frame of a scene with this configuration.
 pub fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<[f32; 4]>> {
     values(&Rig::new(gpu, scene, changes)?.frame(&scene.cameras[0], 0.0)?)
 }
 
-/// Hard shadows by rays: the truth of maps.
+/// Hard shadows by rays, the ground truth of maps.
 pub fn truth(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
     shadows(gpu, scene, &["stages.shadows=ray-traced", "shadows.edges=hard"])
 }
@@ -69,7 +69,7 @@ pub fn at(x: f32, y: f32, z: f32) -> Affine3A {
     Affine3A::from_translation(Vec3::new(x, y, z))
 }
 
-/// A floor of this half side, seen by a camera.
+/// A floor with this half side, and a camera.
 pub fn floor(half: f32, eye: Vec3, target: Vec3) -> Scene {
     let mut made = scene("shadows", camera(eye.as_dvec3(), target.as_dvec3()));
     add(&mut made, plane(half), material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
@@ -98,8 +98,8 @@ pub fn on_floor(camera: &Camera, pixel: usize) -> DVec3 {
     eye.position - ray * (eye.position.y / ray.y)
 }
 
-/// A disc of light over the edge of a sheet at five heights: how wide its penumbra on the floor is, over what it should be. The seen area
-/// of the disc goes from 10 to 90 % over 1.3745 times its radius, seen through the edge as through a pinhole.
+/// A disc light above the edge of a sheet at five heights: width of the penumbra on the floor, over the expected one. The visible area of
+/// the disc goes from 10 to 90 % over 1.3745 times its radius, projected through the edge.
 pub fn penumbrae(visibility: impl Fn(&Scene) -> Result<Vec<[f32; 4]>>) -> Result<Vec<f64>> {
     let (height, radius) = (4.0, 0.4);
     let mut told = Vec::new();
@@ -147,7 +147,7 @@ pub fn penumbrae(visibility: impl Fn(&Scene) -> Result<Vec<[f32; 4]>>) -> Result
     Ok(told)
 }
 
-/// Whether a pixel shows the floor: the sheet, at the left and above, does not hide it.
+/// Whether a pixel shows the floor rather than the sheet, which is at the left and above.
 fn on_floor_is_seen(camera: &Camera, pixel: usize, edge: f32) -> bool {
     let (eye, place) = (camera.eye(), on_floor(camera, pixel));
     eye.y < f64::from(edge) && place.y.abs() < 1e-6 && place.distance(eye) < 8.0

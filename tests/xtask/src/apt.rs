@@ -1,21 +1,21 @@
-//! What apt knows: package sources in both of their notations, and the versions that they offer. Text in, values out.
+//! Parser for apt's package sources in both notations, and for the versions that they offer. No side effects.
 
 use std::fmt::Write;
 
-/// One entry of apt's sources that is switched on (sources.list(5)).
+/// One enabled entry of apt's sources (sources.list(5)).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A paragraph of a `.sources` file (deb822): names and values as written, without comments.
+    /// A paragraph of a `.sources` file (deb822): field names and values as written, without comments.
     Paragraph(Vec<(String, String)>),
     /// A line of a `.list` file.
     Line {
-        /// What stands in brackets, without them.
+        /// The text in brackets.
         options: Option<String>,
-        /// The mirror.
+        /// URI of the mirror.
         uri: String,
-        /// The release.
+        /// Name of the release.
         suite: String,
-        /// `main` and others.
+        /// Components such as `main`.
         components: Vec<String>,
     },
 }
@@ -34,7 +34,7 @@ impl Source {
         fields.iter().find(|(name, _)| name.eq_ignore_ascii_case(wanted)).map(|(_, value)| value.as_str())
     }
 
-    /// Text of a file that offers `suite` from the same mirror, with the same components, keys and options.
+    /// A source file for `suite` from the same mirror, with the same components, keys and options.
     pub fn with_suite(&self, suite: &str) -> SourceFile {
         let mut text = String::from("# Written by `cargo xtask setup` of Magpie.\n");
         match self {
@@ -50,7 +50,7 @@ impl Source {
                         "types" => "deb",
                         _ => value,
                     };
-                    // A value that begins on the next line, such as a key, has no blank after the colon.
+                    // A value that begins on the next line, such as a key, has no space after the colon.
                     let gap = if value.starts_with('\n') { "" } else { " " };
                     let _ = writeln!(text, "{name}:{gap}{value}"); // writing to a String cannot fail
                 }
@@ -60,12 +60,12 @@ impl Source {
     }
 }
 
-/// A file to be written below apt's folder.
+/// A file to write below apt's folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
-    /// Where it goes.
+    /// Path below apt's folder.
     pub path: &'static str,
-    /// What it holds.
+    /// Contents of the file.
     pub text: String,
 }
 
@@ -117,7 +117,7 @@ fn parse_line(line: &str) -> Option<Source> {
     };
     let mut words = rest.split_whitespace().map(str::to_owned);
     let (uri, suite) = (words.next()?, words.next()?);
-    // The name of a disc is in brackets too and may hold blanks; no other release comes from a disc.
+    // The name of a CD is in brackets too and may contain spaces; other releases do not come from a CD.
     (!uri.starts_with("cdrom:")).then(|| Source::Line { options, uri, suite, components: words.collect() })
 }
 
@@ -126,8 +126,8 @@ pub fn offers(sources: &[Source], suite: &str) -> bool {
     sources.iter().any(|source| source.suites().contains(&suite))
 }
 
-/// The file that adds the backports of release `codename` from the mirror that the release itself comes from.
-/// `None` where they are a source already, or where no source offers the release.
+/// The file that adds the backports of release `codename` from the release's own mirror. `None` if they are enabled already, or if no
+/// source offers the release.
 pub fn backports(sources: &[Source], codename: &str) -> Option<SourceFile> {
     let suite = format!("{codename}-backports");
     if offers(sources, &suite) {
@@ -145,17 +145,17 @@ pub struct Offer {
     pub suites: Vec<String>,
 }
 
-/// What `apt-cache policy PACKAGE` says.
+/// Parsed output of `apt-cache policy PACKAGE`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Policy {
-    /// The version that `apt-get install` takes.
+    /// The version that `apt-get install` chooses.
     pub candidate: Option<String>,
     /// Every version on offer.
     pub table: Vec<Offer>,
 }
 
 impl Policy {
-    /// Reads the output, which must be in the C locale.
+    /// Parses the output, which must be in the C locale.
     pub fn parse(text: &str) -> Policy {
         let mut policy = Policy::default();
         for line in text.lines() {
@@ -180,32 +180,32 @@ impl Policy {
     }
 }
 
-/// The first two numbers of a Debian version: `1:25.0.7-2~bpo12+1` is 25.0.
+/// The first two numbers of a Debian version: `1:25.0.7-2~bpo12+1` gives 25 and 0.
 pub fn release_of(version: &str) -> Option<(u32, u32)> {
     let upstream = version.split_once(':').map_or(version, |(_, rest)| rest);
     let mut numbers = upstream.split(|c: char| !c.is_ascii_digit());
     Some((numbers.next()?.parse().ok()?, numbers.next()?.parse().ok()?))
 }
 
-/// Which Mesa is to be installed.
+/// Which version of Mesa to install.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// What `apt-get install` takes by itself is new enough.
+    /// The version that `apt-get install` chooses is new enough.
     Candidate(String),
-    /// A release that apt only takes when it is asked to.
+    /// A version of a release that apt only uses on request.
     From {
-        /// For example `bookworm-backports`.
+        /// Name of the release, such as `bookworm-backports`.
         suite: String,
-        /// The version there.
+        /// The version in that release.
         version: String,
     },
-    /// Nothing is new enough; the newest that there is.
+    /// No version is new enough; this is the newest.
     TooOld(String),
     /// No source offers the package.
     Unknown,
 }
 
-/// Chooses among the versions on offer; `oldest` is major and minor of the first version that will do.
+/// Chooses among the offered versions; `oldest` is the major and minor number of the first version that is new enough.
 pub fn choose(policy: &Policy, oldest: (u32, u32)) -> Choice {
     let enough = |version: &str| release_of(version).is_some_and(|release| release >= oldest);
     let Some(candidate) = &policy.candidate else { return Choice::Unknown };

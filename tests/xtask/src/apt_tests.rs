@@ -56,7 +56,7 @@ fn backports_follow_the_paragraph_of_the_release() {
          Components: main contrib\n\
          Signed-By: /usr/share/keyrings/archive.gpg\n"
     );
-    // What was written is read back as the source that was missing.
+    // Reading the written file gives the source that was missing.
     let written = parse_paragraphs(&file.text);
     assert!(offers(&written, "bookworm-backports") && backports(&written, "bookworm").is_none());
 }

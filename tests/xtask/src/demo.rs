@@ -14,7 +14,7 @@ pub fn demo(extra: &[String]) -> Result<()> {
     let arguments = arguments(extra, &picture);
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let magpie = place.magpie();
-    // In the folder of the caller, so that paths among the arguments mean what they say.
+    // Run in the caller's folder, so that relative paths among the arguments work.
     match Invocation::new(&magpie.to_string_lossy(), &arguments).shown_as("magpie").status()? {
         Some(0) => {}
         Some(code) => bail!("magpie ended with status {code}"),
@@ -26,7 +26,7 @@ pub fn demo(extra: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// The arguments of `magpie`: those of the caller, and a default for what they leave open.
+/// The arguments of `magpie`: those of the caller, and defaults for the rest.
 fn arguments(extra: &[String], picture: &Path) -> Vec<String> {
     let own_scene = extra.first().is_some_and(|first| !first.starts_with('-'));
     let (scene, flags) = if own_scene { extra.split_at(1) } else { (&[] as &[String], extra) };

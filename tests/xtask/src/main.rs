@@ -1,7 +1,7 @@
 //! `cargo xtask`: set-up, demo and test commands, and the template of a pass.
 //!
-//! This crate is compiled before a C++ compiler or a Vulkan loader need exist, so it depends on neither:
-//! whether a device is good enough is asked of `magpie devices`, built as soon as it can be.
+//! This crate is compiled before a C++ compiler or a Vulkan loader need exist, so it depends on neither: `magpie devices`, built as early
+//! as possible, tells whether a device is good enough.
 
 mod apt;
 mod demo;
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            // Wrong usage, as clap has it.
+            // The exit status of clap for wrong usage.
             if error.is::<new_pass::BadName>() { ExitCode::from(2) } else { ExitCode::FAILURE }
         }
     }

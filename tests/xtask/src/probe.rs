@@ -1,4 +1,4 @@
-//! Is there a device that Magpie accepts? Asked of Magpie itself.
+//! Finds out from Magpie itself whether there is a device that it accepts.
 
 use crate::shell::Invocation;
 use crate::workplace::Workplace;
@@ -7,12 +7,12 @@ use anyhow::{Result, bail};
 /// Exit status of `magpie` for "no usable device".
 const NO_DEVICE: i32 = 3;
 
-/// What `magpie devices` answered.
+/// Result of `magpie devices`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// There is one; the list of devices.
+    /// A device is accepted; the list of devices.
     Device(String),
-    /// There is none; the reasons.
+    /// No device is accepted; the reasons.
     None(String),
 }
 
@@ -30,7 +30,7 @@ fn answer(code: Option<i32>, out: &str, err: &str) -> Result<Answer> {
     match code {
         Some(0) => Ok(Answer::Device(out.trim_end().to_owned())),
         Some(NO_DEVICE) => Ok(Answer::None(both)),
-        // A driver that crashes is a fault to be looked at, not a reason to install another one beside it.
+        // A driver that crashes should be investigated; installing another one would not help.
         Some(code) => bail!("`magpie devices` ended with status {code}\n{both}"),
         None => bail!("`magpie devices` was ended by a signal\n{both}"),
     }

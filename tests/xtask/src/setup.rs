@@ -1,4 +1,4 @@
-//! Looks for what Magpie needs of a machine, and installs what is missing where that is known to be safe.
+//! Checks the machine for Magpie's requirements, and installs what is missing where that is known to be safe.
 
 use crate::apt::{self, Choice, Policy, Source, SourceFile};
 use crate::probe::{self, Answer};
@@ -14,7 +14,7 @@ use std::path::Path;
 const OLDEST_MESA: (u32, u32) = (24, 1);
 /// Debian's and Ubuntu's name for Mesa's drivers, the software one among them.
 const MESA: &str = "mesa-vulkan-drivers";
-/// The loader, and the layers that the tests run under.
+/// The Vulkan loader, and the validation layers for the tests.
 const LOADER_AND_LAYERS: [&str; 2] = ["libvulkan1", "vulkan-validationlayers"];
 
 /// `cargo xtask setup`.
@@ -25,7 +25,7 @@ pub fn setup(dry_run: bool) -> Result<()> {
     device(&place, &mut installer)
 }
 
-/// The set-up before other work: the compiler, and unless `no_gpu` the device.
+/// Set-up before other commands: the compiler, and unless `no_gpu` the device.
 pub fn prepare(no_gpu: bool) -> Result<Workplace> {
     let mut place = Workplace::find()?;
     let mut installer = Installer::new(false);
@@ -58,7 +58,7 @@ fn compiler(place: &mut Workplace, installer: &mut Installer) -> Result<()> {
     installer.install(None, &["g++"])
 }
 
-/// Builds `magpie`, asks it for a device, and installs Mesa's software driver where it knows none.
+/// Builds `magpie`, looks for a device with it, and installs Mesa's software driver if there is none.
 fn device(place: &Workplace, installer: &mut Installer) -> Result<()> {
     let build = place.cargo(&["build", "--release", "--package", "magpie-demo"]);
     if installer.dry_run {
@@ -157,7 +157,7 @@ fn sources(folder: &Path) -> Result<Vec<Source>> {
     Ok(sources)
 }
 
-/// Changes the machine, as root, or says what it would change.
+/// Changes the machine as root, or prints what it would change.
 struct Installer {
     system: System,
     dry_run: bool,
@@ -188,13 +188,13 @@ impl Installer {
                 "this needs root and there is no sudo; as root, run (`--dry-run` of set-up shows the rest):\n  {command}"
             );
         }
-        // Nobody can type a password where there is no terminal: better an error than a wait.
+        // Without a terminal nobody can type a password: fail instead of waiting.
         let prefix: &[&str] = if std::io::stdin().is_terminal() { &["sudo"] } else { &["sudo", "-n"] };
         Ok(command.through(&prefix.iter().map(|&word| word.to_owned()).collect::<Vec<_>>()))
     }
 
     fn apt_get(&self, arguments: &[&str]) -> Result<Invocation> {
-        // Wait for a minute or two where the machine is updating itself. A bare root has no pseudo-terminals.
+        // Waits up to two minutes if the machine is updating itself. A minimal root environment has no pseudo-terminals.
         let all = [&["-qq", "-o", "DPkg::Lock::Timeout=120", "-o", "Dpkg::Use-Pty=0"], arguments].concat();
         self.as_root(Invocation::new("apt-get", &all).with_env("DEBIAN_FRONTEND", "noninteractive").quietly())
     }
@@ -207,7 +207,7 @@ impl Installer {
         self.updated = true;
         let update = self.apt_get(&["update"])?;
         if let Err(error) = self.act(&update) {
-            // One broken source among several is common and need not matter: the installation will tell.
+            // One broken source among several is common and may not matter: the installation will tell.
             say(&format!("{error:#}; going on with the package lists that are there"));
         }
         Ok(())
@@ -225,7 +225,7 @@ impl Installer {
         Ok(Policy::parse(&String::from_utf8_lossy(&output.stdout)))
     }
 
-    /// Adds a source and chooses anew; takes it away again where it has nothing better than `before`.
+    /// Adds a source and chooses again; removes it if it offers nothing better than `before`.
     fn with_backports(&mut self, file: &SourceFile, suite: &str, before: Choice) -> Result<Choice> {
         if self.dry_run {
             println!("  would write {}:", file.path);

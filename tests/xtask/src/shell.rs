@@ -1,4 +1,4 @@
-//! Commands as values: shown before they run, or only shown.
+//! Commands as values, which can be printed, run, or both.
 
 use anyhow::{Context, Result, bail};
 use std::fmt;
@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// One command with everything it needs.
+/// A command with arguments, environment and input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invocation {
     program: String,
@@ -32,7 +32,7 @@ impl Invocation {
         }
     }
 
-    /// Shows another name than the full path that is run.
+    /// Prints another name instead of the full path.
     pub fn shown_as(self, shown: &str) -> Invocation {
         Invocation { shown: shown.to_owned(), ..self }
     }
@@ -54,18 +54,17 @@ impl Invocation {
         self
     }
 
-    /// With `input` on standard input.
+    /// Passes `input` on standard input.
     pub fn fed(self, input: &str) -> Invocation {
         Invocation { input: Some(input.to_owned()), ..self }
     }
 
-    /// Without what it writes to standard output; its complaints are still shown.
+    /// Discards standard output; standard error is still shown.
     pub fn quietly(self) -> Invocation {
         Invocation { quiet: true, ..self }
     }
 
-    /// The same command started by `prefix`, for example `sudo`. `env` sets the variables behind it, because sudo
-    /// clears those that it inherits.
+    /// The same command run by `prefix`, for example `sudo`. `env` sets the variables after it, because sudo clears inherited ones.
     pub fn through(self, prefix: &[String]) -> Invocation {
         let Some((program, rest)) = prefix.split_first() else { return self };
         let mut arguments = rest.to_vec();
@@ -93,7 +92,7 @@ impl Invocation {
         command
     }
 
-    /// Shows the command, runs it and gives its exit status: `None` when a signal ended it.
+    /// Prints the command, runs it and returns its exit status: `None` if a signal ended it.
     pub fn status(&self) -> Result<Option<i32>> {
         println!("  $ {self}");
         let mut command = self.command();
@@ -110,7 +109,7 @@ impl Invocation {
         Ok(child.wait().with_context(|| format!("waiting for {}", self.shown))?.code())
     }
 
-    /// Shows the command and runs it; any status but 0 is an error.
+    /// Prints the command and runs it; any status but 0 is an error.
     pub fn run(&self) -> Result<()> {
         match self.status()? {
             Some(0) => Ok(()),
@@ -119,7 +118,7 @@ impl Invocation {
         }
     }
 
-    /// Runs the command in silence and gives what it wrote.
+    /// Runs the command silently and returns its output.
     pub fn output(&self) -> Result<Output> {
         self.command().stdin(Stdio::null()).output().with_context(|| format!("{} could not be started", self.shown))
     }
@@ -137,7 +136,7 @@ impl fmt::Display for Invocation {
     }
 }
 
-/// `word` as a POSIX shell would need it.
+/// `word` quoted for a POSIX shell if needed.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%~".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

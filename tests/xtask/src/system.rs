@@ -1,13 +1,13 @@
-//! Which operating system this is, and what a person installs there.
+//! The operating system, and what to install on it.
 
 use std::fs;
 
 /// Operating systems that differ in how a Vulkan driver is installed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum System {
-    /// Debian, Ubuntu and what is built on them; the name of the release that their packages come from.
+    /// Debian, Ubuntu and derivatives.
     Apt {
-        /// For example `bookworm`; not all releases have one.
+        /// Codename of the release that packages come from, such as `bookworm`; some releases have none.
         codename: Option<String>,
     },
     /// Fedora, RHEL and relatives.
@@ -22,7 +22,7 @@ pub enum System {
     Mac,
     /// Windows.
     Windows,
-    /// Anything else, by its name.
+    /// Any other system, by name.
     Other(String),
 }
 
@@ -41,7 +41,7 @@ impl System {
         }
     }
 
-    /// The system that the text of an os-release file describes (os-release(5): shell assignments, one a line).
+    /// Parses an os-release file (os-release(5): shell assignments, one per line).
     pub fn from_os_release(text: &str) -> System {
         let value = |name: &str| {
             let line = text.lines().find_map(|line| line.trim().strip_prefix(name)?.strip_prefix('='))?;
@@ -53,7 +53,7 @@ impl System {
         for name in std::iter::once(id.as_str()).chain(relatives.split_whitespace()) {
             match name {
                 "debian" | "ubuntu" => {
-                    // A derivative has a codename of its own, and names the one of the packages beside it.
+                    // A derivative has its own codename, and also names that of the packages it uses.
                     let names = ["DEBIAN_CODENAME", "UBUNTU_CODENAME", "VERSION_CODENAME"];
                     return System::Apt { codename: names.iter().find_map(|name| value(name)) };
                 }
@@ -67,7 +67,7 @@ impl System {
         System::Other(id)
     }
 
-    /// What a person installs here for a device, in lines; for the systems that are not set up automatically.
+    /// Lines of advice on installing a Vulkan driver, for systems that are not set up automatically.
     pub fn device_advice(&self) -> Vec<String> {
         let lines: &[&str] = match self {
             System::Apt { .. } => &["sudo apt-get install libvulkan1 mesa-vulkan-drivers vulkan-validationlayers"],
@@ -96,7 +96,7 @@ impl System {
         lines.iter().map(|&line| line.to_owned()).collect()
     }
 
-    /// What a person installs here for a C++ compiler.
+    /// Advice on installing a C++ compiler.
     pub fn compiler_advice(&self) -> &'static str {
         match self {
             System::Apt { .. } => "sudo apt-get install g++",

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: everything that must hold before a change lands, one step after the other.
+//! `cargo xtask test`: all checks that must pass before a change lands, one after the other.
 
 use crate::setup;
 use crate::shell::Invocation;
@@ -6,12 +6,12 @@ use crate::workplace::{Workplace, on_path};
 use anyhow::{Result, bail};
 use std::time::{Duration, Instant};
 
-/// How much is tested.
+/// Which tests to run.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
-    /// Nothing that needs a Vulkan device.
+    /// Leave out everything that needs a Vulkan device.
     pub no_gpu: bool,
-    /// Nothing slow.
+    /// Leave out slow tests.
     pub quick: bool,
 }
 
@@ -20,7 +20,7 @@ struct Step {
     command: Invocation,
 }
 
-/// Sets up, then takes the steps up to the first that fails.
+/// Sets up, then runs the steps up to the first that fails.
 pub fn test(extent: Extent) -> Result<()> {
     let start = Instant::now();
     let place = setup::prepare(extent.no_gpu)?;
@@ -46,7 +46,7 @@ pub fn test(extent: Extent) -> Result<()> {
     }
 }
 
-/// A toolchain may come without rustfmt and clippy.
+/// Installs rustfmt and clippy if the toolchain lacks them.
 fn components(place: &Workplace) -> Result<()> {
     for (command, component) in [("fmt", "rustfmt"), ("clippy", "clippy")] {
         if place.cargo(&[command, "--version"]).output()?.status.success() {
@@ -61,7 +61,7 @@ fn components(place: &Workplace) -> Result<()> {
     Ok(())
 }
 
-/// Everything is built with the release profile, so that the C++ of the shader compiler is compiled only once.
+/// Everything is built in the release profile, so that the shader compiler's C++ is compiled only once.
 fn steps(place: &Workplace, extent: Extent) -> Vec<Step> {
     let mut tests = place.cargo(&["test", "--release", "--workspace", "--no-fail-fast"]);
     for (wanted, variable) in [(extent.no_gpu, "MAGPIE_NO_GPU"), (extent.quick, "MAGPIE_QUICK")] {

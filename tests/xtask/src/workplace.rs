@@ -1,4 +1,4 @@
-//! Where the repository and the built programs are.
+//! Paths of the repository and of built programs.
 
 use crate::shell::Invocation;
 use anyhow::{Context, Result};
@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 pub struct Workplace {
     /// Root of the repository.
     pub root: PathBuf,
-    /// Folder of the programs that `cargo build --release` writes: the one this program was started from.
+    /// Folder of `cargo build --release`: the one that contains this program.
     programs: PathBuf,
     /// C++ compiler that the `cc` crate would not find by itself.
     compiler: Option<String>,
 }
 
 impl Workplace {
-    /// Finds the repository from what `cargo run` tells its child.
+    /// Finds the repository from the environment that `cargo run` sets.
     pub fn find() -> Result<Workplace> {
         let manifest = env::var_os("CARGO_MANIFEST_DIR").context("start this through `cargo xtask`")?;
         let root = Path::new(&manifest).ancestors().nth(2).context("tests/xtask lies two folders below the root")?;
@@ -25,9 +25,9 @@ impl Workplace {
         Ok(Workplace { root: root.to_owned(), programs: programs.to_owned(), compiler: None })
     }
 
-    /// From now on cargo compiles C++ with `compiler`.
+    /// Makes cargo compile C++ with `compiler` from now on.
     pub fn compile_with(&mut self, compiler: &str) {
-        // `c++` is what the cc crate takes anyway; a variable that equals the default would only cause rebuilds.
+        // `c++` is the cc crate's default; setting the variable to it would only cause rebuilds.
         self.compiler = (compiler != "c++" && env::var_os("CXX").is_none()).then(|| compiler.to_owned());
     }
 
@@ -35,7 +35,7 @@ impl Workplace {
     pub fn cargo(&self, arguments: &[&str]) -> Invocation {
         let cargo = env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
         let mut invocation = Invocation::new(&cargo, arguments).shown_as("cargo").within(&self.root);
-        // What cargo told this program about itself is not true of the next cargo.
+        // Variables that describe this program to itself do not apply to the next cargo.
         for (name, _) in env::vars_os() {
             let Some(name) = name.to_str() else { continue };
             if ["CARGO_PKG_", "CARGO_MANIFEST_", "CARGO_BIN_"].iter().any(|prefix| name.starts_with(prefix)) {
@@ -48,7 +48,7 @@ impl Workplace {
         }
     }
 
-    /// The built `magpie`, whether it is there yet or not.
+    /// Path of the built `magpie`, which may not exist yet.
     pub fn magpie(&self) -> PathBuf {
         self.programs.join(format!("magpie{}", env::consts::EXE_SUFFIX))
     }

@@ -12,7 +12,7 @@ fn sum(terms: &[Picture; 4]) -> Picture {
     all
 }
 
-/// A frame as it is made: lamps behind shadows, the sky behind ambient occlusion, scaled by what each slot does.
+/// The terms of a frame: lights times shadows, sky light times ambient occlusion.
 fn frame(shadows: f32, ao: f32, gi: f32) -> [Picture; 4] {
     let seen = |i: usize| if i.is_multiple_of(3) { 1.0 - 0.8 * shadows } else { 1.0 };
     let open = |i: usize| 1.0 - ao * 0.02 * i as f32;
@@ -52,7 +52,7 @@ fn choices_of_a_frame_compose_as_the_frame_does() {
     near(&composer.compose([]), &sum(&default));
     near(&composer.compose(["shadows"]), &sum(&frame(0.0, 1.0, 1.0)));
     near(&composer.compose(["shadows", "ao"]), &sum(&frame(0.0, 0.0, 1.0)));
-    // Without light of the sky there is nothing for openness to add: numbers that are added would have it all.
+    // Without sky light ambient occlusion has no effect; adding the two changes would predict one.
     near(&composer.compose(["ao", "gi"]), &sum(&frame(1.0, 0.0, 0.0)));
     near(&composer.compose(["shadows", "ao", "gi"]), &sum(&frame(0.0, 0.0, 0.0)));
     let added: f32 =
@@ -73,7 +73,7 @@ fn what_a_whole_picture_goes_through_is_laid_over_the_sum() {
     let parts = [("taa".to_owned(), whole), ("gi".to_owned(), parts(frame(1.0, 1.0, 0.0), &default))];
     let composer = composer(parts.into());
     near(&composer.compose(["taa"]), &smooth(&sum(&default)));
-    // Near what is rendered, and nearer than without the one or the other.
+    // Close to the rendered picture, and closer than without either change.
     let wanted = smooth(&sum(&frame(1.0, 1.0, 0.0)));
     let off = |p: &Picture| crate::metrics::rmse(p, &wanted).unwrap();
     let both = off(&composer.compose(["taa", "gi"]));

@@ -1,31 +1,31 @@
-//! All spatial metrics of one pair.
+//! All spatial metrics of a pair of pictures.
 use super::picture::check_pair;
 use super::{Exposures, MetricError, Picture, exposures, flip_hdr, flip_ldr, mse, psnr_of_mse, relmse, smape, ssim};
 use crate::display::Display;
 use serde::{Deserialize, Serialize};
 
-/// How far a picture is from its reference, by every spatial metric.
+/// Error of a picture against its reference, by every spatial metric.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
-    /// Pixels from left to right.
+    /// Width, pixels.
     pub width: usize,
-    /// Pixels from top to bottom.
+    /// Height, pixels.
     pub height: usize,
     /// Root mean squared error, in the unit of the pictures.
     pub rmse: f64,
     /// Relative mean squared error; [`super::relmse`].
     pub relmse: f64,
-    /// From 0 to 1; [`super::smape`].
+    /// SMAPE, 0 to 1; [`super::smape`].
     pub smape: f64,
-    /// Peak signal-to-noise ratio of what a display shows (cut to 0..1, sRGB-encoded, peak 1), decibels; none where that is equal.
+    /// Peak signal-to-noise ratio of display values (clamped to 0..1, sRGB-encoded, peak 1), decibels; none if they are equal.
     pub psnr: Option<f64>,
-    /// Structural similarity of what a display shows, up to 1 for the same.
+    /// Structural similarity of display values, at most 1, which is equal.
     pub ssim: f64,
-    /// FLIP of what a display shows, from 0 to 1.
+    /// FLIP of display values, 0 to 1.
     pub flip_ldr: f64,
-    /// FLIP over the exposures of the reference, from 0 to 1.
+    /// HDR-FLIP over the exposures of the reference, 0 to 1.
     pub flip_hdr: f64,
-    /// Those exposures.
+    /// The exposures of `flip_hdr`.
     pub exposures: Exposures,
     /// Mean luminance of the picture under test.
     pub mean_test: f64,
@@ -34,15 +34,15 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares by every metric. What a display shows is what the pictures are.
+    /// Computes every metric. The pictures are display-referred already.
     ///
     /// # Errors
-    /// [`MetricError`] where the pictures have not the same size or are not finite.
+    /// [`MetricError`] if the pictures differ in size or are not finite.
     pub fn of(test: &Picture, reference: &Picture) -> Result<Self, MetricError> {
         Self::displayed(test, reference, &Display::PLAIN)
     }
 
-    /// The same of radiance, which this display shows: PSNR, SSIM and FLIP are of that.
+    /// The same for radiance: PSNR, SSIM and FLIP are computed after conversion by `display`.
     ///
     /// # Errors
     /// As [`Comparison::of`].
@@ -78,7 +78,7 @@ mod tests {
         test.pixels[3] = [1.0, 0.5, 0.25];
         let comparison = Comparison::of(&test, &reference).unwrap();
         let text = serde_json::to_string(&comparison).unwrap();
-        // Reading a number back may cost its last bit.
+        // Reading a number back may change its last digit.
         let back: Comparison = serde_json::from_str(&text).unwrap();
         assert!(
             (back.relmse / comparison.relmse - 1.0).abs() < 1e-14 && back.exposures == comparison.exposures,
@@ -98,7 +98,7 @@ mod tests {
         let comparison = Comparison::of(&picture, &picture).unwrap();
         let Comparison { rmse, relmse, smape, psnr, flip_ldr, flip_hdr, .. } = comparison;
         assert_eq!((rmse, relmse, smape, psnr, flip_ldr, flip_hdr), (0.0, 0.0, 0.0, None, 0.0, 0.0));
-        // The absence of a finite ratio is written as such, not as text that is no JSON.
+        // None is written as null, as JSON has no infinity.
         assert!(serde_json::to_string(&comparison).unwrap().contains("\"psnr\":null"));
     }
 

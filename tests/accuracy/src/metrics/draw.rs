@@ -1,17 +1,17 @@
-//! Two pictures and what a person sees of their difference, side by side.
+//! Two pictures and their FLIP map side by side.
 use super::{Map, MetricError, Picture, flip_hdr_map, flip_ldr_map, magma};
 use magpie::graph::{Extent, Format};
 use magpie::pixels::Pixels;
 
-/// Pixels between the parts.
+/// Gap between the parts, pixels.
 const GAP: usize = 4;
 
-/// How two pictures are shown and which FLIP is drawn.
+/// How two pictures are displayed, and which FLIP is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DynamicRange {
-    /// What a display shows: values cut to 0..1.
+    /// Values are clamped to 0..1; FLIP.
     Display,
-    /// Radiance: shown through `x / (1 + x)`, compared over the exposures of the reference.
+    /// Radiance, displayed through `x / (1 + x)`; HDR-FLIP.
     High,
 }
 
@@ -34,11 +34,10 @@ impl DynamicRange {
     }
 }
 
-/// The picture under test, the reference, and the FLIP of each pixel in the colours of [`magma`], from left to right: a display
-/// image.
+/// The picture under test, the reference, and the FLIP map in the colours of [`magma`], from left to right, as a display image.
 ///
 /// # Errors
-/// [`MetricError`] where the pictures have not the same size or are not finite.
+/// [`MetricError`] if the pictures differ in size or are not finite.
 pub fn side_by_side(test: &Picture, reference: &Picture, range: DynamicRange) -> Result<Pixels, MetricError> {
     let parts = [magma(&range.map(test, reference)?), range.shown(reference), range.shown(test)];
     let (width, height) = (test.width, test.height);

@@ -1,49 +1,49 @@
-//! Why there is no number.
+//! Errors of metrics.
 use magpie::graph::Format;
 
 /// Why two pictures, or two sequences, cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MetricError {
-    /// A picture without a pixel.
+    /// A picture without pixels.
     #[error("{what} is {width}x{height}: wanted at least one pixel")]
     Empty {
-        /// Which picture.
+        /// Name of the picture.
         what: &'static str,
-        /// Pixels.
+        /// Width, pixels.
         width: usize,
-        /// Pixels.
+        /// Height, pixels.
         height: usize,
     },
-    /// A table that does not fit the size.
+    /// The number of pixels is not width times height.
     #[error("{what} is {width}x{height}: wanted {} values, got {got}", width * height)]
     Length {
-        /// Which picture or mask.
+        /// Name of the picture or mask.
         what: &'static str,
-        /// Pixels.
+        /// Width, pixels.
         width: usize,
-        /// Pixels.
+        /// Height, pixels.
         height: usize,
-        /// Length of the table.
+        /// Pixels that were given.
         got: usize,
     },
-    /// Two pictures of different sizes.
+    /// Two pictures differ in size.
     #[error("{what} is {got_width}x{got_height}, wanted {width}x{height} as the reference has it")]
     Size {
-        /// Which picture or mask differs.
+        /// Name of the picture or mask that differs.
         what: &'static str,
-        /// Pixels of the reference.
+        /// Width of the reference, pixels.
         width: usize,
-        /// Pixels of the reference.
+        /// Height of the reference, pixels.
         height: usize,
-        /// Pixels of the other.
+        /// Width of the other, pixels.
         got_width: usize,
-        /// Pixels of the other.
+        /// Height of the other, pixels.
         got_height: usize,
     },
     /// A NaN or an infinity.
     #[error("{what} has {value} in channel {channel} of pixel ({x}, {y})")]
     NotFinite {
-        /// Which picture.
+        /// Name of the picture.
         what: &'static str,
         /// Column, from the left.
         x: usize,
@@ -51,46 +51,46 @@ pub enum MetricError {
         y: usize,
         /// 0 red, 1 green, 2 blue.
         channel: usize,
-        /// What stands there.
+        /// The value.
         value: f32,
     },
-    /// An image of ids is no picture.
+    /// An image of integer ids cannot be compared.
     #[error("an image of format {0:?} holds ids, not colours")]
     Ids(Format),
-    /// A parameter out of its range.
+    /// A parameter is out of range.
     #[error("{name} is {got}: wanted {wanted}")]
     Parameter {
-        /// Name.
+        /// Name of the parameter.
         name: &'static str,
-        /// Range in words.
+        /// Valid range.
         wanted: &'static str,
-        /// Value.
+        /// The given value.
         got: f64,
     },
-    /// A sequence with too few pictures, or two of different lengths.
+    /// A sequence has too few pictures, or two sequences differ in length.
     #[error("{what} has {got} pictures: wanted {wanted}")]
     Frames {
-        /// Which sequence.
+        /// Name of the sequence.
         what: &'static str,
-        /// Wanted in words.
+        /// Required number of pictures.
         wanted: String,
-        /// Number of pictures.
+        /// Given number of pictures.
         got: usize,
     },
-    /// A change that the metric is relative to is none.
+    /// A metric is relative to a change that is zero.
     #[error("{metric}: {fault}")]
     Nothing {
-        /// Name.
+        /// Name of the metric.
         metric: &'static str,
-        /// What is missing, in words.
+        /// What does not change.
         fault: &'static str,
     },
-    /// One picture of a sequence is at fault.
+    /// A picture of a sequence is invalid.
     #[error("frame {frame}: {fault}")]
     Frame {
         /// Index, from 0.
         frame: usize,
-        /// What is wrong with it.
+        /// Its error.
         fault: Box<MetricError>,
     },
 }

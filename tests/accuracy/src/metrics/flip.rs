@@ -1,28 +1,28 @@
-//! FLIP: the difference that a person sees when two pictures alternate, by its authors' code; and its form for high dynamic range.
+//! FLIP, the perceived difference of two alternating pictures, by its authors' code; and HDR-FLIP.
 use super::picture::{check_pair, luminance};
 use super::{Map, MetricError, Picture};
 use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageFloat, FlipImageRgb8, magma_lut};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Pixels per degree of the eye: 0.7 m from a display 0.7 m and 3840 pixels wide.
+/// Angular resolution, pixels per degree: 0.7 m from a display 0.7 m and 3840 pixels wide.
 pub const FLIP_PIXELS_PER_DEGREE: f32 = DEFAULT_PIXELS_PER_DEGREE;
 
-/// Display value that the brightest pixel reaches at the start exposure, and the median at the stop exposure.
+/// Tone-mapped value of the brightest pixel at the start exposure, and of the median pixel at the stop exposure.
 const BRIGHT: f64 = 0.85;
-/// Numerator and denominator of the tone curve, highest power first: the fit of ACES by Narkowicz 2015, with its pre-exposure of
-/// 0.6 taken in, as Andersson et al. 2021 use it.
+/// Coefficients of the tone curve's numerator and denominator, highest power first: the fit of ACES by Narkowicz 2015, with its
+/// pre-exposure of 0.6 included, as used by Andersson et al. 2021.
 const NUMERATOR: [f64; 3] = [0.36 * 2.51, 0.6 * 0.03, 0.0];
 const DENOMINATOR: [f64; 3] = [0.36 * 2.43, 0.6 * 0.59, 0.14];
 
-/// The exposures at which two pictures of high dynamic range are compared.
+/// The exposures of HDR-FLIP.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exposures {
-    /// The first, stops: the brightest pixel of the reference is just not blown out.
+    /// First exposure, stops: the brightest pixel of the reference just avoids clipping.
     pub start: f64,
-    /// The last, stops: the median pixel of the reference is as bright.
+    /// Last exposure, stops: the median pixel of the reference reaches the same value.
     pub stop: f64,
-    /// How many, evenly from start to stop.
+    /// Number of exposures, evenly spaced from start to stop.
     pub count: usize,
 }
 
@@ -33,17 +33,17 @@ impl Exposures {
     }
 }
 
-/// Mean FLIP of what a display shows of both (values cut to 0..1), from 0 (the same) to 1: Andersson et al. 2020, "FLIP: A
-/// Difference Evaluator for Alternating Images", seen at [`FLIP_PIXELS_PER_DEGREE`].
+/// Mean FLIP of display values (clamped to 0..1), from 0 (equal) to 1: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating
+/// Images", at [`FLIP_PIXELS_PER_DEGREE`].
 ///
 /// # Errors
-/// [`MetricError`] where the pictures have not the same size or are not finite.
+/// [`MetricError`] if the pictures differ in size or are not finite.
 pub fn flip_ldr(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
     Ok(flip_ldr_map(test, reference)?.mean())
 }
 
-/// FLIP of each pixel, as [`flip_ldr`] averages it. The authors' code takes 8 bits per channel, so what is less than one of 255
-/// steps apart can count as equal.
+/// FLIP of each pixel, of which [`flip_ldr`] is the mean. The authors' code takes 8 bits per channel, so differences below one of 255 steps
+/// can count as equal.
 ///
 /// # Errors
 /// As [`flip_ldr`].
@@ -53,7 +53,7 @@ pub fn flip_ldr_map(test: &Picture, reference: &Picture) -> Result<Map, MetricEr
     Ok(Map { width: test.width, height: test.height, values })
 }
 
-/// Mean of [`flip_hdr_map`], from 0 (the same) to 1.
+/// Mean of [`flip_hdr_map`], from 0 (equal) to 1.
 ///
 /// # Errors
 /// As [`flip_ldr`].
@@ -61,9 +61,8 @@ pub fn flip_hdr(test: &Picture, reference: &Picture) -> Result<f64, MetricError>
     Ok(flip_hdr_map(test, reference)?.mean())
 }
 
-/// FLIP for high dynamic range: Andersson, Nilsson, Shirley, Akenine-Möller 2021, "Visualizing Errors in Rendered High Dynamic Range
-/// Images". Both pictures are shown at each of the [`exposures`] of the reference through one tone curve; a pixel's error is the
-/// greatest of its FLIP values.
+/// HDR-FLIP: Andersson, Nilsson, Shirley, Akenine-Möller 2021, "Visualizing Errors in Rendered High Dynamic Range Images". Both pictures
+/// are tone-mapped at each of the [`exposures`] of the reference; a pixel's error is the maximum of its FLIP values.
 ///
 /// # Errors
 /// As [`flip_ldr`].
@@ -78,12 +77,12 @@ pub fn flip_hdr_map(test: &Picture, reference: &Picture) -> Result<Map, MetricEr
     Ok(Map { width: test.width, height: test.height, values })
 }
 
-/// The exposures that [`flip_hdr`] takes for a reference: from where its brightest pixel reaches 0.85 on the tone curve to where its
-/// median pixel does, one per stop and at least two; one where both are the same. Where more than half of it is black, the median
-/// is that of the rest; where all of it is, the one exposure is 0.
+/// The exposures of [`flip_hdr`] for a reference: from where its brightest pixel reaches 0.85 on the tone curve to where its median pixel
+/// does, one per stop and at least two; a single one if both are equal. If more than half of the pixels are black, the median is that of
+/// the others; if all are, the only exposure is 0.
 ///
 /// # Errors
-/// [`MetricError`] where the reference is not finite.
+/// [`MetricError`] if the reference is not finite.
 pub fn exposures(reference: &Picture) -> Result<Exposures, MetricError> {
     reference.check("the reference")?;
     let mut light: Vec<f64> = reference.pixels.iter().map(luminance).collect();
@@ -100,7 +99,7 @@ pub fn exposures(reference: &Picture) -> Result<Exposures, MetricError> {
     Ok(Exposures { start, stop, count })
 }
 
-/// Where the tone curve reaches [`BRIGHT`]: the positive root of `numerator - BRIGHT * denominator`.
+/// Input for which the tone curve gives [`BRIGHT`]: the positive root of `numerator - BRIGHT * denominator`.
 fn brightest_input() -> f64 {
     let [a, b, c] = [0, 1, 2].map(|i| NUMERATOR[i] - BRIGHT * DENOMINATOR[i]);
     (-b + (b * b - 4.0 * a * c).sqrt()) / (2.0 * a)
@@ -111,10 +110,10 @@ fn tone(x: f64) -> f64 {
     polynomial(NUMERATOR) / polynomial(DENOMINATOR)
 }
 
-/// What a display shows at an exposure in stops.
+/// Display values at an exposure in stops.
 fn expose(picture: &Picture, stops: f64) -> Vec<u8> {
     let scale = stops.exp2();
-    // The curve is made for light: what is below 0 is black.
+    // The curve is defined for radiance: negative values become black.
     let shown = |x: f32| tone(f64::from(x).max(0.0) * scale) as f32;
     let pixels = picture.pixels.iter().map(|p| p.map(shown)).collect();
     Picture { pixels, ..*picture }.to_srgb8()
@@ -125,7 +124,7 @@ fn flip_of_bytes(size: &Picture, test: &[u8], reference: &[u8]) -> Vec<f32> {
     nv_flip::flip(image(reference), image(test), FLIP_PIXELS_PER_DEGREE).to_vec()
 }
 
-/// The colours in which FLIP is drawn: magma, from black over red to pale yellow for 0..1. Three bytes per pixel, sRGB.
+/// Colours of a FLIP map: the colour map magma, from black over red to pale yellow for 0..1. Three bytes per pixel, sRGB.
 pub fn magma(map: &Map) -> Vec<u8> {
     let values: Vec<f32> = map.values.iter().map(|v| v.clamp(0.0, 1.0)).collect();
     FlipImageFloat::with_data(map.width as u32, map.height as u32, &values).apply_color_lut(&magma_lut()).to_vec()
@@ -140,7 +139,7 @@ mod tests {
         assert!((tone(brightest_input()) - 0.85).abs() < 1e-12);
         assert_eq!(tone(0.0), 0.0);
         assert!((brightest_input() - 2.1189).abs() < 1e-4, "{}", brightest_input());
-        // Far up it ends above 1, which is cut.
+        // The curve's limit is above 1, which is clamped.
         assert!(tone(1e30) > 1.0 && tone(1e30) < 1.04);
     }
 
@@ -180,7 +179,7 @@ mod tests {
 
     #[test]
     fn an_error_in_the_highlights_is_seen_only_in_high_dynamic_range() {
-        // A lamp of 40 against one of 20: both clip to white.
+        // A light of radiance 40 against one of 20: both clip to white.
         let room = |lamp: f32| {
             let values: Vec<f32> = (0..64 * 32).map(|i| if i % 64 > 40 { lamp } else { 0.2 }).collect();
             Picture::grey(64, 32, &values)

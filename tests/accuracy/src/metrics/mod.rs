@@ -1,7 +1,7 @@
-//! How far one picture is from another, and one sequence from another.
+//! Error metrics of pictures and of sequences.
 //!
-//! Every spatial function takes the picture under test first and the reference second. A picture with a NaN or an infinity is an
-//! error that names the pixel, never a number; so are two pictures of different sizes. `docs/metrics.md` has the formulas.
+//! Every spatial function takes the picture under test first and the reference second. NaN and infinity are errors that name the pixel, as
+//! are pictures that differ in size. `docs/metrics.md` has the formulas.
 
 mod compare;
 mod draw;

@@ -1,27 +1,27 @@
-//! Pictures and maps on the host.
+//! Pictures and maps in CPU memory.
 use super::MetricError;
 use magpie::graph::Format;
 use magpie::pixels::{Pixels, srgb_decode, srgb_encode};
 
-/// A picture on the host, linear Rec.709.
+/// A picture in CPU memory, linear Rec.709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Pixels from left to right.
+    /// Width, pixels.
     pub width: usize,
-    /// Pixels from top to bottom.
+    /// Height, pixels.
     pub height: usize,
-    /// Rows from the top; `width * height` of them.
+    /// `width * height` pixels, row by row from the top.
     pub pixels: Vec<[f32; 3]>,
 }
 
-/// One value per pixel: an error, or a similarity.
+/// One value per pixel, such as an error or a similarity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Pixels from left to right.
+    /// Width, pixels.
     pub width: usize,
-    /// Pixels from top to bottom.
+    /// Height, pixels.
     pub height: usize,
-    /// Rows from the top; `width * height` of them.
+    /// `width * height` values, row by row from the top.
     pub values: Vec<f32>,
 }
 
@@ -33,19 +33,19 @@ impl Map {
 }
 
 impl Picture {
-    /// A picture of one value per pixel, as shadows and ambient occlusion have it.
+    /// A grey picture from one value per pixel, such as visibility.
     pub fn grey(width: usize, height: usize, values: &[f32]) -> Self {
         Self { width, height, pixels: values.iter().map(|&v| [v; 3]).collect() }
     }
 
-    /// A picture from what a display is sent: 8 bits, sRGB-encoded, three bytes per pixel.
+    /// A picture from display values: 8 bits, sRGB-encoded, three bytes per pixel.
     pub fn from_srgb8(width: usize, height: usize, bytes: &[u8]) -> Self {
         let decode = |byte: u8| srgb_decode(f32::from(byte) / 255.0);
         Self { width, height, pixels: bytes.as_chunks::<3>().0.iter().map(|rgb| rgb.map(decode)).collect() }
     }
 
-    /// An image that was read back. `Rgba8Unorm` is taken for a display image, sRGB-encoded, since that is what the engine
-    /// writes in that format; a single channel (visibility, occlusion, depth) becomes grey; of two channels the third is 0.
+    /// From a read-back image. `Rgba8Unorm` is decoded from sRGB, as the engine uses this format for display images only; a single channel
+    /// (visibility, occlusion, depth) becomes grey; with two channels the third is 0.
     ///
     /// # Errors
     /// [`MetricError::Ids`] for integer formats.
@@ -57,7 +57,7 @@ impl Picture {
         Ok(picture)
     }
 
-    /// Any image whose channels are numbers as they are, none of them encoded for a display.
+    /// From a read-back image without sRGB decoding.
     ///
     /// # Errors
     /// [`MetricError::Ids`] for integer formats.
@@ -71,7 +71,7 @@ impl Picture {
         Ok(Self { width: image.extent.width as usize, height: image.extent.height as usize, pixels })
     }
 
-    /// What a display shows of it without a tone map: cut to 0..1, sRGB-encoded.
+    /// Display values without a tone map: clamped to 0..1, sRGB-encoded.
     pub fn encoded(&self) -> Self {
         let encode = |x: f32| srgb_encode(x.clamp(0.0, 1.0));
         Self { pixels: self.pixels.iter().map(|p| p.map(encode)).collect(), ..*self }
@@ -87,7 +87,7 @@ impl Picture {
         self.pixels.iter().map(luminance).sum::<f64>() / self.pixels.len() as f64
     }
 
-    /// Fails where there is no pixel, a pixel is missing, or one is not finite.
+    /// Checks that the picture has pixels, as many as its size says, and that all are finite.
     ///
     /// # Errors
     /// [`MetricError::Empty`], [`MetricError::Length`], [`MetricError::NotFinite`].
@@ -108,7 +108,7 @@ impl Picture {
         Ok(())
     }
 
-    /// Fails where it has not the size of the reference.
+    /// Checks that the size is that of the reference.
     pub(super) fn check_size(&self, what: &'static str, reference: &Self) -> Result<(), MetricError> {
         let Self { width, height, .. } = *reference;
         if (self.width, self.height) == (width, height) {
@@ -123,7 +123,7 @@ pub(super) fn luminance(p: &[f32; 3]) -> f64 {
     0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2])
 }
 
-/// What every comparison asks of its two pictures.
+/// The checks common to all comparisons.
 pub(super) fn check_pair(test: &Picture, reference: &Picture) -> Result<(), MetricError> {
     test.check("the picture under test")?;
     reference.check("the reference")?;
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(read(Format::Rg16Float, &[0, 0x3c, 0, 0xc0]).unwrap().pixels, [[1.0, -2.0, 0.0]]);
         let floats: Vec<u8> = [1e9_f32, -3.0, 0.25, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
         assert_eq!(read(Format::Rgba32Float, &floats).unwrap().pixels, [[1e9, -3.0, 0.25]]);
-        // 188 of a display is half the light.
+        // The display value 188 is half of the linear range.
         for format in [Format::Rgba8Unorm, Format::Rgba8Srgb] {
             let [r, g, b] = read(format, &[188, 0, 255, 9]).unwrap().pixels[0];
             assert!((r - 0.5).abs() < 4e-3 && g == 0.0 && (b - 1.0).abs() < 1e-6, "{format:?}: {r} {g} {b}");

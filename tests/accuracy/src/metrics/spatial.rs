@@ -1,13 +1,13 @@
-//! Errors of single values, averaged: RMSE, relMSE, SMAPE, PSNR. All sums are in double precision.
+//! Mean errors of single values: RMSE, relMSE, SMAPE, PSNR. All sums are in double precision.
 use super::picture::check_pair;
 use super::{Map, MetricError, Picture};
 
-/// Added to the squared reference in [`relmse`]: a value of 0.01 is where relative turns into absolute.
+/// Added to the squared reference in [`relmse`]: below 0.01 the error becomes absolute.
 pub const RELMSE_EPSILON: f64 = 1e-4;
-/// Added to the sum of both values in [`smape`], as Vogels et al. 2018 have it.
+/// Added to the sum of both values in [`smape`], as in Vogels et al. 2018.
 pub const SMAPE_EPSILON: f64 = 1e-2;
 
-/// What one channel of one pixel adds, from the value under test and that of the reference.
+/// Error of one channel, from the value under test and that of the reference.
 type Error = fn(f64, f64) -> f64;
 
 pub(super) fn squared(a: f64, b: f64) -> f64 {
@@ -41,10 +41,10 @@ fn map(test: &Picture, reference: &Picture, error: Error) -> Result<Map, MetricE
     Ok(Map { width: test.width, height: test.height, values })
 }
 
-/// Mean squared error over pixels and channels: `mean((a - b)²)`, in the squared unit of the pictures, 0 and up.
+/// Mean squared error over pixels and channels: `mean((a - b)²)`, in the squared unit of the pictures, at least 0.
 ///
 /// # Errors
-/// [`MetricError`] where the pictures have not the same size or are not finite; so for every function here.
+/// [`MetricError`] if the pictures differ in size or are not finite; so for every function here.
 pub fn mse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
     mean(test, reference, squared)
 }
@@ -57,7 +57,7 @@ pub fn squared_error_map(test: &Picture, reference: &Picture) -> Result<Map, Met
     map(test, reference, squared)
 }
 
-/// Root mean squared error over pixels and channels, in the unit of the pictures, 0 and up.
+/// Root mean squared error over pixels and channels, in the unit of the pictures, at least 0.
 ///
 /// # Errors
 /// As [`mse`].
@@ -65,9 +65,9 @@ pub fn rmse(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
     Ok(mse(test, reference)?.sqrt())
 }
 
-/// Relative mean squared error, `mean((a - b)² / (b² + 1e-4))` over pixels and channels, 0 and up. The form is that of Rousselle,
-/// Knaus, Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error Minimization"; the constant differs from paper to
-/// paper, this one is [`RELMSE_EPSILON`]. No outlier is trimmed.
+/// Relative mean squared error, `mean((a - b)² / (b² + 1e-4))` over pixels and channels, at least 0. The form is that of Rousselle, Knaus,
+/// Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error Minimization"; the constant differs from paper to paper, this one
+/// is [`RELMSE_EPSILON`]. Outliers are not trimmed.
 ///
 /// # Errors
 /// As [`mse`].
@@ -92,7 +92,7 @@ pub fn smape(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
     mean(test, reference, symmetric)
 }
 
-/// What each pixel adds to [`smape`], mean over its channels.
+/// [`smape`] of each pixel, mean over its channels.
 ///
 /// # Errors
 /// As [`mse`].
@@ -100,8 +100,8 @@ pub fn smape_map(test: &Picture, reference: &Picture) -> Result<Map, MetricError
     map(test, reference, symmetric)
 }
 
-/// Peak signal-to-noise ratio, `10 log10(peak² / mse)`, decibels: higher is closer, infinite where the pictures are equal. `peak` is
-/// the greatest value that counts, in the unit of the pictures; 1 for what a display shows.
+/// Peak signal-to-noise ratio, `10 log10(peak² / mse)`, decibels: higher is better, infinite for equal pictures. `peak` is the greatest
+/// possible value; 1 for display values.
 ///
 /// # Errors
 /// As [`mse`], and [`MetricError::Parameter`] where `peak` is not finite and above 0.
@@ -109,10 +109,10 @@ pub fn psnr(test: &Picture, reference: &Picture, peak: f64) -> Result<f64, Metri
     psnr_of_mse(mse(test, reference)?, peak)
 }
 
-/// [`psnr`] from a mean squared error that is known already, as the pass `metrics.sum` gives it.
+/// [`psnr`] from a known mean squared error, such as that of the pass `metrics.sum`.
 ///
 /// # Errors
-/// [`MetricError::Parameter`] where `mse` is not a number from 0 up, or `peak` is not finite and above 0.
+/// [`MetricError::Parameter`] if `mse` is negative or NaN, or `peak` is not finite and above 0.
 pub fn psnr_of_mse(mse: f64, peak: f64) -> Result<f64, MetricError> {
     if !(mse >= 0.0 && mse.is_finite()) {
         return Err(MetricError::Parameter { name: "mse", wanted: "a finite number from 0 up", got: mse });
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn a_small_error_is_seen_beside_a_large_sum() {
-        // In single precision the sum of a million squares would lose the last.
+        // In single precision the last of a million squares would be lost in the sum.
         let reference = Picture::grey(1000, 1000, &vec![0.0; 1_000_000]);
         let mut test = Picture::grey(1000, 1000, &vec![1.0; 1_000_000]);
         test.pixels[999_999] = [1.0 + 2.0_f32.powi(-10); 3];

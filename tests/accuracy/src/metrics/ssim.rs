@@ -3,27 +3,26 @@ use super::picture::{check_pair, luminance};
 use super::{Map, MetricError, Picture};
 use rayon::prelude::*;
 
-/// Pixels from the middle of the window to its edge: 11 x 11.
+/// Radius of the window, pixels: 11 x 11.
 const REACH: usize = 5;
 /// Standard deviation of the window, pixels.
 const SIGMA: f64 = 1.5;
-/// `(K1 L)²` and `(K2 L)²` with the range L = 1.
+/// `(K1 L)²` and `(K2 L)²` with L = 1.
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From Error Visibility to Structural
-/// Similarity") of the luma that a display shows: values cut to 0..1 and sRGB-encoded. Mean of [`ssim_map`], from -1 to 1 (the
-/// same).
+/// Structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004, "Image Quality Assessment: From Error Visibility to Structural Similarity")
+/// of the luma of display values (clamped to 0..1, sRGB-encoded). Mean of [`ssim_map`], from -1 to 1 (equal).
 ///
 /// # Errors
-/// [`MetricError`] where the pictures have not the same size or are not finite.
+/// [`MetricError`] if the pictures differ in size or are not finite.
 pub fn ssim(test: &Picture, reference: &Picture) -> Result<f64, MetricError> {
     let values = similarity(test, reference)?;
     Ok(values.iter().sum::<f64>() / values.len() as f64)
 }
 
-/// The similarity around each pixel, under a Gaussian window of 11 x 11 pixels and standard deviation 1.5. The paper leaves the
-/// border out; here the window there is cut and its weights are scaled to a sum of 1, so that the map covers the picture.
+/// Structural similarity around each pixel, under a Gaussian window of 11 x 11 pixels and standard deviation 1.5. The paper leaves out the
+/// border; here the window is cut there and its weights renormalised, so that the map covers the picture.
 ///
 /// # Errors
 /// As [`ssim`].
@@ -41,7 +40,7 @@ fn similarity(test: &Picture, reference: &Picture) -> Result<Vec<f64>, MetricErr
     let blurred: Vec<_> = [a, b, aa, bb, ab].par_iter().map(|values| blur(values, test.width)).collect();
     let similar = |at: usize| {
         let [mean_a, mean_b, aa, bb, ab] = [0, 1, 2, 3, 4].map(|i| blurred[i][at]);
-        // Rounding can leave a variance of a flat window a hair below 0; C2 is far above that.
+        // Rounding can make the variance of a flat window slightly negative, by far less than C2.
         let (var_a, var_b, covariance) = (aa - mean_a * mean_a, bb - mean_b * mean_b, ab - mean_a * mean_b);
         let luminance = (2.0 * mean_a * mean_b + C1) / (mean_a * mean_a + mean_b * mean_b + C1);
         luminance * (2.0 * covariance + C2) / (var_a + var_b + C2)
@@ -49,7 +48,7 @@ fn similarity(test: &Picture, reference: &Picture) -> Result<Vec<f64>, MetricErr
     Ok((0..test.pixels.len()).map(similar).collect())
 }
 
-/// Gaussian window over rows, then over columns.
+/// Separable Gaussian blur, over rows and then columns.
 fn blur(values: &[f64], width: usize) -> Vec<f64> {
     let rows: Vec<f64> = values.chunks(width).flat_map(|row| blur_line(row, 1, width)).collect();
     let height = values.len() / width;
@@ -62,7 +61,7 @@ fn blur(values: &[f64], width: usize) -> Vec<f64> {
     out
 }
 
-/// The weighted mean around each of `count` values that lie `step` apart.
+/// Blurs `count` values that lie `step` apart.
 fn blur_line(values: &[f64], step: usize, count: usize) -> impl Iterator<Item = f64> + '_ {
     let weights: [f64; REACH + 1] = std::array::from_fn(|i| (-((i * i) as f64) / (2.0 * SIGMA * SIGMA)).exp());
     (0..count).map(move |at| {
@@ -80,7 +79,7 @@ fn blur_line(values: &[f64], step: usize, count: usize) -> impl Iterator<Item = 
 mod tests {
     use super::*;
 
-    /// A picture whose encoded luma is what `value` says.
+    /// A picture with the encoded luma that `value` returns.
     fn encoded(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Picture {
         let decode = |x: f32| magpie::pixels::srgb_decode(x);
         let values: Vec<f32> = (0..width * height).map(|i| decode(value(i % width, i / width))).collect();
@@ -93,7 +92,7 @@ mod tests {
         let wanted = (2.0 * 0.25 * 0.75 + C1) / (0.25_f64.powi(2) + 0.75_f64.powi(2) + C1);
         assert!((ssim(&a, &b).unwrap() - wanted).abs() < 1e-6, "{}", ssim(&a, &b).unwrap());
         assert!((ssim(&a, &a).unwrap() - 1.0).abs() < 1e-12);
-        // Of a display's whites only one exists.
+        // Everything above 1 is the same white.
         let (white, more) = (Picture::grey(3, 3, &[1.0; 9]), Picture::grey(3, 3, &[9.0; 9]));
         assert!((ssim(&white, &more).unwrap() - 1.0).abs() < 1e-12);
     }

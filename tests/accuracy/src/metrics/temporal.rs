@@ -1,67 +1,66 @@
-//! Errors that only a sequence has: flicker, lag, ghosting, and error where something has just come into sight.
+//! Metrics of sequences: flicker, lag, ghosting, and error of disoccluded pixels.
 use super::picture::check_pair;
 use super::spatial::{relative, squared};
 use super::{Map, MetricError, Picture};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-/// Part of a step after which it counts as done.
+/// Share of a step at which it counts as complete.
 const REACHED: f64 = 0.9;
-/// A pixel takes part in [`Lag::median_frames`] where its own step is at least this part of the greatest one, both squared.
+/// Least squared step of a pixel in [`Lag::median_frames`], relative to the greatest.
 const LEAST_STEP: f64 = 1e-4;
 
-/// How restless a still picture is.
+/// Temporal variance at a static camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Flicker {
-    /// Variance over time beyond the reference's own, mean over pixels and channels, in the squared unit of the pictures.
+    /// Temporal variance in excess of the reference's, mean over pixels and channels, in the squared unit of the pictures.
     pub variance: f64,
-    /// Its square root over the mean luminance of the reference; none where that is not above 0.
+    /// Its square root over the mean luminance of the reference; none if that is not above 0.
     pub relative: Option<f64>,
 }
 
-/// How fast a picture follows a change that happens at once.
+/// Response to a sudden change.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lag {
-    /// Per frame the part of the step that the picture as a whole has done: 0 before, 1 after.
+    /// Share of the step completed by the picture as a whole, per frame: 0 before, 1 after.
     pub curve: Vec<f64>,
-    /// Frames until `curve` reaches 0.9 for the first time, 1 for the first frame after the change; none where it never does.
+    /// Frames until `curve` first reaches 0.9, counted from 1 for the first frame after the change; none if it never does.
     pub frames: Option<usize>,
-    /// The same of each pixel that changed, the median over them; none where half of them or more never do.
+    /// The same per pixel that changed, the median over them; none if half or more of them never do.
     pub median_frames: Option<usize>,
-    /// Pixels that changed: by at least 1 % of the greatest change.
+    /// Number of pixels that changed by at least 1 % of the greatest change.
     pub pixels: usize,
-    /// Those that never reach 0.9.
+    /// Number of those that never reach 0.9.
     pub unreached: usize,
 }
 
-/// What remains of something that vanished at once.
+/// Remains of something that vanished suddenly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ghosting {
-    /// Per frame the energy that remains, relative to what the vanished thing had made of the picture: 1 before, 0 gone, below 0
-    /// where the picture overshoots.
+    /// Remaining energy per frame, relative to what the vanished thing contributed: 1 before, 0 gone, negative for overshoot.
     pub curve: Vec<f64>,
-    /// Sum of the curve: for so many frames the whole thing would have had to stay to leave as much.
+    /// Sum of the curve: the equivalent number of frames of full persistence.
     pub total_frames: f64,
 }
 
-/// The error of pixels that have just come into sight, and of all others.
+/// Error of disoccluded pixels, and of all others.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Disocclusion {
-    /// Pixels that came into sight.
+    /// Number of disoccluded pixels.
     pub pixels_new: usize,
-    /// All others.
+    /// Number of all others.
     pub pixels_elsewhere: usize,
-    /// Mean squared error of the new ones; none where there are none.
+    /// Mean squared error of the disoccluded ones; none if there are none.
     pub mse_new: Option<f64>,
     /// The same of all others.
     pub mse_elsewhere: Option<f64>,
-    /// Relative mean squared error of the new ones, as [`super::relmse`] has it.
+    /// Relative mean squared error of the disoccluded ones, as in [`super::relmse`].
     pub relmse_new: Option<f64>,
     /// The same of all others.
     pub relmse_elsewhere: Option<f64>,
 }
 
-/// Fails where there are fewer than `least` pictures, or one is not like the reference.
+/// Checks that there are at least `least` pictures, of the reference's size and finite.
 fn check_frames(what: &'static str, frames: &[Picture], least: usize, like: &Picture) -> Result<(), MetricError> {
     if frames.len() < least {
         return Err(MetricError::Frames { what, wanted: format!("{least} at least"), got: frames.len() });
@@ -73,7 +72,7 @@ fn check_frames(what: &'static str, frames: &[Picture], least: usize, like: &Pic
     Ok(())
 }
 
-/// Variance over time of each pixel, mean over its channels: the estimate without bias, divided by one less than the frames.
+/// Temporal variance of each pixel, mean over its channels: the unbiased estimate, divided by the frames less one.
 fn variances(frames: &[Picture]) -> Vec<f64> {
     let (count, pixels) = (frames.len() as f64, frames.first().map_or(0, |f| f.pixels.len()));
     let variance = |at: usize, c: usize| {
@@ -99,11 +98,11 @@ fn excess(test: &[Picture], reference: &[Picture]) -> Result<Vec<f64>, MetricErr
     Ok(variances(test).into_iter().zip(own).map(|(test, own)| (test - own).max(0.0)).collect())
 }
 
-/// Variance over time at a fixed camera, beyond the reference's own: `mean over pixels of max(0, var(test) - var(reference))`. The
-/// reference is a sequence of as many frames, or one converged picture, whose variance is 0.
+/// Temporal variance at a static camera in excess of the reference's: `mean over pixels of max(0, var(test) - var(reference))`. The
+/// reference is a sequence of the same length, or one converged picture, whose variance is 0.
 ///
 /// # Errors
-/// [`MetricError`] where there are fewer than two frames, or a picture has another size or is not finite.
+/// [`MetricError`] if there are fewer than two frames, or a picture differs in size or is not finite.
 pub fn flicker(test: &[Picture], reference: &[Picture]) -> Result<Flicker, MetricError> {
     let excess = excess(test, reference)?;
     let variance = excess.iter().sum::<f64>() / excess.len() as f64;
@@ -111,7 +110,7 @@ pub fn flicker(test: &[Picture], reference: &[Picture]) -> Result<Flicker, Metri
     Ok(Flicker { variance, relative: (mean > 0.0).then(|| variance.sqrt() / mean) })
 }
 
-/// What each pixel adds to [`flicker`]: variance over time, mean over its channels.
+/// [`flicker`] of each pixel: excess temporal variance, mean over its channels.
 ///
 /// # Errors
 /// As [`flicker`].
@@ -121,7 +120,7 @@ pub fn flicker_map(test: &[Picture], reference: &[Picture]) -> Result<Map, Metri
     Ok(Map { width, height, values })
 }
 
-/// Of one pixel: how far it has gone along its step, and the squared length of that.
+/// For one pixel: dot product of its progress with its step, and the step's squared length.
 fn along(now: &[f32; 3], before: &[f32; 3], after: &[f32; 3]) -> [f64; 2] {
     let [mut gone, mut all] = [0.0; 2];
     for c in 0..3 {
@@ -139,15 +138,14 @@ fn check_step(test: &[Picture], before: &Picture, after: &Picture) -> Result<(),
     check_frames("the sequence under test", test, 1, after)
 }
 
-/// The delay after a change that happens at once. `test` begins with the first frame after it; `before` and `after` are what the
-/// sequence comes from and goes to: converged pictures, best of the implementation under test itself, so that its bias at rest is
-/// not taken for a delay.
+/// Response to a sudden change. `test` begins with the first frame after it; `before` and `after` are converged pictures, preferably of the
+/// implementation under test, so that its bias at rest does not count as delay.
 ///
-/// The response of a frame `x` is the part of the step that it has done, by least squares over pixels and channels:
-/// `sum((x - before) (after - before)) / sum((after - before)²)`. Noise of mean 0 cancels in it.
+/// The response of a frame `x` is its share of the step by least squares over pixels and channels: `sum((x - before) (after - before)) /
+/// sum((after - before)²)`. Zero-mean noise cancels.
 ///
 /// # Errors
-/// [`MetricError`] where there is no frame, a picture has another size or is not finite, or nothing changed.
+/// [`MetricError`] if there are no frames, a picture differs in size or is not finite, or nothing changed.
 pub fn lag(test: &[Picture], before: &Picture, after: &Picture) -> Result<Lag, MetricError> {
     check_step(test, before, after)?;
     let steps: Vec<f64> = before.pixels.iter().zip(&after.pixels).map(|(b, a)| along(a, b, a)[1]).collect();
@@ -169,12 +167,12 @@ pub fn lag(test: &[Picture], before: &Picture, after: &Picture) -> Result<Lag, M
     Ok(Lag { curve, frames, median_frames, pixels: reached.len(), unreached })
 }
 
-/// What remains of a light or an object that vanished at once. `test` begins with the first frame without it; `before` is the
-/// converged picture with it, `after` without it.
+/// Remains of a light or an object that vanished suddenly. `test` begins with the first frame without it; `before` is the converged picture
+/// with it, `after` without it.
 ///
-/// The remaining energy of a frame `x` is `sum(s (x - after)) / sum(|before - after|)` over pixels and channels, with the sign
-/// `s` of `before - after`: of a light exactly the part of its radiance that is still there. Pixels that the thing did not touch do
-/// not count, and noise of mean 0 cancels.
+/// The remaining energy of a frame `x` is `sum(s (x - after)) / sum(|before - after|)` over pixels and channels, with the sign `s` of
+/// `before - after`: for a light exactly the share of its radiance that remains. Unaffected pixels do not count, and zero-mean noise
+/// cancels.
 ///
 /// # Errors
 /// As [`lag`].
@@ -199,11 +197,10 @@ pub fn ghosting(test: &[Picture], before: &Picture, after: &Picture) -> Result<G
     Ok(Ghosting { curve, total_frames })
 }
 
-/// The error where `new` is set against that elsewhere: the caller knows from motion and depth, or from ids, which pixels show
-/// what the frame before did not.
+/// The error of disoccluded pixels, where `new` is set, and of all others. The caller derives `new` from motion and depth, or from ids.
 ///
 /// # Errors
-/// [`MetricError`] where a picture or the mask has another size, or is not finite.
+/// [`MetricError`] if a picture or the mask differs in size, or is not finite.
 pub fn disocclusion(test: &Picture, reference: &Picture, new: &[bool]) -> Result<Disocclusion, MetricError> {
     check_pair(test, reference)?;
     let Picture { width, height, .. } = *reference;
@@ -230,7 +227,7 @@ pub fn disocclusion(test: &Picture, reference: &Picture, new: &[bool]) -> Result
 }
 
 impl Disocclusion {
-    /// All frames of a path as one, each pixel with the same weight.
+    /// Pools the frames of a path, every pixel with the same weight.
     pub fn pooled(frames: &[Self]) -> Self {
         let pool = |count: fn(&Self) -> usize, mean: fn(&Self) -> Option<f64>| {
             let total: usize = frames.iter().map(count).sum();
@@ -247,8 +244,8 @@ impl Disocclusion {
         }
     }
 
-    /// RMSE of the new pixels over that of the others: 1 where coming into sight costs nothing. None where either is missing or the
-    /// others have no error.
+    /// RMSE of disoccluded pixels over that of the others; 1 means that disocclusion costs nothing. None if either is missing or the others
+    /// have no error.
     pub fn excess(&self) -> Option<f64> {
         let (new, elsewhere) = (self.mse_new?, self.mse_elsewhere?);
         (elsewhere > 0.0).then(|| (new / elsewhere).sqrt())
@@ -259,7 +256,7 @@ impl Disocclusion {
 mod tests {
     use super::*;
 
-    /// Half of it changes: a light or an object on the left.
+    /// A step in half of the picture: a light or an object on the left.
     fn step() -> (Picture, Picture) {
         let (width, height) = (8, 4);
         let before = Picture {
@@ -303,7 +300,7 @@ mod tests {
         let (before, after) = step();
         let slow = lag(&average(&before, &after, 0.1, 20), &before, &after).unwrap();
         assert_eq!((slow.frames, slow.median_frames, slow.unreached), (None, None, slow.pixels));
-        // A quarter of the pixels never moves; they differ little, so the picture as a whole is done.
+        // A quarter of the pixels never moves, but they differ little, so the picture as a whole is done.
         let (before, after) = (Picture::grey(4, 1, &[1.0; 4]), Picture::grey(4, 1, &[9.0, 9.0, 9.0, 1.5]));
         let stuck = Picture::grey(4, 1, &[9.0, 9.0, 9.0, 1.0]);
         let got = lag(&[before.clone(), stuck], &before, &after).unwrap();
@@ -323,7 +320,7 @@ mod tests {
         }
         let gone = ghosting(std::slice::from_ref(&after), &before, &after).unwrap();
         assert_eq!(gone.curve, [0.0]);
-        // Darker than it should be, after a lamp went out, is below zero.
+        // Overshoot: darker than the target after a light went out.
         let (lit, dark) = (Picture::grey(1, 1, &[3.0]), Picture::grey(1, 1, &[1.0]));
         assert_eq!(ghosting(&[Picture::grey(1, 1, &[0.5])], &lit, &dark).unwrap().curve, [-0.25]);
     }
@@ -338,7 +335,7 @@ mod tests {
         assert!((got.relative.unwrap() - (1.0_f64 / 3.0).sqrt() / 2.0).abs() < 1e-7, "{got:?}");
         let map = flicker_map(&test, &[frame(2.0)]).unwrap();
         assert!((map.values[0] - 4.0 / 3.0).abs() < 1e-6 && map.values[1..] == [0.0; 3]);
-        // What the truth does itself is no flicker, and being calmer in one place does not pay for another.
+        // Variance of the ground truth is no flicker, and less variance in one place does not compensate for more in another.
         assert_eq!(flicker(&test, &test).unwrap().variance, 0.0);
         let lamp: Vec<Picture> = [0.0, 9.0, 0.0, 9.0].map(|x| Picture::grey(2, 2, &[x, 2.0, x, x])).to_vec();
         assert_eq!(flicker(&test, &lamp).unwrap().variance, 0.0);

@@ -3,7 +3,7 @@
 
 const clean = (text) => String(text).replace(/[&<>"]/g, (c) => ({ "&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;" })[c]);
 
-// Three significant digits, without needless zeros or exponents where a person needs none.
+// Three significant digits, without trailing zeros, and exponents only for extreme values.
 function short(x) {
   if (x === null || x === undefined || Number.isNaN(x)) return "–";
   if (x === 0) return "0";
@@ -21,7 +21,7 @@ function bytes(n) {
   return n >= 1e6 ? `${(n / 1e6).toFixed(2)} MB` : `${(n / 1e3).toFixed(0)} kB`;
 }
 
-// A logarithmic axis over positive values: `at` gives 0 to 1, `ticks` round numbers.
+// A logarithmic axis for positive values: `at` maps to 0..1, `ticks` are round numbers.
 function logAxis(values, least) {
   const positive = values.filter((v) => v > 0);
   let low = Math.min(...positive), high = Math.max(...positive);
@@ -39,7 +39,7 @@ function logAxis(values, least) {
   return { at: (v) => (Math.log10(Math.max(v, 10 ** from)) - from) / (to - from), ticks };
 }
 
-// Error over milliseconds. Points: {n, x, y, front, isDefault, title}. What takes no time stands in a strip on the left.
+// Error over milliseconds. Points: {n, x, y, front, isDefault, title}. Points without time are in a strip on the left.
 function scatter(points, xName, yName, floor) {
   const [width, height, left, top, right, bottom] = [640, 400, 66, 14, 14, 46];
   const free = points.some((p) => p.x <= 0), strip = free ? 46 : 0;
@@ -96,7 +96,7 @@ function curves(lines, yName) {
     const last = line.values[line.values.length - 1];
     ends.push({ y: py(last[1]), x: px(last[0]), n: line.n });
   }
-  // Numbers at the ends of the lines; those that would touch share a place.
+  // Labels at the ends of the lines; those that would overlap are merged.
   ends.sort((a, b) => a.y - b.y);
   for (let i = 0; i < ends.length; ) {
     let j = i + 1;

@@ -1,8 +1,9 @@
-//! How errors of the picture add up.
+//! Additive model of the errors of the picture.
 //!
-//! A picture of several changes is taken for the default picture plus what each change alone does to it. Light adds up, so that this is
-//! exact for stages that are summed; where one stage dims another, as shadows dim direct light, it is a first order. Then the relative
-//! mean squared error of any combination follows from inner products of these differences, weighed as the metric weighs them:
+//! A picture with several changes is approximated by the default picture plus the difference that each change makes alone. As light is
+//! additive, this is exact for stages that are summed; where one stage attenuates another, as shadows attenuate direct light, it is of
+//! first order. The relative mean squared error of any combination then follows from inner products of these differences, weighted as in
+//! the metric:
 //!
 //! ```text
 //! relMSE = sum over i, j of <e_i, e_j>,   e_0 = default - truth,   e_i = variant_i - default
@@ -15,17 +16,17 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Inner products of the default's error and of what each setup changes.
+/// Inner products of the default's error and of the setups' differences.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Combination {
-    /// The setups, by id; the first is the default, and stands for its error.
+    /// Ids of the setups; the first is the default, and stands for its error.
     pub setups: Vec<String>,
-    /// Symmetric; row and column as `setups`.
+    /// Symmetric matrix; rows and columns in the order of `setups`.
     pub products: Vec<Vec<f64>>,
 }
 
 impl Combination {
-    /// From the pictures of a folder; `None` where one of them is missing.
+    /// Reads the pictures of a folder; `None` if one of them is missing.
     ///
     /// # Errors
     /// [`AccuracyError::Image`].
@@ -60,7 +61,7 @@ impl Combination {
         Self { setups, products: differences.par_iter().map(row).collect() }
     }
 
-    /// The error of the picture with these setups' changes together; those that are not known, and the default, change nothing.
+    /// relMSE of the picture with these setups combined. Unknown ones, and the default, change nothing.
     pub fn relmse<'a>(&self, chosen: impl IntoIterator<Item = &'a str>) -> f64 {
         let mut parts = vec![0];
         for id in chosen {
@@ -71,7 +72,7 @@ impl Combination {
         self.sum(&parts)
     }
 
-    /// The same by their places; 0 must be among them, and none twice.
+    /// The same by indices; 0 must be among them, and none twice.
     pub fn sum(&self, parts: &[usize]) -> f64 {
         parts.iter().map(|&a| parts.iter().map(|&b| self.products[a][b]).sum::<f64>()).sum::<f64>().max(0.0)
     }
@@ -103,7 +104,7 @@ mod tests {
         near(&["bright"], &bright);
         near(&["wavy", "default"], &wavy);
         near(&["wavy", "bright"], &both);
-        // Errors that cancel are not added as if they did not.
+        // Errors that cancel are not summed.
         assert!(sum.relmse(["wavy", "bright"]) != sum.relmse(["wavy"]) + sum.relmse(["bright"]));
     }
 }

@@ -1,4 +1,4 @@
-//! A row per variant, for spreadsheets.
+//! CSV of a report, a row per variant.
 use super::{Image, Metric, Report, Row};
 use std::fmt::Write;
 
@@ -10,8 +10,9 @@ const COLUMNS: &str = "slot,implementation,settings,default,setup,ms,spread_ms,s
 const LAST: &str = "rounds,ms_interval,error_interval,sure";
 
 impl Report {
-    /// As CSV (RFC 4180), with a line of names. Errors are those after the last frame: `slot_…` of the slot's own image, empty where
-    /// it has no truth, `picture_…` of the picture, `moving_…` of the picture after the camera has moved. `on_front` and `dominated_by` are of the metric and image that the page shows first.
+    /// The report as CSV (RFC 4180) with a header. Errors are those after the last frame: `slot_…` of the slot's own image, empty if it has
+    /// no ground truth, `picture_…` of the picture, `moving_…` of the picture after the camera has moved. `on_front` and `dominated_by`
+    /// refer to the metric and image that the page shows first.
     pub fn to_csv(&self) -> String {
         let mut csv = COLUMNS.to_owned();
         for image in Image::ALL.map(Image::word) {
@@ -75,7 +76,7 @@ fn line(csv: &mut String, row: &Row, is_front: bool, better: &str) {
     let _ = writeln!(csv, ",{presets},{},{},{},{}", row.rounds.len(), row.ms_interval, row.error_interval, row.sure);
 }
 
-/// In quotation marks where a text would not stay one field.
+/// Quotes a field if it contains special characters.
 fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
 }

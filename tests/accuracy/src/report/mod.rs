@@ -1,4 +1,4 @@
-//! The report of a sweep: every number as JSON, a row per variant as CSV, and a page to look at.
+//! The report of a sweep: all numbers as JSON, a row per variant as CSV, and an HTML page.
 mod combination;
 mod csv;
 mod page;
@@ -20,48 +20,48 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Version of the JSON: names and fields may be added, not changed.
+/// Version of the JSON: fields may be added to a version, not changed.
 const SCHEMA: u32 = 1;
 
-/// Name of the report as JSON.
+/// File name of the JSON.
 pub const REPORT_JSON: &str = "report.json";
-/// Name of the report as CSV.
+/// File name of the CSV.
 pub const REPORT_CSV: &str = "report.csv";
-/// Name of the report as a page.
+/// File name of the page.
 pub const REPORT_HTML: &str = "report.html";
 
-/// Whose time a row's price is.
+/// Which time counts as a row's price.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Price {
-    /// Of the slot's own passes.
+    /// The time of the slot's own passes.
     Stage,
-    /// Of the whole frame, as the slot's settings tell in the passes of others.
+    /// The time of the whole frame, for slots whose settings change the passes of others.
     Frame,
 }
 
-/// A slot.
+/// Results of a slot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// Its name.
+    /// Name of the slot.
     pub slot: String,
-    /// By which image its rows are judged: that of the run, or the picture where the slot has no such image.
+    /// Image by which its rows are judged: that of the run, or the picture if the slot has no such image.
     pub judged_by: Image,
-    /// The metric that is shown first and that a front stands for where none is named: that of the run.
+    /// Metric of the run, which is shown first and used for fronts by default.
     pub metric: Metric,
-    /// Whose time is the price.
+    /// Which time is the price of its rows.
     pub price: Price,
-    /// Its variants.
+    /// Its variants, the default first.
     pub rows: Vec<Row>,
 }
 
 impl Effect {
-    /// Whether a row is on the front that stands for this slot.
+    /// Whether a row is on this slot's front, by `metric` and `judged_by`.
     pub fn is_front(&self, row: &Row) -> bool {
         row.is_front(self.judged_by, self.metric)
     }
 
-    /// What this metric finds between two truths of such an image that are equally good.
+    /// Noise floor of the ground truth of such an image: this metric's value for two equally converged ones.
     pub fn floor(&self, truths: &[TruthInfo], image: Image, metric: Metric) -> f64 {
         let area = if self.slot == AREA { "_area" } else { "" };
         let name = match image {
@@ -73,68 +73,68 @@ impl Effect {
     }
 }
 
-/// Errors after so many frames.
+/// Errors after a number of frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RowErrors {
-    /// Frames, from 1.
+    /// Number of frames, from 1.
     pub frame: u32,
-    /// Of the slot's own image, where that has a truth.
+    /// Error of the slot's own image, if it has a ground truth.
     pub slot: Option<Comparison>,
-    /// Of the linear picture.
+    /// Error of the linear picture.
     pub picture: Comparison,
 }
 
-/// A variant.
+/// Results of a variant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What it is.
+    /// The variant.
     pub variant: Variant,
     /// Its price, milliseconds: median over the rounds.
     pub ms: f64,
-    /// Half of what the rounds spread around it, interquartile, milliseconds.
+    /// Half of the interquartile range of the price over the rounds, milliseconds.
     pub spread_ms: f64,
-    /// The price in every round.
+    /// The price in every round, milliseconds.
     pub rounds_ms: Vec<f64>,
-    /// Which rounds these are. Two rows were timed one after the other in those that both have.
+    /// The indices of these rounds. Rows are timed directly after one another in common rounds.
     #[serde(default)]
     pub rounds: Vec<u32>,
-    /// Half of a 95 % interval around the price, milliseconds.
+    /// Half of a 95 % confidence interval of the price, milliseconds.
     #[serde(default)]
     pub ms_interval: f64,
-    /// By how much the error that rows are judged by changes from one frame to the next, at rest.
+    /// Change of the judged error between the last two frames, at rest.
     #[serde(default)]
     pub error_interval: f64,
-    /// How sure its place is among the rows, by what they are judged by: from 0 to 1.
+    /// Probability of its standing by `judged_by` and `metric`, 0 to 1.
     #[serde(default)]
     pub sure: f64,
-    /// All stages, milliseconds: median over the rounds.
+    /// Times of all stages, milliseconds: medians over the rounds.
     #[serde(default)]
     pub stages_ms: BTreeMap<String, f64>,
-    /// The slot's own passes: medians over the rounds, and the least of all.
+    /// Cost of the slot's own passes: medians over the rounds, and the minimum.
     pub stage: StageCost,
-    /// The whole frame, milliseconds: median over the rounds.
+    /// Time of the whole frame, milliseconds: median over the rounds.
     pub frame_ms: f64,
-    /// The fastest frame of all.
+    /// Time of the fastest frame, milliseconds.
     pub frame_min_ms: f64,
-    /// Memory of transients as placed, bytes.
+    /// Memory of transients after aliasing, bytes.
     pub transient_bytes: u64,
-    /// Memory that is kept from frame to frame, bytes.
+    /// Memory of histories, bytes.
     pub history_bytes: u64,
-    /// Acceleration structures, bytes.
+    /// Memory of acceleration structures, bytes.
     pub acceleration_bytes: u64,
-    /// How wrong it is, frame by frame.
+    /// Errors after increasing numbers of frames.
     pub errors: Vec<RowErrors>,
-    /// How wrong the picture is after the camera has moved, where that was measured.
+    /// Errors after the camera has moved, if measured.
     #[serde(default)]
     pub moving: Option<RowErrors>,
-    /// Metrics whose last error cannot be told from none, as the truth itself is no better, by image.
+    /// Metrics, by image, whose last error is within the noise of the ground truth.
     pub within_noise: BTreeMap<Image, Vec<Metric>>,
-    /// Where it stands among the rows, by image and metric: of the last errors and the price.
+    /// Place among the slot's rows, by image and metric, from the last errors and the price.
     pub standing: BTreeMap<Image, BTreeMap<Metric, Standing>>,
 }
 
 impl Row {
-    /// The last error of an image; none where it was not compared.
+    /// The last error of an image; none if it was not compared.
     pub fn error(&self, image: Image) -> Option<&Comparison> {
         let last = self.errors.last()?;
         match image {
@@ -144,40 +144,40 @@ impl Row {
         }
     }
 
-    /// As a front sees it, with this error.
+    /// Its point for fronts, with this error.
     pub fn point(&self, error: f64) -> Point {
         Point { error, ms: self.rounds.iter().copied().zip(self.rounds_ms.iter().copied()).collect() }
     }
 
-    /// Whether nothing is better both in this error and in price.
+    /// Whether it is on the front by this image and metric.
     pub fn is_front(&self, image: Image, metric: Metric) -> bool {
         self.standing.get(&image).and_then(|s| s.get(&metric)).is_some_and(|s| s.is_front())
     }
 }
 
-/// Everything that a sweep found.
+/// Results of a sweep.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// Version of this file's names and fields.
+    /// Version of the format, `SCHEMA`.
     pub schema: u32,
-    /// On what, of what, when.
+    /// Device, scene and parameters of the run.
     pub run: Run,
-    /// What is known of the truths.
+    /// Quality of each ground truth.
     pub truths: Vec<TruthInfo>,
-    /// Slots in the order of the frame.
+    /// Results by slot, in the order of the frame.
     pub effects: Vec<Effect>,
-    /// What a race had no time for: slot and label.
+    /// Rows that a race had no time for: slot and label.
     #[serde(default)]
     pub unreached: Vec<(String, String)>,
-    /// How errors of the picture add up, for choosing a configuration; none where pictures are missing.
+    /// Additive model of the picture's errors; none if pictures are missing.
     pub combination: Option<Combination>,
 }
 
 impl Report {
-    /// Makes the report of a folder's results.
+    /// Builds the report from a folder's results.
     ///
     /// # Errors
-    /// [`AccuracyError::Incomplete`] where a measurement is missing.
+    /// [`AccuracyError::Incomplete`] if a measurement is missing.
     pub fn build(folder: &Folder, path: &Path) -> Result<Self, AccuracyError> {
         folder.check_complete(path)?;
         let (run, plan) = (&folder.run, &folder.run.plan);
@@ -194,7 +194,7 @@ impl Report {
         })
     }
 
-    /// Writes JSON, CSV and the page into a folder that holds the pictures.
+    /// Writes JSON, CSV and the page to the folder that holds the pictures.
     ///
     /// # Errors
     /// [`AccuracyError`].
@@ -212,17 +212,17 @@ impl Report {
         read_json(&folder.join(REPORT_JSON))
     }
 
-    /// The slot of that name.
+    /// Results of the slot of that name.
     pub fn effect(&self, slot: &str) -> Option<&Effect> {
         self.effects.iter().find(|e| e.slot == slot)
     }
 }
 
-/// What was found of a slot. Rows that were not measured are left out.
+/// Results of a slot. Rows that were not measured are left out.
 pub(crate) fn effect(run: &Run, measurements: &[Measurement], truths: &[TruthInfo], slot: &str) -> Effect {
     let variants = run.plan.variants.iter().filter(|v| v.slot == slot);
-    // These change what other stages take: what rays see has no passes of its own while nothing moves, and `post` says how many
-    // pixels there are.
+    // These two change the times of other stages: acceleration structures have no passes of their own while nothing moves, and `post` sets
+    // the resolution.
     let price = if ["acceleration", AREA].contains(&slot) { Price::Frame } else { Price::Stage };
     let rows: Vec<Row> = variants.filter_map(|variant| row(run, measurements, variant, price)).collect();
     let Judge { metric, image } = run.judge;
@@ -258,7 +258,7 @@ fn rank(effect: &mut Effect, image: Image, metric: Metric, floor: f64) {
     }
 }
 
-/// By how much an error changes between the last two frames that were compared.
+/// Change of an error between the last two compared frames; 0 if they are not consecutive.
 fn change(row: &Row, image: Image, metric: Metric) -> f64 {
     let of = |errors: &RowErrors| match image {
         Image::Slot => errors.slot.as_ref().map(|c| metric.of(c)),
@@ -272,12 +272,12 @@ fn change(row: &Row, image: Image, metric: Metric) -> f64 {
     }
 }
 
-/// A row; none where it was not measured.
+/// Results of a variant; none if it was not measured.
 fn row(run: &Run, measurements: &[Measurement], variant: &Variant, price: Price) -> Option<Row> {
     let mut all: Vec<&Measurement> = measurements.iter().filter(|m| m.setup == variant.setup).collect();
     all.sort_by_key(|m| m.round);
     all.first().filter(|m| m.round == 0)?;
-    // Times of the round of errors count in a race: its frames that are read back do not.
+    // In a race the times of round 0 count too; frames that were read back are not among them.
     let of = || all.iter().filter(|m| m.round > 0 || run.minutes.is_some());
     let stages: Vec<StageCost> = of().map(|m| m.cost.stages.get(&variant.slot).copied().unwrap_or_default()).collect();
     let mid = |value: &dyn Fn(&StageCost) -> f64| middle(&stages.iter().map(value).collect::<Vec<_>>());
@@ -300,7 +300,7 @@ fn row(run: &Run, measurements: &[Measurement], variant: &Variant, price: Price)
     for (name, cost) in of().flat_map(|m| &m.cost.stages) {
         stages_ms.entry(name.clone()).or_default().push(cost.ms);
     }
-    // What `post` makes is the picture, with a truth of its own.
+    // The image of `post` is the picture, with a ground truth of its own.
     let errors = |e: &Errors| {
         let own = e.slots.get(&variant.slot).copied();
         let (slot, picture) = if variant.slot == AREA { (None, own.unwrap_or(e.picture)) } else { (own, e.picture) };

@@ -1,4 +1,4 @@
-// Puts the page together from the numbers in it.
+// Builds the page from the embedded numbers.
 const { report, metrics, truths, images } = JSON.parse(document.getElementById("data").textContent);
 const run = report.run;
 const choice = { metric: "auto", image: "auto", price: "auto" };
@@ -55,7 +55,7 @@ function effect(e) {
   };
   const list = rows.map((r) => `<li class="${r.front ? "front" : ""} ${r.row.variant.is_default ? "default" : ""}"><span class="badge">${r.n}</span><span class="name">${clean(r.row.variant.label)}</span><span class="why">${why(r)}</span></li>`).join("");
   const still = image === "moving" ? "picture" : image;
-  // The frame before the last is there to say how much one frame changes.
+  // The frame before the last only serves to measure the change by one frame.
   const told = (errors) => errors.filter((x, i) => i + 1 === errors.length || errors[i + 1].frame > x.frame + 1);
   const lines = rows.map((r) => ({ n: r.n, front: r.front, values: told(r.row.errors).map((x) => [x.frame, errorOf(x[still], metric)]) }));
   return `<section id="${clean(e.slot)}"><div class="head"><h2>${clean(e.slot)}</h2><span class="soft">${name} over milliseconds of ${byFrame ? "the frame" : "its passes"}</span></div>
@@ -89,7 +89,7 @@ function table(e, rows, image) {
 }
 
 const draw = () => {
-  // Stages with a truth of their own come first.
+  // Stages with a ground truth of their own come first.
   const own = report.effects.filter((e) => e.judged_by === "slot"), others = report.effects.filter((e) => e.judged_by !== "slot");
   document.getElementById("effects").innerHTML = [...own, ...others].map(effect).join("");
 };

@@ -1,4 +1,4 @@
-//! The page: one file that needs no other, with its numbers, pictures, style and script inside.
+//! The HTML page: a single file with numbers, pictures, style and script embedded.
 use super::{Metric, Report};
 use crate::AccuracyError;
 use crate::pictures::base64;
@@ -12,22 +12,22 @@ const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 const CHARTS: &str = include_str!("charts.js");
 
-/// What the script draws from: the report, and what only the page needs.
+/// Data for the script: the report and what only the page needs.
 #[derive(Serialize)]
 struct Data<'a> {
     report: &'a Report,
     metrics: Vec<(&'static str, &'static str)>,
-    /// Name of the truth by slot.
+    /// Name of the ground truth by slot.
     truths: BTreeMap<&'a str, &'static str>,
-    /// PNG in base 64 by file name.
+    /// PNGs in base 64 by file name.
     images: BTreeMap<String, String>,
 }
 
 impl Report {
-    /// As a page. `folder` holds the pictures; those that are not there are left out.
+    /// The report as a page. `folder` holds the pictures; missing ones are left out.
     ///
     /// # Errors
-    /// [`AccuracyError::Json`] where the numbers cannot be written.
+    /// [`AccuracyError::Json`] if the numbers cannot be serialised.
     pub fn to_html(&self, folder: &Path) -> Result<String, AccuracyError> {
         let mut names: Vec<String> = self.truths.iter().map(|t| format!("truth.{}.png", t.only)).collect();
         for variant in &self.run.plan.variants {
@@ -44,7 +44,7 @@ impl Report {
             images: names.into_iter().filter_map(|n| Some((n.clone(), base64(&folder.join(&n))?))).collect(),
         };
         let data = serde_json::to_string(&data).map_err(AccuracyError::json(Path::new("page"), 0))?;
-        // Inside of a script element nothing but its end is special.
+        // In a script element only its end tag is special.
         let data = data.replace("</", "<\\/");
         let title = format!("What accuracy costs: {}", escaped(&self.run.scene));
         Ok(format!(

@@ -13,9 +13,9 @@ fn rows_hold_medians_and_know_their_place() {
     assert_eq!(shadows.rows[3].ms, 0.0);
     assert_eq!((shadows.judged_by, shadows.metric, shadows.price), (Image::Picture, Metric::FlipLdr, Price::Stage));
     assert!(shadows.rows.iter().all(|r| shadows.is_front(r) && r.rounds == [1, 2, 3] && r.sure > 0.9));
-    // Shadows stand in front of others by their own image, too.
+    // Shadows are also judged by their own image.
     assert!(shadows.rows.iter().all(|r| r.is_front(Image::Slot, Metric::Rmse)));
-    // 16 bits change the error by less than 1 % and take less: they stand in front of 32.
+    // 16 bits change the error by less than 1 % and take less time: they are on the front instead of 32.
     let gi = report.effect("gi").unwrap();
     assert_eq!(gi.rows[0].standing[&Image::Slot][&Metric::Relmse], Standing::DominatedBy(1));
     assert!(gi.is_front(&gi.rows[1]) && gi.is_front(&gi.rows[2]));
@@ -69,7 +69,7 @@ fn the_csv_has_a_row_per_variant_and_as_many_fields_in_each() {
     let csv = report.to_csv();
     let lines: Vec<&str> = csv.lines().collect();
     assert_eq!(lines.len(), 1 + report.run.plan.variants.len());
-    // Labels with a comma stand in quotation marks.
+    // Labels with a comma are quoted.
     let fields = |line: &str| line.split('"').step_by(2).map(|part| part.matches(',').count()).sum::<usize>();
     for line in &lines {
         assert_eq!(fields(line), fields(lines[0]), "{line}");
@@ -106,7 +106,7 @@ fn rows_are_judged_at_rest_in_motion_or_by_their_own_image() {
     let mut moved = folder();
     let shadows: Vec<String> =
         moved.run.plan.variants.iter().filter(|v| v.slot == "shadows").map(|v| v.setup.clone()).collect();
-    // In motion the dearest is the worst.
+    // In motion the most expensive row is the worst.
     for (at, one) in moved.measurements.iter_mut().filter(|m| m.round == 0 && shadows.contains(&m.setup)).enumerate() {
         let mut errors = one.errors.last().unwrap().clone();
         errors.picture.flip_ldr = if at == 1 { 0.9 } else { 0.1 };
@@ -120,7 +120,7 @@ fn rows_are_judged_at_rest_in_motion_or_by_their_own_image() {
     let judged = |image| build(image).effects.iter().map(|e| e.judged_by).collect::<Vec<_>>();
     assert_eq!(judged(Image::Picture), [Image::Picture; 2]);
     assert_eq!(judged(Image::Slot), [Image::Slot; 2]);
-    // What was not seen in motion is judged at rest.
+    // Rows that were not measured in motion are judged at rest.
     assert_eq!(judged(Image::Moving), [Image::Moving, Image::Picture]);
     let report = build(Image::Moving);
     let shadows = report.effect("shadows").unwrap();

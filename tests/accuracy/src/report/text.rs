@@ -1,10 +1,10 @@
-//! The report on a terminal.
+//! The report as text.
 use super::{Effect, Image, Report, RowErrors};
 use crate::front::Standing;
 
 impl Report {
-    /// A table per slot: every row with its error, at rest and in motion, and its price, each with how far that is known, and what
-    /// dominates those that are not on the front.
+    /// A table per slot: every row with its error, at rest and in motion, and its price, each with its uncertainty, and the dominating row
+    /// for those that are not on the front.
     pub fn table(&self) -> String {
         let mut tables: Vec<String> = self.effects.iter().map(table).collect();
         if !self.unreached.is_empty() {

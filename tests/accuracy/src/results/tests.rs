@@ -24,7 +24,7 @@ fn results_stay_and_a_line_that_is_cut_off_goes() {
     drop(results);
     assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
 
-    // A line that is whole and wrong is told with its number.
+    // A complete but invalid line is reported with its number.
     std::fs::write(&path, text.clone() + "{}\n").unwrap();
     let message = Results::open(place.path(), &mut later).unwrap_err().to_string();
     assert!(message.contains(&format!("{RESULTS_FILE}:3")), "{message}");
@@ -50,7 +50,7 @@ fn results_of_another_run_are_refused() {
     }
 }
 
-/// Writes a folder with the setups for which `mine` holds.
+/// Writes a folder with the setups selected by `mine`.
 fn write(path: &Path, all: &Folder, mine: impl Fn(usize) -> bool) {
     let mut run = all.run.clone();
     let mut results = Results::open(path, &mut run).unwrap();
@@ -80,7 +80,7 @@ fn shards_come_together_as_if_one_machine_had_done_it_all() {
     assert_eq!(digits(&merged), digits(&all));
     assert_eq!(digits(&Folder::read(&out).unwrap()), digits(&all));
     assert_eq!(std::fs::read_dir(out.join(IMAGES)).unwrap().count(), 6);
-    // Twice the same is the same.
+    // The same folder twice changes nothing.
     let again = [&paths[..], &paths[1..2]].concat();
     assert_eq!(digits(&merge(&again, &out).unwrap()), digits(&all));
 

@@ -1,4 +1,4 @@
-//! The course of a sweep: every round of every configuration, or a race within a time.
+//! Order of a sweep: every round of every configuration, or a race within a time limit.
 use super::Progress;
 use super::truths::SAMPLE_UNITS;
 use crate::AccuracyError;
@@ -10,26 +10,26 @@ use crate::results::{Measurement, Results, Run};
 use crate::truth::{Truth, TruthInfo};
 use std::collections::BTreeMap;
 
-/// Part of a limited time after which no configuration begins for its error: what is left is for the race.
+/// Share of a limited time after which no further configuration starts its round 0: the rest is for the race.
 const ERRORS_UNTIL: f64 = 0.9;
 
-/// Who measures, and the clock.
+/// Measures configurations, and has a clock. Tests replace it.
 pub trait Measures {
-    /// One round of a configuration. In round 0 its errors are found.
+    /// Runs one round of a configuration; round 0 includes its errors.
     fn measure(&mut self, setup: &Setup, round: u32) -> Result<Measurement, AccuracyError>;
 
-    /// Since the sweep began.
+    /// Seconds since the sweep began.
     fn seconds(&self) -> f64;
 }
 
-/// How progress is counted.
+/// Units of progress.
 pub struct Units {
     pub all: u64,
     pub name: &'static str,
 }
 
 impl Units {
-    /// In seconds where the time is limited; else in frames, with samples of truths as some.
+    /// Seconds with a time limit; else frames, with each sample of a ground truth as several.
     pub fn of(run: &Run, setups: &[&Setup], truths: usize) -> Self {
         if let Some(minutes) = run.minutes {
             return Self { all: (60.0 * minutes) as u64, name: "seconds at most" };
@@ -43,7 +43,7 @@ fn frames_of(run: &Run, round: u32) -> u64 {
     u64::from(if round == 0 { run.frames.last().copied().unwrap_or(1) + run.moving_frames } else { run.timed })
 }
 
-/// Measures what is not there yet.
+/// Runs all missing measurements.
 pub fn run(
     run: &Run,
     setups: &[&Setup],
@@ -85,7 +85,7 @@ struct Course<'a> {
     by: &'a mut dyn Measures,
     at: &'a mut Progress,
     progress: &'a mut dyn FnMut(&Progress),
-    /// Seconds.
+    /// Time limit, seconds.
     limit: f64,
 }
 
@@ -96,7 +96,7 @@ impl Course<'_> {
         (self.progress)(self.at);
     }
 
-    /// The error of each configuration, those that tell most first, as far as the time goes.
+    /// Runs round 0 of each configuration, most informative first, until time runs out.
     fn errors(&mut self, setups: &[&Setup]) -> Result<(), AccuracyError> {
         let order: Vec<&Setup> =
             self.run.plan.best_first().into_iter().filter(|s| setups.iter().any(|mine| mine.id == s.id)).collect();
@@ -106,20 +106,20 @@ impl Course<'_> {
                 continue;
             }
             let begin = self.by.seconds();
-            // The default is what everything else is compared with.
+            // The default always runs, as everything else is compared with it.
             if at > 0 && begin + longest > self.limit * ERRORS_UNTIL {
                 break;
             }
             self.tell(format!("errors, {} of {all}: {}", at + 1, setup.label));
             let measurement = self.by.measure(setup, 0)?;
             self.results.push(measurement)?;
-            // The first also brings the scene to the device.
+            // The first measurement includes loading the scene.
             longest = if at > 0 { longest.max(self.by.seconds() - begin) } else { 0.0 };
         }
         Ok(())
     }
 
-    /// Rounds for what is not decided, slot by slot, as far as the time goes.
+    /// Times the rows whose place is uncertain, slot by slot, until time runs out.
     fn race(&mut self, setups: &[&Setup]) -> Result<(), AccuracyError> {
         let mut longest = 0.0_f64;
         loop {
@@ -150,7 +150,8 @@ impl Course<'_> {
         }
     }
 
-    /// The configurations of these that are measured here. One whose rival runs on another machine meets it never: it ends as well.
+    /// Those of these configurations that this shard measures. A row whose rival belongs to another shard would never be decided, so rounds
+    /// are limited.
     fn mine<'s>(&self, setups: &[&'s Setup], runners: &[String]) -> Vec<&'s Setup> {
         let default = self.run.plan.default_setup().map_or("", |s| s.id.as_str());
         let rounds = |id: &str| self.results.measurements.iter().filter(|m| m.setup == id).count();

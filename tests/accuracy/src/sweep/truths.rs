@@ -1,4 +1,4 @@
-//! Truths of a sweep: which, and how much of the time each may take.
+//! Ground truths of a sweep: which ones, and the share of time for each.
 use super::Progress;
 use crate::AccuracyError;
 use crate::compose::TRUTH_PICTURES;
@@ -13,30 +13,30 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-/// What a sample of a truth takes, in frames of a measurement: for the time that is left, and nothing else.
+/// Cost of a sample of a ground truth in frames of a measurement, for the estimate of the remaining time.
 pub const SAMPLE_UNITS: u64 = 8;
-/// Part of a limited time that truths may take.
+/// Share of a limited time that ground truths may take.
 pub const SHARE_OF_TIME: f64 = 0.38;
 
-/// A truth that is wanted.
+/// A ground truth to trace.
 pub struct Wanted {
-    /// Under which name configurations are compared with it: the slot, or one of those of the picture.
+    /// Key under which configurations look it up: the slot, or one of those of the whole picture.
     key: String,
     only: Only,
-    /// Which of the tracers.
+    /// Index of the tracer.
     tracer: usize,
-    /// Its part of the time, beside the others'.
+    /// Its relative share of the time.
     weight: f64,
 }
 
-/// Truths that are needed for these setups, the whole picture's first.
+/// The ground truths that these setups need, those of the whole picture first.
 pub fn wanted(setups: &[&Setup], moves: bool) -> Vec<Wanted> {
     let picture = |key: &str, tracer, weight| Wanted { key: key.to_owned(), only: Only::All, tracer, weight };
     let has = |slot: &str| setups.iter().any(|s| s.slots.iter().any(|w| w == slot));
     let moves = moves && setups.iter().any(|s| s.turns);
     let mut wanted = vec![picture(PICTURE, 0, 4.0)];
     wanted.extend(has(AREA).then(|| picture(AREA, 1, 3.0)));
-    // A configuration that moves is compared with the first of these, whatever its slot is.
+    // Configurations with motion are compared with this one, whatever their slot is.
     wanted.extend(moves.then(|| picture(MOVING, 2, 3.0)));
     wanted.extend((moves && has(AREA)).then(|| picture(MOVING_AREA, 3, 2.0)));
     for slot in setups.iter().flat_map(|s| &s.slots) {
@@ -49,21 +49,21 @@ pub fn wanted(setups: &[&Setup], moves: bool) -> Vec<Wanted> {
     wanted
 }
 
-/// Finds truths.
+/// Traces ground truths.
 pub struct Finder<'a> {
     pub cache: TruthCache,
-    /// At the centres of pixels, over their squares, and both from where the camera has moved to.
+    /// At pixel centres, averaged over pixels, and both again with the moved camera.
     pub tracers: [PathTracer<'a>; 4],
     pub run: &'a Run,
     pub display: Display,
     pub out: &'a Path,
     pub start: Instant,
-    /// No samples are added to what is there.
+    /// Whether existing ground truths get no further samples.
     pub is_frozen: bool,
 }
 
 impl Finder<'_> {
-    /// Finds them, and leaves their pictures and what is known of them in the folder.
+    /// Traces them, and writes their pictures and quality to the folder.
     pub fn find(
         &mut self,
         wanted: &[Wanted],
@@ -115,7 +115,7 @@ impl Finder<'_> {
     }
 }
 
-/// Name of a truth in files and reports.
+/// Name of a ground truth in files and reports.
 fn name(only: Only, tracer: usize) -> String {
     format!("{}{}", only.name(), ["", "_area", "_moving", "_moving_area"][tracer])
 }

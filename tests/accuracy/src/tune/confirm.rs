@@ -1,4 +1,4 @@
-//! Rendering what was predicted.
+//! Renders predicted choices to confirm them.
 use super::{Choice, Goal, Tuner};
 use crate::AccuracyError;
 use crate::front::middle;
@@ -15,27 +15,27 @@ use magpie_passes::reference::{Only, ReferenceOptions};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Most combinations that are rendered for one goal.
+/// Most combinations that are rendered per goal.
 const MOST_RENDERED: usize = 8;
-/// Rounds in which a choice and the default are timed in turns.
+/// Rounds in which a choice and the default are timed alternately.
 const ROUNDS: u32 = 5;
 
-/// What a choice came to.
+/// Measured result of a choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
-    /// Milliseconds of the GPU per frame, at the speed that the machine had for the report: the default's time there, times the ratio
-    /// of the two in the same rounds now.
+    /// GPU time per frame, milliseconds, at the machine's speed during the report: the default's time there, times the ratio of the two in
+    /// the same rounds now.
     pub ms: f64,
     /// Error of the picture.
     pub error: f64,
-    /// How much brighter the picture is than the truth on the mean, stops; below 0 darker.
+    /// Mean brightness relative to the ground truth, stops; negative if darker.
     pub stops: f64,
 }
 
-/// Renders a configuration to see what it comes to.
+/// Renders a configuration and measures it.
 pub type Render<'a> = &'a mut dyn FnMut(&Config) -> Result<Found, AccuracyError>;
 
-/// Renders choices as the rows of a report were rendered.
+/// Renders choices under the conditions of a report.
 pub struct Confirmer<'a> {
     bench: Bench<'a>,
     run: Run,
@@ -46,10 +46,10 @@ pub struct Confirmer<'a> {
 }
 
 impl<'a> Confirmer<'a> {
-    /// Of this report, whose folder is named for messages.
+    /// For this report; `folder` is named in messages.
     ///
     /// # Errors
-    /// [`AccuracyError::Different`] where scene or camera are not those of the report.
+    /// [`AccuracyError::Different`] if scene or camera are not those of the report.
     pub fn new(
         subject: &Subject<'a>,
         report: &Report,
@@ -73,7 +73,7 @@ impl<'a> Confirmer<'a> {
         let default = run.plan.default_setup().ok_or_else(|| lacks("the default was not measured"))?;
         Ok(Self {
             bench: Bench::new(subject.gpu, subject.scene, subject.camera, rays, subject.slots),
-            // Every frame at rest; where the report raced, more of them were timed.
+            // No race: all frames at rest are timed.
             run: Run { minutes: None, ..run.clone() },
             truths: BTreeMap::from([(PICTURE.to_owned(), truth)]),
             default: Setup { slots: Vec::new(), turns: false, ..default.clone() },
@@ -82,10 +82,10 @@ impl<'a> Confirmer<'a> {
         })
     }
 
-    /// Renders a configuration, and the default beside it.
+    /// Renders a configuration, alternating with the default.
     ///
     /// # Errors
-    /// Whatever rendering says.
+    /// Any error of rendering.
     pub fn render(&mut self, config: &Config) -> Result<Found, AccuracyError> {
         let setup =
             Setup { id: "tuned".to_owned(), label: "tuned".to_owned(), config: config.clone(), ..self.default.clone() };
@@ -107,10 +107,10 @@ impl<'a> Confirmer<'a> {
     }
 }
 
-/// Chooses for a goal, renders what was chosen, and chooses again with what was found, until the choice is one that was rendered.
+/// Chooses for a goal, renders the choice, and repeats with the measured result until the choice has been rendered.
 ///
 /// # Errors
-/// [`AccuracyError::Unreachable`], and whatever `render` says.
+/// [`AccuracyError::Unreachable`], and any error of `render`.
 pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Result<Choice, AccuracyError> {
     for _ in 0..MOST_RENDERED {
         let choice = tuner.choose(goal)?;
@@ -120,6 +120,6 @@ pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Resul
         let found = render(&tuner.config(&choice))?;
         tuner.learn(&choice, found);
     }
-    // Whatever else may be promising: the best of those that were rendered.
+    // Out of attempts: the best of those that were rendered.
     tuner.choose_rendered(goal)
 }

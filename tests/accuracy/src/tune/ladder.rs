@@ -1,26 +1,26 @@
-//! A configuration for each of several budgets.
+//! Configurations for a series of budgets.
 use super::{Choice, Goal, Render, Tuner, confirmed, figure};
 use crate::AccuracyError;
 use std::fmt::Write;
 
-/// Milliseconds of the steps.
+/// Budgets, milliseconds.
 const MILLISECONDS: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 33.0];
-/// Steps of a device on which the default takes more than the last of those: shares of the default's time.
+/// Budgets for devices on which the default exceeds the last of those: shares of the default's time.
 const SHARES: [f64; 6] = [0.125, 0.25, 0.5, 0.75, 1.0, 2.0];
 
-/// A budget.
+/// A budget of the series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Name of the file, without its ending.
+    /// File name without extension.
     pub name: String,
-    /// Milliseconds of the GPU per frame.
+    /// GPU time per frame, milliseconds.
     pub budget_ms: f64,
 }
 
-/// A step and what was chosen for it, or why nothing was.
+/// A budget with its choice, or the reason why there is none.
 pub type Rung = (Step, Result<Choice, String>);
 
-/// The steps for a device on which the default takes so many milliseconds.
+/// The budgets for a device on which the default takes `frame_ms`.
 pub fn steps(frame_ms: f64) -> Vec<Step> {
     if frame_ms <= MILLISECONDS[5] {
         return MILLISECONDS.map(|ms| Step { name: format!("{ms}ms"), budget_ms: ms }).to_vec();
@@ -30,10 +30,10 @@ pub fn steps(frame_ms: f64) -> Vec<Step> {
     SHARES.map(share).to_vec()
 }
 
-/// Chooses for each step. What is rendered for one step is known for the next; without `render` everything is as predicted.
+/// Chooses for each budget. Rendered results are reused for the next ones; without `render` all are predictions.
 ///
 /// # Errors
-/// Whatever `render` says. A step that nothing meets is no error.
+/// Any error of `render`. A budget that nothing meets is no error.
 pub fn ladder(tuner: &mut Tuner<'_>, mut render: Option<Render<'_>>) -> Result<Vec<Rung>, AccuracyError> {
     let mut rungs = Vec::new();
     for step in steps(tuner.frame_ms) {
@@ -51,7 +51,7 @@ pub fn ladder(tuner: &mut Tuner<'_>, mut render: Option<Render<'_>>) -> Result<V
     Ok(rungs)
 }
 
-/// The steps as a table.
+/// The budgets and choices as a table.
 pub fn table(tuner: &Tuner<'_>, rungs: &[Rung]) -> String {
     let mut text = format!(
         "{:<14} {:>10} {:>10} {:>10} {:>8}  choices other than the defaults\n",

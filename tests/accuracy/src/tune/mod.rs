@@ -1,8 +1,8 @@
-//! From measured fronts to a configuration: the least error within a budget, or the least time within an error.
+//! Chooses a configuration from measured fronts: the least error within a budget, or the least time within an error.
 //!
-//! Every slot takes a row of its own. The picture of a combination is [composed](crate::compose) from what each choice alone made, and
-//! its error is that of this picture; its time is the default frame's, plus what each row takes more or less than its slot's default.
-//! What is best by these predictions is rendered, until the best is one that was ([`confirmed`]).
+//! Each slot chooses one of its rows. The picture of a combination is predicted by [composing](crate::compose) those of its rows, and its
+//! error follows from that; its time is the default frame's plus the differences of its rows. The best prediction is rendered, and the
+//! search repeated, until the best has been rendered ([`confirmed`]).
 mod confirm;
 mod ladder;
 mod toml;
@@ -22,83 +22,83 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Combinations that go on from slot to slot in the search.
+/// Beam width of the search: combinations kept from slot to slot.
 const BEAM: usize = 24;
-/// A combination goes on if its error is at most so much above that of a cheaper one.
+/// Relative excess in error over a cheaper combination up to which the beam keeps one.
 const SLACK: f64 = 0.1;
-/// Combinations off the front by up to so much are kept: what is rendered may turn out better or worse.
+/// Relative distance from the front up to which combinations are kept: rendered, they may be better.
 const NEAR: f64 = 0.03;
 /// Width of the pictures that the search composes, pixels.
 const SEARCHED: usize = 320;
-/// Errors closer than this share count as the same: the cheaper choice is taken.
-const SAME: f64 = 0.01;
+/// Relative difference below which errors count as equal, and the cheaper choice is taken.
+const SAME: f64 = 1e-3;
 
-/// What is wanted.
+/// Goal of a choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// The least error in so many milliseconds of the GPU per frame.
+    /// Least error within this GPU time per frame, milliseconds.
     Budget(f64),
-    /// The least time with so much error of the picture.
+    /// Least time within this error of the picture.
     Error(f64),
 }
 
-/// A row of each slot.
+/// A combination: one row per slot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// Index of the row of each effect of the report, in its order.
+    /// Row index for each effect of the report, in the report's order.
     pub rows: Vec<usize>,
-    /// Milliseconds of the GPU per frame that are predicted.
+    /// Predicted GPU time per frame, milliseconds.
     pub predicted_ms: f64,
-    /// Error of the picture that is predicted.
+    /// Predicted error of the picture.
     pub predicted_error: f64,
-    /// What it came to, where it was rendered.
+    /// Measured result, if it was rendered.
     pub found: Option<Found>,
 }
 
 impl Choice {
-    /// Milliseconds of the GPU per frame: found, or else predicted.
+    /// GPU time per frame, milliseconds: measured if known, else predicted.
     pub fn ms(&self) -> f64 {
         self.found.map_or(self.predicted_ms, |f| f.ms)
     }
 
-    /// Error of the picture: found, or else predicted.
+    /// Error of the picture: measured if known, else predicted.
     pub fn error(&self) -> f64 {
         self.found.map_or(self.predicted_error, |f| f.error)
     }
 }
 
-/// A report to choose from.
+/// Chooses from a report.
 #[derive(Debug)]
 pub struct Tuner<'a> {
     report: &'a Report,
     composer: Composer,
     metric: Metric,
-    /// Of each effect, the rows that may be chosen.
+    /// For each effect, the rows that may be chosen.
     candidates: Vec<Vec<usize>>,
-    /// Of each effect, the default.
+    /// For each effect, the row of the default.
     defaults: Vec<usize>,
     frame_ms: f64,
-    /// What the search has left.
+    /// Results of the search.
     choices: Vec<Choice>,
 }
 
 impl<'a> Tuner<'a> {
-    /// Reads what a report in a folder has to choose from, by this metric of the picture.
+    /// Reads a report and its pictures from a folder, and searches by this metric of the picture.
     ///
     /// # Errors
-    /// [`AccuracyError::NotTunable`], or what is wrong with its pictures.
+    /// [`AccuracyError::NotTunable`], or errors of its pictures.
     pub fn new(report: &'a Report, folder: &Path, metric: Metric) -> Result<Self, AccuracyError> {
         let plan = &report.run.plan;
         let lacks = |lacks: &str| AccuracyError::NotTunable { path: folder.to_owned(), lacks: lacks.to_owned() };
         let default = plan.default_setup().ok_or_else(|| lacks("the default was not measured"))?;
-        // Rows that were measured while the scene moved have no picture that goes with the others.
+        // Rows that were measured in a moving scene have no picture at the same time as the others.
         let still = plan.setups.iter().filter(|s| !s.moving).map(|s| (s.id.as_str(), s.is_whole()));
         let composer = Composer::read(&folder.join(IMAGES), Display::of(&default.config), &default.id, still)?;
         let composer = composer.ok_or_else(|| lacks("the pictures of its configurations are missing"))?;
         Self::with(report, folder, composer, metric)
     }
 
-    /// The same with pictures that are there.
+    /// The same with given pictures.
     pub(crate) fn with(
         report: &'a Report,
         folder: &Path,
@@ -111,8 +111,8 @@ impl<'a> Tuner<'a> {
         for effect in &report.effects {
             let default = effect.rows.iter().position(|r| r.variant.is_default);
             let default = default.ok_or_else(|| lacks(&format!("the default of {} was not measured", effect.slot)))?;
-            // What is near to the truth in the slot's own image may not be so in the picture of the default, where errors of others
-            // make up for it or hide it.
+            // The best rows by the slot's own image need not be the best in the picture of the default, where other errors may compensate
+            // or hide theirs.
             let is_front = |row: &Row| {
                 effect.is_front(row) || [Image::Picture, Image::Slot].iter().any(|image| row.is_front(*image, metric))
             };
@@ -128,8 +128,8 @@ impl<'a> Tuner<'a> {
         Ok(tuner)
     }
 
-    /// Milliseconds that a choice of rows is expected to take. Each slot's own passes take what its row took beside the default; a row
-    /// that changes what other slots take (how many pixels there are, what rays see) scales theirs.
+    /// Predicted GPU time, milliseconds. Each slot's own passes take the time of its row; a row that affects other slots (resolution,
+    /// acceleration structures) scales theirs.
     fn predicted_ms(&self, rows: &[usize]) -> f64 {
         let chosen = || self.report.effects.iter().zip(rows.iter().zip(&self.defaults));
         let Some(default) = chosen().next().map(|(effect, (_, d))| &effect.rows[*d]) else { return 0.0 };
@@ -149,7 +149,7 @@ impl<'a> Tuner<'a> {
             }
             ms += own;
         }
-        // Slots that have no passes by default, and what rows of frames change between passes.
+        // Slots without passes by default, and time between passes that rows with `Price::Frame` change.
         for (effect, (at, d)) in chosen() {
             let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
             match effect.price {
@@ -165,10 +165,10 @@ impl<'a> Tuner<'a> {
         self.report.effects.iter().zip(rows).map(|(effect, at)| effect.rows[*at].variant.setup.as_str())
     }
 
-    /// What a choice of rows is expected to come to.
+    /// Predicted time and error of a combination.
     ///
     /// # Errors
-    /// [`AccuracyError::Metric`] where its picture cannot be compared.
+    /// [`AccuracyError::Metric`] if its picture cannot be compared.
     pub fn predict(&self, rows: &[usize]) -> Result<Choice, AccuracyError> {
         self.predict_by(&self.composer, rows)
     }
@@ -179,8 +179,7 @@ impl<'a> Tuner<'a> {
         Ok(Choice { rows: rows.to_vec(), predicted_ms: self.predicted_ms(rows), predicted_error, found: None })
     }
 
-    /// Looks for combinations of which none is both cheaper and more accurate: slot by slot, going on with those that are promising,
-    /// then by exchanging single rows.
+    /// Searches for Pareto-optimal combinations: a beam search slot by slot, then exchanges of single rows.
     fn search(&self) -> Result<Vec<Choice>, AccuracyError> {
         let small = self.composer.at_most(SEARCHED);
         let mut seen: BTreeMap<Vec<usize>, Choice> = BTreeMap::new();
@@ -198,7 +197,7 @@ impl<'a> Tuner<'a> {
         best.par_iter().map(|choice| self.predict(&choice.rows)).collect()
     }
 
-    /// These choices with every other candidate at one of these places, and they themselves.
+    /// These choices and all that differ from them in one of these slots.
     fn exchanged(
         &self,
         composer: &Composer,
@@ -224,15 +223,15 @@ impl<'a> Tuner<'a> {
         Ok(all.iter().filter_map(|rows| seen.get(rows)).cloned().collect())
     }
 
-    /// Takes what a choice came to in place of what was predicted.
+    /// Stores the measured result of a choice.
     pub fn learn(&mut self, choice: &Choice, found: Found) {
         if let Some(known) = self.choices.iter_mut().find(|c| c.rows == choice.rows) {
             known.found = Some(found);
         }
     }
 
-    /// The choices of which none is both cheaper and more accurate, from the cheapest to the most accurate. Those that were not rendered
-    /// count as predicted, and about as far off as those that were on the mean.
+    /// The Pareto-optimal choices, from the cheapest to the most accurate. Predictions that were not rendered are corrected by the mean
+    /// deviation of those that were.
     pub fn front(&self) -> Vec<Choice> {
         let off = |of: &dyn Fn(&Choice, &Found) -> f64| {
             let logs: Vec<f64> = self
@@ -241,7 +240,7 @@ impl<'a> Tuner<'a> {
                 .filter_map(|c| Some(of(c, c.found.as_ref()?).ln()))
                 .filter(|l| l.is_finite())
                 .collect();
-            // As if one more had kept its promise: a single one says little of the others.
+            // As if one more prediction had been exact: a single one says little about the others.
             (logs.iter().sum::<f64>() / (logs.len() + 1) as f64).exp()
         };
         let ms = off(&|c, f| f.ms / c.predicted_ms);
@@ -257,18 +256,18 @@ impl<'a> Tuner<'a> {
         near_front(self.choices.iter().map(expected).collect(), 0.0)
     }
 
-    /// The choice that meets a goal. Of choices within the budget whose errors differ by less than 1 %, the cheapest.
+    /// The choice that meets a goal. Of choices within the budget whose errors differ by less than 0.1 %, the cheapest.
     ///
     /// # Errors
-    /// [`AccuracyError::Unreachable`], which says what comes nearest.
+    /// [`AccuracyError::Unreachable`], which says what comes closest.
     pub fn choose(&self, goal: Goal) -> Result<Choice, AccuracyError> {
         let chosen = self.choose_of(&self.front(), goal)?;
-        // As it was predicted, not as it is expected.
+        // With its original prediction, not the corrected one.
         let own = self.choices.iter().find(|c| c.rows == chosen.rows);
         Ok(own.cloned().unwrap_or(chosen))
     }
 
-    /// The same among those that were rendered.
+    /// The same among the choices that were rendered.
     ///
     /// # Errors
     /// As [`Tuner::choose`].
@@ -303,7 +302,7 @@ impl<'a> Tuner<'a> {
         }
     }
 
-    /// The configuration of a choice: what was measured around, with every slot's row laid over it.
+    /// The configuration of a choice: the base with the rows of all slots applied.
     pub fn config(&self, choice: &Choice) -> Config {
         let default = self.report.run.plan.default_setup().map(|s| s.config.clone());
         let mut config = default.unwrap_or_default();
@@ -321,7 +320,7 @@ impl<'a> Tuner<'a> {
         config
     }
 
-    /// What a choice has that the defaults have not.
+    /// Lists what differs from the defaults.
     pub fn told(&self, choice: &Choice) -> String {
         let all = self.report.effects.iter().zip(choice.rows.iter().zip(&self.defaults));
         let told = |(effect, (at, default)): (&Effect, (&usize, &usize))| {
@@ -336,8 +335,8 @@ fn at_differs(row: &Row, default: &Row) -> bool {
     row.variant.setup != default.variant.setup
 }
 
-/// What a row's times are multiplied with, to be at the speed that the machine had for the default: by the rounds that both ran in; of a
-/// slot that leaves the passes of others alone, by what these took beside it where there are none.
+/// Factor that converts a row's times to the machine's speed at the default's: from their common rounds; without any, and for a slot that
+/// does not affect the passes of others, from the time of those passes.
 fn speed(effect: &Effect, row: &Row, default: &Row) -> f64 {
     let (a, b) = (row.point(0.0).ms, default.point(0.0).ms);
     let ratio = |(round, ms): (&u32, &f64)| b.get(round).filter(|b| **b > 0.0).map(|b| ms / b);
@@ -352,7 +351,7 @@ fn speed(effect: &Effect, row: &Row, default: &Row) -> f64 {
     if ratios.is_empty() || row.ms <= 0.0 { 1.0 } else { middle(&ratios) * default.ms / row.ms }
 }
 
-/// Choices whose error is at most by this share above that of the best that is not dearer, from the cheapest on.
+/// Choices whose error exceeds that of the best cheaper one by at most this share, cheapest first.
 fn near_front(mut all: Vec<Choice>, slack: f64) -> Vec<Choice> {
     all.sort_by(|a, b| a.ms().total_cmp(&b.ms()).then(a.error().total_cmp(&b.error())).then(a.rows.cmp(&b.rows)));
     let mut least = f64::INFINITY;
@@ -364,7 +363,7 @@ fn near_front(mut all: Vec<Choice>, slack: f64) -> Vec<Choice> {
     all
 }
 
-/// At most so many of them, evenly, the first and the last among them.
+/// At most `most` of them, evenly spaced, the first and the last included.
 fn thinned(all: Vec<Choice>, most: usize) -> Vec<Choice> {
     let count = all.len();
     if count <= most || most < 2 {
@@ -373,7 +372,7 @@ fn thinned(all: Vec<Choice>, most: usize) -> Vec<Choice> {
     (0..most).map(|i| all[i * (count - 1) / (most - 1)].clone()).collect()
 }
 
-/// Whether this is the device of the report; its times mean nothing on another.
+/// Whether this is the report's device; its times do not apply to others.
 pub fn is_same_device(run: &Run, name: &str) -> bool {
     run.device.name == name
 }

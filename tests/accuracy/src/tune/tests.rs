@@ -61,7 +61,7 @@ fn the_default_promises_what_was_measured() {
 
 #[test]
 fn times_of_a_busy_machine_are_taken_beside_the_default() {
-    // In the rounds of the second row the machine was three times as slow, which the default saw in one of them or in none.
+    // In the second row's rounds the machine was three times as slow; the default ran in one of them, or in none.
     for (common, others) in [(vec![1, 2, 3], 12.0), (vec![4], 12.0)] {
         let mut report = report();
         let shadows = report.effects.iter_mut().find(|e| e.slot == "shadows").unwrap();
@@ -85,11 +85,11 @@ fn times_of_a_busy_machine_are_taken_beside_the_default() {
     }
 }
 
-/// Sky light that is half as much too bright again, as where nothing occludes it, or none.
+/// The implementation chosen for `gi` where the default's sky light is far too bright in shadow, as without occlusion, and `off` too dark.
 fn sky_or_none(metric: Metric) -> String {
     let report = report();
     let grey = |of: &dyn Fn(usize) -> f32| crate::metrics::Picture::grey(8, 4, &(0..32).map(of).collect::<Vec<_>>());
-    // In one half of the picture the sun, in the other the sky alone.
+    // One half of the picture is lit by the sun, the other by the sky only.
     let is_lit = |i: usize| i % 8 < 4;
     let truth = grey(&|i| if is_lit(i) { 1.0 } else { 0.25 });
     let default = grey(&|i| if is_lit(i) { 1.0 } else { 0.55 });
@@ -118,7 +118,7 @@ fn what_was_rendered_takes_the_place_of_what_was_predicted() {
     let report = report();
     let mut tuner = tuner(&report);
     let first = tuner.choose(Goal::Budget(36.0)).unwrap();
-    // All but the first keeps its promise; that one comes out three times as wrong as was predicted.
+    // All predictions but the first are exact; that one is wrong by a factor of three.
     let promises: Vec<(Config, Choice)> = all(&tuner).into_iter().map(|c| (tuner.config(&c), c)).collect();
     let mut rendered = Vec::new();
     let mut render = |config: &Config| {
@@ -133,7 +133,7 @@ fn what_was_rendered_takes_the_place_of_what_was_predicted() {
     let found = choice.found.unwrap();
     assert!((found.error / choice.predicted_error - 1.0).abs() < 0.15 && found.ms <= 36.0);
     assert!(found.error < 3.0 * first.predicted_error);
-    // What keeps no promise at all ends as well, with the best of what was rendered.
+    // With all predictions wrong the search still ends, with the best of those rendered.
     let mut tuner = self::tuner(&report);
     let mut late = |_: &Config| Ok(Found { ms: 1000.0, error: 0.5, stops: 0.0 });
     assert!(confirmed(&mut tuner, Goal::Budget(36.0), &mut late).is_err());

@@ -1,11 +1,11 @@
-//! A choice as a configuration file that tells what it costs.
+//! A choice as a commented configuration file.
 use super::{Choice, Goal, Tuner, figure};
 use crate::report::{Effect, Price, Row};
 use magpie::config::{Catalogue, STAGES, Value};
 use std::fmt::Write;
 
 impl Tuner<'_> {
-    /// The configuration as TOML, with a comment on every line that says what it costs and buys.
+    /// The configuration as TOML, with comments on cost and benefit of every line.
     pub fn to_toml(&self, choice: &Choice, goal: Goal, catalogue: &Catalogue) -> String {
         let (run, config, metric) = (&self.report.run, self.config(choice), self.metric);
         let wanted = match goal {
@@ -57,7 +57,7 @@ impl Tuner<'_> {
         self.report.effects.iter().enumerate().find(|(_, e)| e.slot == slot)
     }
 
-    /// What a slot's row costs, and what the next ones on its front would change.
+    /// Cost of a slot's row, and the effect of its neighbours on the front.
     fn about_slot(&self, choice: &Choice, slot: &str) -> String {
         let Some((place, effect)) = self.place(slot) else { return "not measured: as by default".to_owned() };
         let at = choice.rows[place];
@@ -92,7 +92,7 @@ impl Tuner<'_> {
         let mut rows = choice.rows.clone();
         rows[place] = other;
         let label = &self.report.effects[place].rows[other].variant.label;
-        // Both as predicted: what was found of one only would not tell what the other changes.
+        // Both are predictions, as a measured result of only one would not show the effect of the change.
         let Ok(new) = self.predict(&rows) else { return format!("\"{label}\" cannot be compared") };
         let by = new.predicted_ms - choice.predicted_ms;
         let time = if by < 0.0 { format!("would save {:.3} ms", -by) } else { format!("would cost {by:.3} ms more") };
@@ -100,7 +100,7 @@ impl Tuner<'_> {
         format!("\"{label}\" {time}, {} {before} -> {after}", self.metric)
     }
 
-    /// What another value of a setting would change.
+    /// Effect of another value of a setting.
     fn about_setting(&self, choice: &Choice, slot: &str, key: &str, unit: &str) -> String {
         let unit = if unit.is_empty() { String::new() } else { format!("{unit}; ") };
         let Some((place, effect)) = self.place(slot) else { return format!("{unit}not measured: as by default") };
@@ -125,13 +125,13 @@ impl Tuner<'_> {
 
 fn toml_value(value: &Value) -> String {
     match value {
-        // A float without a point would be read as a whole number, which is fine; with one it is what it was.
+        // A float without a decimal point would be read as an integer, which is accepted; with it the value is unchanged.
         Value::Float(x) => format!("{x:?}"),
         other => other.to_string(),
     }
 }
 
-/// Lines with their comments below each other.
+/// Appends the lines with aligned comments.
 fn aligned(toml: &mut String, lines: &[(String, String)]) {
     let width = lines.iter().map(|(line, _)| line.chars().count()).max().unwrap_or(0);
     for (line, comment) in lines {

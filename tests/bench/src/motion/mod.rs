@@ -1,5 +1,5 @@
-//! Effects while something moves: how far each frame is from the truth of that frame, as it comes from one ray per pixel, denoised, and
-//! denoised with a history that forgets nothing. `magpie bench motion`.
+//! Effects in motion, `magpie bench motion`: error of each frame against that frame's ground truth, for one ray per pixel, denoised, and
+//! denoised without temporal gradients.
 mod paths;
 mod report;
 
@@ -13,58 +13,58 @@ use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
 use serde::Serialize;
 
-/// Frames of eight rays each that a truth is the mean of.
+/// Frames of eight rays per pixel that a ground truth is the mean of.
 const TRUTH_FRAMES: u32 = 16;
-/// Frames in which the scene is as at the begin before it changes: longer than any history by default.
+/// Frames at rest before the motion: more than the longest default history.
 pub const WARM_UP: u32 = 40;
 
-/// What is measured.
+/// Options of `magpie bench motion`.
 #[derive(Clone, Debug)]
 pub struct MotionOptions {
-    /// The slot, which must have the settings of a denoiser.
+    /// Name of the slot, whose implementation must have a denoiser.
     pub slot: String,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Frames of a path.
+    /// Frames per path.
     pub frames: u32,
-    /// How rays are traced.
+    /// Backend for rays.
     pub rays: Rays,
-    /// What changes nothing but the picture.
+    /// Seed of everything random.
     pub seed: u32,
-    /// Around what is measured.
+    /// Configuration of everything else.
     pub config: Config,
-    /// The source, for the report.
+    /// Commit of the build, for the report.
     pub commit: String,
 }
 
 /// Why nothing was measured.
 #[derive(Debug, thiserror::Error)]
 pub enum MotionError {
-    /// A frame could not be rendered.
+    /// Rendering a frame failed.
     #[error("{label}: {source}")]
     Render {
-        /// Which of those that are compared.
+        /// Label of the contestant.
         label: String,
-        /// What went wrong.
+        /// Its error.
         source: Box<RenderError>,
     },
-    /// The slot cannot be set as is needed.
+    /// The slot does not accept the required settings.
     #[error(transparent)]
     Config(Box<ConfigError>),
-    /// The slot gave nothing.
+    /// The slot has no output image.
     #[error("{path}: the slot `{slot}` gives no image here")]
     NoImage {
-        /// The path.
+        /// Name of the path.
         path: &'static str,
-        /// The slot.
+        /// Name of the slot.
         slot: String,
     },
 }
 
-/// A way to make the slot's image.
+/// A variant of the slot's settings to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Contestant {
-    /// For the legend.
+    /// Text in the legend.
     pub label: &'static str,
     changes: &'static [(&'static str, &'static str)],
 }
@@ -72,7 +72,7 @@ pub struct Contestant {
 const NOISY: &[(&str, &str)] = &[("rays", "1"), ("denoiser", "none")];
 const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
 
-/// What is compared. The last is left out where the effect looks for no changes.
+/// The variants to compare. The last is skipped if the effect has no temporal gradients.
 pub const CONTESTANTS: [Contestant; 3] = [
     Contestant { label: "one ray", changes: NOISY },
     Contestant { label: "denoised", changes: &[("rays", "1"), ("denoiser", "svgf")] },
@@ -82,23 +82,23 @@ pub const CONTESTANTS: [Contestant; 3] = [
     },
 ];
 
-/// One contestant along one path.
+/// Results of one contestant on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Course {
-    /// The path.
+    /// Name of the path.
     pub path: &'static str,
-    /// The contestant.
+    /// Label of the contestant.
     pub label: &'static str,
-    /// Root mean square difference to the truth, in each frame.
+    /// Root mean square error of each frame.
     pub errors: Vec<f64>,
-    /// Mean of the image, in each frame.
+    /// Mean value of each frame's image.
     pub means: Vec<f64>,
-    /// Mean of the truth, in each frame.
+    /// Mean value of each frame's ground truth.
     pub true_means: Vec<f64>,
 }
 
 impl Course {
-    /// The first frame, from 1, in which the mean of the image has gone a share of its way to what it is in the end. For a switch.
+    /// The first frame, from 1, in which the mean has covered this share of its way to the final value: the delay after a switch.
     #[must_use]
     pub fn frame_of(&self, share: f64) -> Option<usize> {
         let end = *self.true_means.last()?;
@@ -106,10 +106,10 @@ impl Course {
     }
 }
 
-/// An image, a number for each pixel and channel.
+/// Values of all pixels and channels of an image.
 type Values = Vec<f64>;
 
-/// A renderer, of which one slot is looked at.
+/// A renderer of which one slot's image is read back.
 struct Bench {
     renderer: Renderer,
     slot: String,
@@ -146,7 +146,7 @@ impl Bench {
     }
 }
 
-/// The configuration with changes of the slot's settings, of which those that it lacks are left out.
+/// The configuration with changes to the slot's settings; those that its implementation does not have are skipped.
 fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, MotionError> {
     let wrong = |error| MotionError::Config(Box::new(error));
     let catalogue: Catalogue = Slots::default().catalogue();
@@ -163,7 +163,7 @@ fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, M
     Ok(config)
 }
 
-/// The truth of each moment. Frames of the renderer have other rays, so that their mean converges.
+/// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
 fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>, MotionError> {
     let mut bench = Bench::new(gpu, &path.scene, options, ("truth", TRUE))?;
     let mut truths = Vec::with_capacity(path.moments.len());
@@ -178,7 +178,7 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>
     Ok(truths)
 }
 
-/// Goes along one path with every contestant.
+/// Renders one path with every contestant.
 ///
 /// # Errors
 /// [`MotionError`].
@@ -191,7 +191,7 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
     for Contestant { label, changes } in CONTESTANTS {
         let config = config(options, changes)?;
         if configs.contains(&config) {
-            continue; // the effect has no such setting
+            continue; // the effect does not have this setting
         }
         configs.push(config);
         let mut bench = Bench::new(gpu, &path.scene, options, (label, changes))?;
@@ -212,7 +212,7 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
     Ok(courses)
 }
 
-/// Goes along every path that the scene has.
+/// Renders every path of the scene.
 ///
 /// # Errors
 /// [`MotionError`].

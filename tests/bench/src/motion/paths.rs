@@ -1,41 +1,41 @@
-//! What moves, and how: scripted, the same in every scene.
+//! Scripted motion, the same for every scene.
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Node, Property, Scene};
 
-/// Seconds between two frames.
+/// Time between two frames, seconds.
 const FRAME: f64 = 1.0 / 60.0;
-/// By what a camera turns from frame to frame, radians: a second for two thirds of a circle.
+/// Rotation of the camera per frame, radians.
 const CAMERA_TURN: f64 = 0.01;
-/// By what lights turn about the vertical axis through the world's origin, radians from frame to frame.
+/// Rotation of the lights about the world's vertical axis per frame, radians.
 const LIGHT_TURN: f64 = 0.005;
 
-/// What a frame shows.
+/// State of the scene in a frame.
 #[derive(Clone, Debug)]
 pub struct Moment {
-    /// From where.
+    /// The camera.
     pub camera: Camera,
-    /// When, seconds.
+    /// Scene time, seconds.
     pub time: f64,
-    /// What all lights are multiplied with.
+    /// Factor of all lights' intensity.
     pub light: f32,
 }
 
-/// A scene and a moment for each frame.
+/// A scene with the moments to render.
 #[derive(Clone, Debug)]
 pub struct Path {
-    /// For people.
+    /// Name in tables and file names.
     pub name: &'static str,
-    /// What is seen.
+    /// The scene.
     pub scene: Scene,
-    /// What was seen before it begins, so that there is a history.
+    /// State in the frames before the path, which fill the history; none for the first moment.
     pub before: Option<Moment>,
-    /// Frame by frame.
+    /// State of each frame.
     pub moments: Vec<Moment>,
 }
 
-/// A camera that is turned about the vertical axis through a point.
+/// A camera that can orbit a point.
 pub trait Turned {
-    /// By this angle, radians.
+    /// Rotated about the vertical axis through `around` by this angle, radians.
     #[must_use]
     fn turned(&self, around: DVec3, angle: f64) -> Self;
 }
@@ -49,16 +49,16 @@ impl Turned for Camera {
     }
 }
 
-/// Places of a camera that goes around what it looks at, frame by frame, from where it is.
+/// Cameras of an orbit around the point that a camera looks at, frame by frame, starting with the camera itself.
 #[must_use]
 pub fn around(camera: &Camera, frames: u32) -> Vec<Camera> {
-    // The near plane is at a thousandth of the distance to what the camera looks at.
+    // The near plane is at a thousandth of the distance to the point that the camera looks at.
     let forward = -camera.world_from_camera.matrix3.z_axis;
     let centre = camera.eye() + forward * (1e3 * f64::from(camera.near));
     (0..frames).map(|frame| camera.turned(centre, CAMERA_TURN * f64::from(frame))).collect()
 }
 
-/// The paths that a scene has: its camera goes around what it looks at, its lights turn, what is animated moves, and its lights go on.
+/// The paths of a scene: the camera orbits, the lights turn, animations play, and the lights are switched on.
 #[must_use]
 pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let Some(camera) = scene.cameras.first() else { return Vec::new() };
@@ -87,7 +87,7 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     paths
 }
 
-/// Where a light is and where its -z points to, as a node that it hangs on has to stand.
+/// Position and orientation of a light: the transform of a node that carries it.
 #[must_use]
 pub fn stand(light: &Light) -> (DVec3, DQuat) {
     let to = |direction: &Vec3| DQuat::from_rotation_arc(DVec3::NEG_Z, direction.as_dvec3().normalize());
@@ -95,13 +95,13 @@ pub fn stand(light: &Light) -> (DVec3, DQuat) {
         Light::Directional { direction, .. } => (DVec3::ZERO, to(direction)),
         Light::Point { position, .. } => (*position, DQuat::IDENTITY),
         Light::Spot { position, direction, .. } => (*position, to(direction)),
-        Light::Rectangle { .. } => (DVec3::ZERO, DQuat::IDENTITY), // it keeps its own place, relative to its node
+        Light::Rectangle { .. } => (DVec3::ZERO, DQuat::IDENTITY), // its own position is relative to the node
         Light::Disc { centre, normal, .. } => (*centre, to(normal)),
         Light::Sphere { centre, .. } => (*centre, DQuat::IDENTITY),
     }
 }
 
-/// Hangs every light that stands by itself on a node that turns, for so many seconds.
+/// Attaches every unattached light to a node that rotates for `seconds`.
 fn turn_lights(scene: &mut Scene, seconds: f64) {
     let node = scene.nodes.len() as u32;
     scene.nodes.push(Node { name: "turn".to_owned(), ..Node::default() });
@@ -112,7 +112,7 @@ fn turn_lights(scene: &mut Scene, seconds: f64) {
         let local = Local::Trs { translation, rotation, scale: DVec3::ONE };
         scene.nodes.push(Node { name: "light".to_owned(), parent: Some(node), local, ..Node::default() });
     }
-    // A quarter of the way at each key, so that turns are far from half a circle.
+    // Keys at quarters of the way keep each rotation well below half a turn.
     let keys: Vec<f64> = (0..=4).map(|k| seconds * f64::from(k) / 4.0).collect();
     let turn = |time: &f64| Quat::from_axis_angle(Vec3::Y, (LIGHT_TURN * time / FRAME) as f32);
     scene.animations.push(Animation {
@@ -140,7 +140,7 @@ mod tests {
             let turned = camera.turned(centre, angle);
             assert!((turned.eye().distance(centre) - camera.eye().distance(centre)).abs() < 1e-12);
             let forward = -turned.world_from_camera.matrix3.z_axis;
-            assert!(forward.dot((centre - turned.eye()).normalize()) > 1.0 - 1e-6, "{angle}"); // rounded for the device
+            assert!(forward.dot((centre - turned.eye()).normalize()) > 1.0 - 1e-6, "{angle}"); // cameras are rounded to 32 bits
         }
     }
 

@@ -1,4 +1,4 @@
-//! What was found along the paths: a table, JSON, charts.
+//! Results of `magpie bench motion` as a table, JSON and charts.
 use super::{Course, MotionOptions};
 use crate::chart::{Axis, Chart, ChartError, Colour, Line};
 use magpie::gpu::Gpu;
@@ -6,29 +6,29 @@ use magpie::scene::Scene;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Share of a switch at which it counts as seen.
+/// Share of a switch's change at which it counts as visible.
 const SEEN: f64 = 0.9;
-/// Frames in which a denoiser may be no better than what it gets: it knows nothing yet.
+/// First frames of a path, in which a denoiser may be no better than its input as it has no history.
 pub const UNKNOWN: usize = 3;
 
-/// A run.
+/// Results of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct MotionReport {
-    /// Of Magpie.
+    /// Version of Magpie.
     pub magpie: &'static str,
-    /// The source.
+    /// Commit of the build.
     pub commit: String,
     /// Name of the device.
     pub device: String,
-    /// Its driver.
+    /// Name and version of its driver.
     pub driver: String,
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
-    /// The slot.
+    /// Name of the slot.
     pub slot: String,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Every contestant along every path.
+    /// Results of every contestant on every path.
     pub courses: Vec<Course>,
 }
 
@@ -47,15 +47,15 @@ impl MotionReport {
         }
     }
 
-    /// As JSON.
+    /// The report as JSON.
     ///
     /// # Errors
-    /// What the serialiser refuses.
+    /// Any error of the serialiser.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }
 
-    /// Names of the paths, in order.
+    /// Names of the paths in order.
     fn paths(&self) -> Vec<&'static str> {
         let mut names: Vec<_> = self.courses.iter().map(|c| c.path).collect();
         names.dedup();
@@ -66,7 +66,7 @@ impl MotionReport {
         self.courses.iter().filter(move |c| c.path == path)
     }
 
-    /// For people: a line per path and contestant.
+    /// The report as a table, a line per path and contestant.
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!("{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
@@ -91,7 +91,7 @@ impl MotionReport {
         text
     }
 
-    /// File names, without a folder, and SVG texts.
+    /// Charts as file names without a folder and SVG texts.
     ///
     /// # Errors
     /// [`ChartError`].
@@ -132,7 +132,7 @@ impl MotionReport {
         Ok(charts)
     }
 
-    /// Frames after the third in which what is denoised is no better than one ray: path, contestant, frame from 1.
+    /// Frames after [`UNKNOWN`] in which a denoised image is no better than its input: path, contestant, frame from 1.
     #[must_use]
     pub fn worse(&self) -> Vec<(&'static str, &'static str, usize)> {
         let mut worse = Vec::new();

@@ -1,4 +1,4 @@
-//! The features that meet in a frame. A new effect joins with a line of [`FEATURES`].
+//! The features to combine. A new effect is added as a line of [`FEATURES`].
 use super::{PairsError, wrong};
 use glam::{DVec3, Vec3};
 use magpie::config::{Config, Value};
@@ -7,23 +7,23 @@ use magpie::prelude::Rays;
 use magpie::scene::{Light, Scene};
 use magpie_passes::Slots;
 
-/// What can be on or off.
+/// A feature that can be on or off.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Feature {
-    /// For the table and for `--only`.
+    /// Name in the table and for `--only`.
     pub name: &'static str,
-    /// Of the configuration, without those that its effects lack.
+    /// Changes to the configuration; those that its implementations do not have are skipped.
     pub settings: &'static [&'static str],
-    /// How rays are traced.
+    /// Backend for rays, if the feature sets one.
     pub rays: Option<Rays>,
-    /// Queues that the frame is planned for.
+    /// Whether the frame uses several queues.
     pub queues: bool,
-    /// Lamps are added to the scene.
+    /// Whether six lights are added to the scene.
     pub lights: bool,
 }
 
 impl Feature {
-    /// The frame as the configuration has it.
+    /// The unchanged configuration.
     pub const NONE: Self = Self { name: "", settings: &[], rays: None, queues: false, lights: false };
 
     const fn set(name: &'static str, settings: &'static [&'static str]) -> Self {
@@ -35,7 +35,7 @@ impl Feature {
     }
 }
 
-/// Every feature. Ambient occlusion by rays is among them, as its noise is the denoisers' other customer.
+/// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
 pub const FEATURES: [Feature; 15] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
@@ -54,9 +54,9 @@ pub const FEATURES: [Feature; 15] = [
     Feature::traced("pipeline", Rays::Pipeline),
 ];
 
-/// A setting of the slot `post` decides where pixels are sampled, and so which truth a picture is compared with.
+/// The `post` setting that averages over pixels, and so decides which ground truth a picture is compared with.
 const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
-/// Many rays, no denoiser, every pixel.
+/// Settings of a ground truth: many rays, no denoiser, full resolution.
 const TRUE: [&str; 8] = [
     "shadows.rays=8",
     "shadows.most_lights=8",
@@ -68,12 +68,12 @@ const TRUE: [&str; 8] = [
     "post.resolution_scale=1",
 ];
 
-/// The configuration with changes, of which those of settings that the slot's implementation lacks are left out.
+/// The configuration with changes; settings that the slot's implementation does not have are skipped.
 fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, PairsError> {
     let catalogue = Slots::default().catalogue();
     let mut config = config.clone();
     let changes: Vec<&str> = changes.into_iter().collect();
-    // Which implementation there is decides which settings there are.
+    // Implementations first, as they decide which settings exist.
     for stage in changes.iter().filter(|change| change.starts_with("stages.")) {
         config.set(stage).map_err(wrong)?;
     }
@@ -88,26 +88,26 @@ fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Re
     Ok(config)
 }
 
-/// Whether presets or settings sample pixels all over.
+/// Whether presets or settings average over pixels.
 pub fn is_anti_aliased(config: &Config) -> bool {
     let full = Slots::default().catalogue().complete(config);
     full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
 }
 
-/// Whether ambient occlusion is that of rays.
+/// Whether ambient occlusion is ray-traced.
 pub fn traces_ao(config: &Config) -> bool {
     let full = Slots::default().catalogue().complete(config);
     full.stages.get("ao").is_some_and(|ao| ao == "ray-traced")
 }
 
-/// Without noise, sampled at the centres of pixels or all over them.
+/// The configuration without noise, sampled at pixel centres or averaged over pixels.
 pub fn settle(config: &Config, anti_aliased: bool, traced_ao: bool) -> Result<Config, PairsError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
     let traced = traced_ao.then_some("stages.ao=ray-traced");
     change(config, TRUE.into_iter().chain([sampled]).chain(traced))
 }
 
-/// Two features in one frame; `None` where they want different things of the same setting.
+/// The changes of two features; `None` if they set the same setting differently.
 pub fn combine(
     config: &Config,
     rays: Rays,
@@ -127,12 +127,12 @@ pub fn combine(
     Ok(Some((config, first.rays.or(second.rays).unwrap_or(rays), switches)))
 }
 
-/// The scene with six lamps around what its camera looks at, each about a third as bright there as the sun.
+/// Adds six lights around the point that the camera looks at, each about a third as bright there as the sun.
 pub fn light_up(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     let Some(camera) = scene.cameras.first() else { return scene };
     let forward = -camera.world_from_camera.matrix3.z_axis;
-    // The near plane is at a thousandth of the distance to what the camera looks at.
+    // The near plane is at a thousandth of the distance to the point that the camera looks at.
     let away = 1e3 * f64::from(camera.near);
     let centre = camera.eye() + forward * away;
     let sun = scene.lights.iter().find_map(|light| match light {
@@ -175,7 +175,7 @@ mod tests {
                 combine(&Config::default(), Rays::Software, [feature, &Feature::NONE]).unwrap().unwrap();
             let changes = config != plain.0 || rays != plain.1 || switches != plain.2;
             assert!(changes || feature.name == "software", "{}", feature.name);
-            // What it says is taken, not left out for want of such a setting; AO has its settings where rays are traced.
+            // Checks that settings are applied rather than skipped; those of `ao` exist for its ray-traced implementation only.
             for setting in feature.settings.iter().filter(|s| !s.starts_with("ao.")) {
                 let mut with = config.clone();
                 with.set(setting).unwrap();

@@ -1,5 +1,5 @@
-//! Features that ship together, two at a time: how far the picture at the end of the frame is from the truth with each pair of them on, while
-//! nothing moves and while the camera does. `magpie bench pairs`.
+//! Pairs of features, `magpie bench pairs`: error of the final picture against the ground truth with each pair of features on, while
+//! nothing moves and while the camera moves.
 mod features;
 mod report;
 
@@ -17,76 +17,76 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-/// Frames before the picture of what stands still is taken: one more than the longest history by default.
+/// Frames before the picture at rest is compared: one more than the longest default history.
 const STILL_FRAMES: u32 = 33;
 /// Frames of the camera's path. Those whose numbers, from 1, are multiples of [`EACH`] are compared.
 const MOVING_FRAMES: u32 = 12;
 const EACH: usize = 4;
-/// Frames that a truth is the mean of. So many look once at each eighth of a pixel's width and each sixth of its height.
+/// Frames that a ground truth is the mean of: their jitter visits each eighth of a pixel's width and each sixth of its height once.
 const TRUTH_FRAMES: u32 = 48;
-/// A pair is told apart whose error is so many times what its two features make, were they independent: the root of the sum of their squares.
+/// Factor by which a pair's error may exceed that of two independent features, the root of the sum of squares, before it is marked.
 pub const SUSPICIOUS: f64 = 1.2;
 
-/// What is measured.
+/// Options of `magpie bench pairs`.
 #[derive(Clone, Debug)]
 pub struct PairsOptions {
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
-    /// How rays are traced where a feature does not say.
+    /// Backend for rays, unless a feature sets one.
     pub rays: Rays,
-    /// Names of the features that take part; all where it is empty.
+    /// Names of the features to combine; empty for all.
     pub only: Vec<String>,
-    /// What changes nothing but the picture.
+    /// Seed of everything random.
     pub seed: u32,
-    /// Around what is measured.
+    /// Configuration of everything else.
     pub config: Config,
-    /// The source, for the report.
+    /// Commit of the build, for the report.
     pub commit: String,
 }
 
 /// Why nothing was measured.
 #[derive(Debug, thiserror::Error)]
 pub enum PairsError {
-    /// A frame could not be rendered.
+    /// Rendering a frame failed.
     #[error("{label}: {source}")]
     Render {
-        /// With which features.
+        /// Names of the features.
         label: String,
-        /// What went wrong.
+        /// Its error.
         source: Box<RenderError>,
     },
-    /// The slots cannot be set as is needed.
+    /// The slots do not accept the required settings.
     #[error(transparent)]
     Config(Box<ConfigError>),
-    /// There is nothing to look at.
+    /// The scene has no camera.
     #[error("the scene has no camera")]
     NoCamera,
-    /// A feature of another name.
+    /// There is no feature of that name.
     #[error("no feature is named `{name}`; there are {known}")]
     Unknown {
-        /// The name.
+        /// The given name.
         name: String,
-        /// All names.
+        /// Names of all features.
         known: String,
     },
 }
 
-/// Two features, or one twice, or none twice: what the picture is off by.
+/// Error with two features on, one feature (given twice), or none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cell {
     /// Names of the features; empty for none.
     pub features: [&'static str; 2],
-    /// Root mean square difference of what a display would show, 0 to 1, while nothing moves.
+    /// Root mean square difference of display values, 0 to 1, at rest.
     pub still: f64,
-    /// The same while the camera moves, the mean over frames.
+    /// The same while the camera moves, mean over the compared frames.
     pub moving: f64,
 }
 
-/// A linear picture: three numbers of each pixel.
+/// Linear radiance, three values per pixel.
 type Picture = Vec<f32>;
 
-/// What truths are kept by: where pixels are sampled, how ambient occlusion is found, and whether lamps were added. How far one way to find
-/// it is from another is for `magpie accuracy` to say.
+/// Key of a ground truth: pixel sampling, kind of ambient occlusion, and added lights. The error of one kind of ambient occlusion against
+/// another is measured by `magpie accuracy` instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     anti_aliased: bool,
@@ -94,12 +94,12 @@ struct Kind {
     lights: bool,
 }
 
-/// What each kind of truth shows: standing still, then at each moment that is compared.
+/// Ground truths by kind: at rest, then at each compared moment.
 #[derive(Default)]
 struct Truths(BTreeMap<Kind, Vec<Picture>>);
 
 impl Truths {
-    /// Those of a kind; they are made when they are asked for first.
+    /// Those of a kind, rendered on first use.
     fn of(
         &mut self,
         kind: Kind,
@@ -112,7 +112,7 @@ impl Truths {
     }
 }
 
-/// What is seen, frame by frame.
+/// The moments to render.
 struct Walk {
     scene: Scene,
     lit: Scene,
@@ -131,13 +131,13 @@ impl Walk {
         if lights { &self.lit } else { &self.scene }
     }
 
-    /// The moments of which there is a truth.
+    /// The moments that are compared with a ground truth.
     fn compared(&self) -> impl Iterator<Item = &Moment> {
         std::iter::once(&self.still).chain(self.moving.iter().skip(EACH - 1).step_by(EACH))
     }
 }
 
-/// A renderer and what it is called.
+/// A renderer with its label.
 struct Bench {
     renderer: Renderer,
     label: String,
@@ -157,7 +157,7 @@ impl Bench {
         Ok(Self { renderer, label: label.to_owned() })
     }
 
-    /// The picture of the next frame, or the image of the slot that is read; empty where nobody looks.
+    /// The next frame's picture, or the slot's image that is read back; empty unless `looks`.
     fn frame(&mut self, moment: &Moment, looks: bool) -> Result<Picture, PairsError> {
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: looks };
         let failed = |source| PairsError::Render { label: self.label.clone(), source: Box::new(source) };
@@ -171,7 +171,7 @@ impl Bench {
     }
 }
 
-/// The pictures without noise: the mean over frames of many rays, before anything is done to it.
+/// Ground truths: the mean over frames with many rays and without denoising or post-processing.
 fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, PairsError> {
     let config = settle(&options.config, kind.anti_aliased, kind.traced_ao)?;
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, ("truth", &config, options.rays))?;
@@ -189,13 +189,13 @@ fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<
     Ok(pictures)
 }
 
-/// Root mean square difference of two pictures as a display shows them: `x / (1 + x)`, then a gamma of 2.2.
+/// Root mean square difference of display values: `x / (1 + x)`, then a gamma of 2.2.
 fn difference(a: &[f32], b: &[f32]) -> f64 {
     let shown = |x: f32| (f64::from(x) / (1.0 + f64::from(x))).powf(1.0 / 2.2);
     (a.iter().zip(b).map(|(a, b)| (shown(*a) - shown(*b)).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// What is off with two features on; `None` where they exclude each other.
+/// The error with two features on; `None` if they exclude each other.
 fn cell(
     gpu: &Gpu,
     walk: &Walk,
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn a_difference_is_that_of_what_is_shown() {
         assert_eq!(difference(&[0.5, 3.0], &[0.5, 3.0]), 0.0);
-        // 1 is shown as half of the display's light.
+        // 1 is displayed as half of the display's linear light.
         let half = 0.5_f64.powf(1.0 / 2.2);
         assert!((difference(&[1.0, 0.0], &[0.0, 0.0]) - (half * half / 2.0).sqrt()).abs() < 1e-9);
         assert!(difference(&[f32::NAN], &[0.0]).is_nan());

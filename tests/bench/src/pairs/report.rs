@@ -1,28 +1,28 @@
-//! The table of pairs: as text, Markdown and JSON.
+//! Results of `magpie bench pairs` as text, Markdown and JSON.
 use super::{Cell, PairsOptions, SUSPICIOUS};
 use magpie::gpu::Gpu;
 use magpie::scene::Scene;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// A run.
+/// Results of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct PairsReport {
-    /// Of Magpie.
+    /// Version of Magpie.
     pub magpie: &'static str,
-    /// The source.
+    /// Commit of the build.
     pub commit: String,
     /// Name of the device.
     pub device: String,
-    /// Its driver.
+    /// Name and version of its driver.
     pub driver: String,
-    /// The scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: [u32; 2],
     /// Names of the features, in the order of the table.
     pub features: Vec<&'static str>,
-    /// Nothing on, each feature alone (with itself), and every pair that can be.
+    /// Results without features, with each feature alone, and with every possible pair.
     pub cells: Vec<Cell>,
 }
 
@@ -47,10 +47,10 @@ impl PairsReport {
         }
     }
 
-    /// As JSON.
+    /// The report as JSON.
     ///
     /// # Errors
-    /// What the serialiser refuses.
+    /// Any error of the serialiser.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }
@@ -59,8 +59,8 @@ impl PairsReport {
         self.cells.iter().find(|c| c.features == [a, b] || c.features == [b, a])
     }
 
-    /// The pairs whose error is [`SUSPICIOUS`] times the root of the sum of the squares of their features', or no number: features, and the
-    /// ratios still and moving.
+    /// Pairs whose error exceeds [`SUSPICIOUS`] times the root of the sum of squares of their features', or is not finite: names, and
+    /// ratios at rest and in motion.
     #[must_use]
     pub fn suspicious(&self) -> Vec<([&'static str; 2], [f64; 2])> {
         let mut found = Vec::new();
@@ -75,7 +75,7 @@ impl PairsReport {
         found
     }
 
-    /// A Markdown table: still / moving, thousandths. A star where a pair is suspicious, a dash where two features exclude each other.
+    /// A Markdown table: error at rest / in motion, in thousandths. A star marks suspicious pairs, a dash features that exclude each other.
     #[must_use]
     pub fn table(&self) -> String {
         let suspicious = self.suspicious();
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_pair_worse_than_both_is_told() {
         assert!(report([0.02, 0.03]).suspicious().is_empty());
-        // The root of 0.01² and 0.02² is 0.0224, that of 0.03² and 0.02² is 0.0361.
+        // The root of 0.01² + 0.02² is 0.0224, that of 0.03² + 0.02² is 0.0361.
         assert!(report([0.026, 0.043]).suspicious().is_empty());
         assert_eq!(report([0.028, 0.03]).suspicious().len(), 1);
         assert_eq!(report([0.02, 0.045]).suspicious()[0].0, ["a", "b"]);

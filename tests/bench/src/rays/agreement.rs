@@ -1,18 +1,18 @@
-//! Whether two ways to trace met the same.
+//! Compares the hits of two backends.
 use super::{Agreement, Case};
 use magpie_shaders::bench::RayAnswer;
 
-/// Distances that differ by so much of themselves are the same.
+/// Relative difference up to which distances count as equal.
 pub const SAME_DISTANCE: f64 = 1e-4;
 
-/// Compares closest hits, with the name of each way.
+/// Compares closest hits; each backend is given by name.
 pub fn agreement_of_closest(
     case: &Case,
     (first, a): (String, &[RayAnswer]),
     (second, b): (String, &[RayAnswer]),
 ) -> Agreement {
     let mut agreement = empty(case, first, second, a.len());
-    // Answers that are missing differ.
+    // Missing answers count as different.
     agreement.differ = a.len().abs_diff(b.len()) as u64;
     for (a, b) in a.iter().zip(b) {
         let (ta, tb) = (f64::from(a.t), f64::from(b.t));
@@ -29,7 +29,7 @@ pub fn agreement_of_closest(
     agreement
 }
 
-/// Compares whether anything was met.
+/// Compares any-hit results.
 pub fn agreement_of_any(case: &Case, (first, a): (String, &[bool]), (second, b): (String, &[bool])) -> Agreement {
     let mut agreement = empty(case, first, second, a.len());
     agreement.differ = a.len().abs_diff(b.len()) as u64 + a.iter().zip(b).filter(|(a, b)| a != b).count() as u64;

@@ -2,7 +2,7 @@
 use super::{Case, Quantity, RayReport, Row};
 use crate::chart::{Axis, Chart, ChartError, Colour, Line};
 
-/// The colour of a way to trace, the same in every chart.
+/// Colour of a backend, the same in every chart.
 fn colour(rays: &str) -> Colour {
     match rays {
         "software" => Colour::BLUE,
@@ -12,7 +12,7 @@ fn colour(rays: &str) -> Colour {
     }
 }
 
-/// File names, without a folder, and SVG texts. A chart for which nothing was measured is left out.
+/// Charts as file names without a folder and SVG texts. Charts without data are left out.
 ///
 /// # Errors
 /// [`ChartError`].
@@ -36,7 +36,7 @@ const PATH: Axis = Axis { name: "mean path of an instance, diameters", log: fals
 const RATE: Axis = Axis { name: "Mrays/s", log: false };
 const TIME: Axis = Axis { name: "milliseconds", log: true };
 
-/// The lines of what `pick` names: the label without the way, whether dashed, and the width.
+/// The lines of the rows that `pick` selects; it returns the label without the backend, whether it is dashed, and the width.
 fn lines(
     report: &RayReport,
     setup: &str,
@@ -54,7 +54,7 @@ fn lines(
             None => lines.push(Line { label, colour: colour(row.rays), dashed, width, points: vec![point] }),
         }
     }
-    // In the order of the report, so that thicker lines of more instances come later.
+    // In the order of the report, so that thicker lines for more instances come later.
     lines.sort_by_key(|l| report.rays.iter().position(|r| colour(r) == l.colour).unwrap_or(usize::MAX));
     lines
 }
@@ -114,7 +114,7 @@ fn top_level(report: &RayReport) -> (&'static str, Chart) {
     ("top-level", Chart { title: title(report, "Building a top level"), x: INSTANCES, y: TIME, lines })
 }
 
-/// Lines of one setting apart from the others: all move, or a part; more instances are thicker.
+/// Line style of a moving crowd: all or part of it moves; more instances give a thicker line.
 fn crowd(subject: &str) -> (String, bool, u32) {
     let count: u32 = subject.split(' ').next().and_then(|n| n.parse().ok()).unwrap_or(0);
     (subject.to_owned(), subject.contains('%'), 1 + count / 700)
@@ -124,7 +124,7 @@ fn moving(report: &RayReport) -> (&'static str, Chart) {
     let refitted = |case: &Case| case.variant == "primary, refitted";
     let mut lines =
         lines(report, "moving", Quantity::Rate, 1.0, |case, _| refitted(case).then(|| crowd(&case.subject)));
-    // Over the rate of a new tree for the same instances.
+    // Relative to the rate after a rebuild for the same instances.
     for line in &mut lines {
         let (rays, subject) = line.label.split_once(", ").unwrap_or((&line.label, ""));
         for point in &mut line.points {

@@ -1,4 +1,4 @@
-//! The driver's structures over a [`World`](super::World), by passes of the graph.
+//! Hardware acceleration structures of a [`World`](super::World), built by graph passes.
 use super::trace::{pass_ns, write};
 use super::world::rows;
 use super::{Change, Placed, RayBenchError, WorldOptions, WorldReport};
@@ -12,7 +12,7 @@ use magpie_shaders::Address;
 use magpie_shaders::scene as shared;
 use std::sync::Arc;
 
-/// Both levels.
+/// Bottom-level and top-level acceleration structures.
 pub(super) struct DriverTree {
     bottom: Vec<Arc<Accel>>,
     top: Arc<Accel>,
@@ -22,7 +22,7 @@ pub(super) struct DriverTree {
 }
 
 impl DriverTree {
-    /// `meshes`: each with the number of its vertices.
+    /// `meshes`: each with its number of vertices.
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
@@ -76,7 +76,7 @@ impl DriverTree {
         Ok(tree)
     }
 
-    /// Address of the top level.
+    /// Device address of the top level.
     pub fn top(&self) -> Address {
         self.top.address()
     }
@@ -85,7 +85,7 @@ impl DriverTree {
         &self.top
     }
 
-    /// Nanoseconds of the device.
+    /// Updates the top level; returns nanoseconds on the device.
     pub fn follow(
         &mut self,
         gpu: &Gpu,
@@ -123,7 +123,7 @@ impl DriverTree {
         pass_ns(&executed, "bench.top").map(Some)
     }
 
-    /// An instance as the driver wants it.
+    /// An instance in the driver's format.
     fn instance(&self, placed: &Placed, index: u32) -> AccelInstance {
         let double_sided = if placed.double_sided { AccelInstance::DOUBLE_SIDED } else { 0 };
         let bottom = self.bottom.get(placed.shape as usize).map(|b| b.address().0).unwrap_or_default();
@@ -158,7 +158,7 @@ fn build_bottom(
     pass_ns(&executor.run(g, &imports)?, "bench.bottom")
 }
 
-/// A copy in as little room as the driver can do with, and nanoseconds of the device.
+/// A compacted copy, and nanoseconds on the device.
 fn compact(gpu: &Gpu, executor: &mut Executor, accel: &Arc<Accel>) -> Result<(Arc<Accel>, u64), RayBenchError> {
     let sizes = Arc::new(CompactedSizes::new(gpu, 1)?);
     let answer = Arc::new(Buffer::new(gpu, "compacted size", 8, BufferMemory::ReadBack, BufferUse::Storage)?);
@@ -166,7 +166,7 @@ fn compact(gpu: &Gpu, executor: &mut Executor, accel: &Arc<Accel>) -> Result<(Ar
     let key = imports.accel(accel, Address::default());
     let source: Handle<Blas> = g.import_accel("bottom", Access::Build, key).read();
     let target = g.import_buffer("size", BufferDesc::new(8), Access::HostRead, imports.buffer(&answer));
-    let queries = sizes.clone(); // the frame lets go of its own before the device is done
+    let queries = sizes.clone(); // the frame drops its own handle before the device is done
     let asked = g.pass("bench.measure", Queue::Graphics, |p| {
         let source = p.build_input(source);
         let (asked, to) = p.copy_to(target);

@@ -1,4 +1,4 @@
-//! Tables of rays: through a camera's pixels, from what these meet, and at random. The same input gives the same rays.
+//! Tables of rays: through a camera's pixels, from their hits, and random ones. Deterministic.
 use super::{Question, RayTable};
 use glam::{Affine3A, Vec3};
 use magpie::graph::Extent;
@@ -9,31 +9,30 @@ use magpie_shaders::scene::INSTANCE_MASK_ALL;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 
-/// Edge of the tiles in which threads trace, rays.
+/// Side of the tiles in which threads trace, rays.
 const TILE: u32 = 8;
-/// Length of ambient-occlusion rays over the diagonal of the scene.
+/// Length of ambient-occlusion rays relative to the diagonal of the scene.
 const AO_REACH: f32 = 0.05;
-/// How far rays leave a surface, over the diagonal of the scene.
+/// Offset of ray origins from the surface, relative to the diagonal of the scene.
 const LIFT: f32 = 1e-5;
-/// End of rays that go on for ever, metres.
+/// `t_max` of unlimited rays, metres.
 const FAR: f32 = 1e30;
-/// A shadow ray ends this much of its length before a lamp, whose own surface would stop it.
+/// Share of its length by which a shadow ray ends before the light, whose own surface would occlude it.
 const LIGHT_MARGIN: f32 = 1e-3;
 
-/// Random numbers, good enough for directions (splitmix64: Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number
-/// Generators").
+/// A random number generator (splitmix64: Steele, Lea and Flood 2014, "Fast Splittable Pseudorandom Number Generators").
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The same seed gives the same numbers.
+    /// Equal seeds give equal sequences.
     pub fn new(seed: u64) -> Self {
         let mut random = Self(seed.wrapping_mul(0xd134_2543_de82_ef95));
         random.bits();
         random
     }
 
-    /// 64 random bits.
+    /// 64 uniform random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -41,17 +40,17 @@ impl Random {
         z ^ z >> 31
     }
 
-    /// From 0 to below 1.
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// From `lo` to `hi`.
+    /// Uniform from `lo` to `hi`.
     pub fn range(&mut self, lo: f32, hi: f32) -> f32 {
         lo + (hi - lo) * self.unit()
     }
 
-    /// A point in a box.
+    /// Uniform in a box.
     pub fn point(&mut self, lo: Vec3, hi: Vec3) -> Vec3 {
         Vec3::new(self.range(lo.x, hi.x), self.range(lo.y, hi.y), self.range(lo.z, hi.z))
     }
@@ -63,14 +62,14 @@ impl Random {
         Vec3::new(across * round.cos(), across * round.sin(), z)
     }
 
-    /// A unit vector around `normal`, by the cosine to it.
+    /// A cosine-weighted unit vector around `normal`.
     pub fn cosine(&mut self, normal: Vec3) -> Vec3 {
-        // A point on the unit sphere that touches the surface, seen from the point of touch.
+        // A uniform point on the unit sphere that touches the surface, seen from the point of contact.
         (normal + self.direction()).try_normalize().unwrap_or(normal)
     }
 }
 
-/// Rows of about `count` rays, twice as wide as high, in whole tiles.
+/// A table size of about `count` rays, twice as wide as high, in whole tiles.
 pub fn extent_of(count: u32) -> Extent {
     let height = ((f64::from(count) / 2.0).sqrt() / f64::from(TILE)).round().max(1.0) as u32 * TILE;
     Extent::new(2 * height, height)
@@ -81,7 +80,7 @@ fn task(origin: Vec3, t_min: f32, direction: Vec3, t_max: f32) -> RayTask {
     RayTask { origin, t_min, direction, t_max, mask: INSTANCE_MASK_ALL, cull: 0 }
 }
 
-/// Rays through the centres of the pixels.
+/// Rays through the centres of a camera's pixels.
 pub fn primary(camera: &Camera, extent: Extent) -> RayTable {
     let (width, height) = (extent.width as f32, extent.height as f32);
     let (tangent, eye) = ((camera.vertical_fov / 2.0).tan(), camera.eye().as_vec3());
@@ -100,7 +99,7 @@ pub fn primary(camera: &Camera, extent: Extent) -> RayTable {
     RayTable { rays, extent, question: Question::Closest }
 }
 
-/// From points in a box, in all directions.
+/// Rays from random points in a box in random directions.
 pub fn random([lo, hi]: [Vec3; 2], extent: Extent, seed: u64) -> RayTable {
     let ray = |index: u32| {
         let mut random = Random::new(seed << 32 | u64::from(index));
@@ -111,7 +110,7 @@ pub fn random([lo, hi]: [Vec3; 2], extent: Extent, seed: u64) -> RayTable {
     RayTable { rays, extent, question: Question::Closest }
 }
 
-/// Least and greatest corner of everything in a scene, world space, metres.
+/// Bounds of a scene, lower and upper corner, world space, metres.
 pub fn bounds(scene: &Scene) -> [Vec3; 2] {
     let mut all = [Vec3::MAX, Vec3::MIN];
     for instance in &scene.instances {
@@ -127,23 +126,23 @@ pub fn bounds(scene: &Scene) -> [Vec3; 2] {
     all
 }
 
-/// Where primary rays met the scene, tile after tile.
+/// Hits of primary rays, tile by tile.
 pub struct Surfaces {
     points: Vec<Point>,
-    /// Diagonal of the scene, metres.
+    /// Diagonal of the scene's bounds, metres.
     diagonal: f32,
 }
 
 #[derive(Clone, Copy)]
 struct Point {
     position: Vec3,
-    /// Of the triangle, towards where the ray came from.
+    /// Geometric normal, towards the ray's origin.
     normal: Vec3,
     seed: u64,
 }
 
 impl Surfaces {
-    /// `answers` are those to `rays`.
+    /// The hits of `rays`, given by their `answers`.
     pub fn new(scene: &Scene, rays: &RayTable, answers: &[RayAnswer]) -> Self {
         let [lo, hi] = bounds(scene);
         let Extent { width, height } = rays.extent;
@@ -158,7 +157,7 @@ impl Surfaces {
         Self { points: in_tiles.collect(), diagonal: (hi - lo).length() }
     }
 
-    /// One ray per point, in tiles again; points that would fill no tile are left out, and those for which there is no ray.
+    /// One ray per point, in tiles. Points without a ray, and those of an incomplete tile, are left out.
     fn table(&self, question: Question, ray: impl Fn(&Point, f32) -> Option<RayTask> + Sync) -> RayTable {
         let lift = LIFT * self.diagonal;
         let listed: Vec<RayTask> = self.points.par_iter().filter_map(|p| ray(p, lift)).collect();
@@ -174,7 +173,7 @@ impl Surfaces {
         RayTable { rays: (0..extent.width * extent.height).map(place).collect(), extent, question }
     }
 
-    /// To a light, where the surface faces it.
+    /// Rays to a light, from points that face it.
     pub fn shadow(&self, light: &Light) -> RayTable {
         self.table(Question::Any, |p, lift| {
             let origin = p.position + lift * p.normal;
@@ -190,7 +189,7 @@ impl Surfaces {
         })
     }
 
-    /// Short rays around the normal.
+    /// Short cosine-weighted rays.
     pub fn occlusion(&self) -> RayTable {
         self.table(Question::Any, |p, lift| {
             let direction = Random::new(p.seed).cosine(p.normal);
@@ -198,7 +197,7 @@ impl Surfaces {
         })
     }
 
-    /// Rays around the normal that go on for ever.
+    /// Unlimited cosine-weighted rays.
     pub fn bounce(&self) -> RayTable {
         self.table(Question::Closest, |p, lift| {
             let direction = Random::new(!p.seed).cosine(p.normal);
@@ -207,7 +206,7 @@ impl Surfaces {
     }
 }
 
-/// The normal is that of the surface at rest, which is near enough for rays around it where a mesh deforms.
+/// A hit as an origin of rays. For deforming meshes the normal is that of the rest pose, which is accurate enough here.
 fn point(scene: &Scene, ray: &RayTask, answer: &RayAnswer, seed: u64) -> Option<Point> {
     let instance = scene.instances.get(answer.instance as usize)?;
     let mesh = &scene.meshes[instance.mesh as usize];
@@ -234,7 +233,7 @@ pub fn rotation(random: &mut Random) -> glam::Quat {
     glam::Quat::from_xyzw(p * a.sin(), p * a.cos(), q * b.sin(), q * b.cos()).normalize()
 }
 
-/// A camera for the set-ups: at a point, looking along -z, with a full vertical angle of view in radians.
+/// A camera at a point, looking along -z, with a full vertical angle of view in radians.
 pub(super) fn camera_at(eye: Vec3, vertical_fov: f32) -> Camera {
     let world_from_camera = Affine3A::from_translation(eye);
     Camera {

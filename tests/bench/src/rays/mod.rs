@@ -1,7 +1,7 @@
-//! `magpie bench rays`: how fast rays are traced in every way that the device has, and what its acceleration structures cost.
+//! `magpie bench rays`: rays per second with every backend of the device, and the cost of acceleration structures.
 //!
-//! [`run`] measures the scenes that it is given and three set-ups of its own, and makes a [`RayReport`]. `docs/bench.md` says what is
-//! measured and how. The parts are of use to tests as well: a [`Tracer`] traces a [`RayTable`] through a scene or a [`World`].
+//! [`run`] measures the given scenes and three set-ups of its own, and makes a [`RayReport`]. `docs/bench.md` describes the method. Tests
+//! use the parts too: a [`Tracer`] traces a [`RayTable`] through a scene or a [`World`].
 
 mod agreement;
 mod charts;
@@ -32,100 +32,100 @@ use magpie_shaders::Rays;
 use software_tree::SoftwareTree;
 use world::WorldHandles;
 
-/// Most rays of a dispatch.
+/// Most rays per dispatch.
 pub const MAX_RAYS: u32 = 1 << 25;
-/// Least rays of a dispatch.
+/// Fewest rays per dispatch.
 pub const MIN_RAYS: u32 = 1 << 10;
 
-/// Time that one way may take for the measured dispatches of one table, nanoseconds; it has two in any case.
+/// Time limit of a backend for the measured dispatches of one table, nanoseconds; at least two are run.
 const BUDGET_NS: u64 = 2_000_000_000;
 
-/// Why a benchmark of rays did not come to its end.
+/// Why a benchmark of rays could not be completed.
 #[derive(Debug, thiserror::Error)]
 pub enum RayBenchError {
-    /// No device, or it failed, or it cannot trace so.
+    /// There is no usable device, it failed, or it lacks the backend.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// A frame did not run.
+    /// A frame failed.
     #[error(transparent)]
     Graph(#[from] ExecuteError),
-    /// A tree could not be built.
+    /// A BVH could not be built.
     #[error(transparent)]
     Tree(#[from] RayError),
-    /// A scene could not be brought to the device.
+    /// A scene could not be uploaded.
     #[error("{scene}: {source}")]
     Scene {
-        /// Its name.
+        /// Name of the scene.
         scene: String,
-        /// Why.
+        /// Its error.
         source: ResidentError,
     },
-    /// The device takes no times.
+    /// The device has no timestamps.
     #[error("{pass}: the device has no timestamps, so nothing can be measured")]
     Untimed {
-        /// The pass that was to be timed.
+        /// Name of the pass.
         pass: &'static str,
     },
-    /// A table was asked what it does not answer.
+    /// A table was traced for another kind of query than its own.
     #[error("a table of {got:?} rays was asked for {wanted:?} hits")]
     Question {
-        /// What was asked.
+        /// The query that was requested.
         wanted: Question,
-        /// What the table is made for.
+        /// The query of the table.
         got: Question,
     },
-    /// A tracer was made for other ways.
+    /// A tracer has no pipelines for a backend.
     #[error("the tracer was not made for {rays}")]
     Way {
-        /// The way that was asked for.
+        /// Name of the backend.
         rays: &'static str,
     },
-    /// Instances came or went.
+    /// The number of instances changed, which is not supported.
     #[error("a world of {wanted} instances was given {got}")]
     Count {
-        /// How many there are.
+        /// Number of instances of the world.
         wanted: usize,
-        /// How many were given.
+        /// Number of instances given.
         got: usize,
     },
-    /// Rays that were to miss everything did not.
+    /// Rays that should miss everything hit something.
     #[error("{case}: {hits} of the rays that were to miss everything met something by {rays}")]
     Met {
-        /// What was traced.
+        /// The measured case.
         case: String,
-        /// In which way.
+        /// Name of the backend.
         rays: &'static str,
-        /// How many.
+        /// Number of hits.
         hits: usize,
     },
 }
 
-/// What is measured.
+/// Options of `magpie bench rays`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RayOptions {
-    /// Ways to trace; the device must have them.
+    /// Backends to measure; the device must have them.
     pub ways: Vec<Rays>,
-    /// Rays of a dispatch, from [`MIN_RAYS`] to [`MAX_RAYS`]; `None` for a number that suits the device.
+    /// Rays per dispatch, from [`MIN_RAYS`] to [`MAX_RAYS`]; `None` for a number that suits the device.
     pub size: Option<u32>,
-    /// Small sizes, few repeats.
+    /// Use small sizes and few repeats.
     pub quick: bool,
-    /// Commit that the program was built from, for the report.
+    /// Commit of the build, for the report.
     pub commit: String,
 }
 
-/// How often, and how much.
+/// Sizes and repeats.
 #[derive(Clone, Copy, Debug)]
 struct Effort {
     size: u32,
-    /// Rays of a dispatch on the set-ups.
+    /// Rays per dispatch of the set-ups.
     setup_size: u32,
-    /// Measured dispatches of each target on scenes.
+    /// Measured dispatches per target of scenes.
     repeats: u32,
-    /// On the set-ups, of which there are many.
+    /// The same for set-ups, of which there are many.
     setup_repeats: u32,
-    /// Dispatches before them.
+    /// Unmeasured dispatches before them.
     warm_up: u32,
-    /// Builds.
+    /// Measured builds.
     builds: u32,
     quick: bool,
 }
@@ -147,22 +147,22 @@ impl Effort {
             (false, true) => (5, 5, 3, 3),
             (false, false) => (40, 40, 20, 20),
         };
-        // A processor would take an hour for what is a minute of a GPU's time.
+        // A CPU device would take an hour for a GPU's minute.
         let setup_size = if slow && !quick { (size / 8).max(MIN_RAYS) } else { size };
         Self { size, setup_size, repeats, setup_repeats, warm_up, builds, quick }
     }
 }
 
-/// One way to trace one target; what it is called beside the kind of ray.
+/// A backend with a target, and its label.
 #[derive(Clone, Copy)]
 struct Contender<'a> {
     rays: Rays,
     target: Target<'a>,
-    /// As in ", not compacted"; empty for what the engine does by itself.
+    /// Suffix of the label, such as ", not compacted"; empty for the engine's default.
     note: &'static str,
 }
 
-/// A run.
+/// A run in progress.
 struct Run<'a> {
     tracer: Tracer,
     report: RayReport,
@@ -171,7 +171,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Rates of all contenders, which take turns. With `check`, also whether they met the same as the first of them.
+    /// Measures the rates of all contenders in turn. With `check` also compares their hits with the first one's.
     fn race(
         &mut self,
         case: &Case,
@@ -199,7 +199,7 @@ impl Run<'_> {
                 if turn >= self.effort.warm_up {
                     rates.push(count as f64 * 1e3 / taken.max(1) as f64);
                 } else {
-                    // Whoever is slow has fewer turns.
+                    // Slow contenders get fewer dispatches.
                     *left = ((BUDGET_NS / taken.max(1)) as u32).clamp(2, repeats);
                 }
             }
@@ -211,7 +211,7 @@ impl Run<'_> {
         self.check(case, contenders, &table)
     }
 
-    /// Whether all contenders meet the same as the first.
+    /// Compares the hits of all contenders with the first one's.
     fn check(&mut self, case: &Case, contenders: &[Contender<'_>], table: &DeviceTable) -> Result<(), RayBenchError> {
         let name = |c: &Contender<'_>| format!("{}{}", c.rays, c.note);
         let Some((first, others)) = contenders.split_first() else { return Ok(()) };
@@ -234,10 +234,10 @@ impl Run<'_> {
 
 /// Measures the scenes, then the three set-ups.
 ///
-/// `progress` is told what comes next.
+/// `progress` is called with a description of each step.
 ///
 /// # Errors
-/// [`RayBenchError`]: a device that failed or has no timestamps, or a scene that it cannot hold.
+/// [`RayBenchError`]: a device that failed or has no timestamps, or a scene that does not fit.
 pub fn run(
     gpu: &Gpu,
     scenes: &[Scene],

@@ -1,49 +1,49 @@
-//! The figures: rows of one shape for every measurement, as JSON, CSV and a table.
+//! Results of `magpie bench rays`: rows of one format for every measurement, as JSON, CSV and a table.
 use magpie::gpu::DeviceReport;
 use magpie_shaders::Rays;
 use serde::Serialize;
 use std::fmt::Write;
 use std::thread::available_parallelism;
 
-/// A whole run.
+/// Results of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct RayReport {
-    /// Version.
+    /// Version of Magpie.
     pub magpie: &'static str,
-    /// Commit that the program was built from.
+    /// Commit of the build.
     pub commit: String,
     /// The device.
     pub device: DeviceLine,
-    /// Threads of the machine, for what the host builds.
+    /// CPU threads of the machine, which matter for software BVH builds.
     pub threads: usize,
     /// Whether it was a quick run.
     pub quick: bool,
-    /// Rays of a dispatch on scenes; on a processor the set-ups have an eighth of them.
+    /// Rays per dispatch of scenes; on a CPU device the set-ups have an eighth of them.
     pub size: u32,
-    /// Ways to trace that took part.
+    /// Names of the backends that were measured.
     pub rays: Vec<&'static str>,
-    /// One per measurement.
+    /// The measurements.
     pub rows: Vec<Row>,
-    /// Rate of Magpie's own walk over that of the driver, for the same rays.
+    /// Software over hardware rates for the same rays.
     pub ratios: Vec<Ratio>,
-    /// Whether the ways met the same, for the same rays.
+    /// Comparisons of the backends' hits for the same rays.
     pub agreement: Vec<Agreement>,
-    /// What could not be measured, and why.
+    /// Measurements that were not possible, with the reason.
     pub left_out: Vec<String>,
 }
 
 /// The device of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceLine {
-    /// Its name.
+    /// Name of the device.
     pub name: String,
-    /// Its driver.
+    /// Name and version of its driver.
     pub driver: String,
     /// `cpu`, `integrated`, `discrete` and such.
     pub kind: &'static str,
 }
 
-/// What is measured.
+/// A measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -51,7 +51,7 @@ pub enum Quantity {
     Rate,
     /// Milliseconds to build bottom levels.
     BuildBottom,
-    /// Milliseconds to compact them.
+    /// Milliseconds to compact bottom levels.
     Compact,
     /// Milliseconds to build the top level.
     BuildTop,
@@ -63,12 +63,12 @@ pub enum Quantity {
     BottomBytes,
     /// Bytes of the top level.
     TopBytes,
-    /// Bytes of working memory.
+    /// Bytes of scratch memory.
     ScratchBytes,
 }
 
 impl Quantity {
-    /// In which unit.
+    /// The unit of its values.
     pub fn unit(self) -> &'static str {
         match self {
             Self::Rate => "Mrays/s",
@@ -92,21 +92,21 @@ impl Quantity {
     }
 }
 
-/// What a measurement is of.
+/// What a measurement is about.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Case {
-    /// `scene`, `triangles`, `instances` or `moving`.
+    /// Set-up: `scene`, `triangles`, `instances` or `moving`.
     pub setup: &'static str,
-    /// Name of the scene or of the shape or placement.
+    /// Name of the scene, shape or placement.
     pub subject: String,
-    /// What grows: triangles of a mesh, instances, or the mean path of an instance in diameters of it; of a scene its triangles.
+    /// Independent variable: triangles of a mesh or scene, number of instances, or mean distance moved in diameters of an instance.
     pub x: f64,
-    /// Kind of ray, or how the structures were built.
+    /// Kind of rays, or build options of the acceleration structures.
     pub variant: String,
 }
 
 impl Case {
-    /// By its parts.
+    /// From its parts.
     pub fn new(setup: &'static str, subject: impl Into<String>, x: f64, variant: impl Into<String>) -> Self {
         Self { setup, subject: subject.into(), x, variant: variant.into() }
     }
@@ -115,29 +115,29 @@ impl Case {
 /// One measurement.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// What it is of.
+    /// The measured case.
     #[serde(flatten)]
     pub case: Case,
-    /// Way to trace, or `driver` for what both ways through the driver share.
+    /// Name of the backend, or `driver` for what the two hardware backends share.
     pub rays: &'static str,
-    /// What was measured.
+    /// The measured quantity.
     pub quantity: Quantity,
     /// Its unit.
     pub unit: &'static str,
-    /// Middle value.
+    /// Median.
     pub median: f64,
-    /// Least.
+    /// Minimum.
     pub min: f64,
-    /// Greatest.
+    /// Maximum.
     pub max: f64,
-    /// How many values there are.
+    /// Number of values.
     pub samples: usize,
-    /// Rays of a dispatch; 0 where none are traced.
+    /// Rays per dispatch; 0 for other quantities.
     pub count: u64,
 }
 
 impl Row {
-    /// A row over values, none where there are none.
+    /// Statistics of values; none without values.
     pub fn new(case: &Case, rays: &'static str, quantity: Quantity, mut values: Vec<f64>, count: u64) -> Option<Self> {
         values.sort_by(f64::total_cmp);
         let (min, max) = (*values.first()?, *values.last()?);
@@ -148,40 +148,40 @@ impl Row {
     }
 }
 
-/// How two rates compare.
+/// Ratio of two rates.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ratio {
-    /// What was traced.
+    /// The measured case.
     #[serde(flatten)]
     pub case: Case,
-    /// The driver's way.
+    /// Name of the hardware backend.
     pub driver: &'static str,
-    /// Median rate of Magpie's own walk over that of the driver.
+    /// Median software rate over median hardware rate.
     pub software_over_driver: f64,
 }
 
-/// Whether two ways met the same.
+/// Comparison of the hits of two backends.
 #[derive(Clone, Debug, Serialize)]
 pub struct Agreement {
-    /// What was traced.
+    /// The measured case.
     #[serde(flatten)]
     pub case: Case,
-    /// One way.
+    /// Name of one backend.
     pub first: String,
-    /// The other.
+    /// Name of the other backend.
     pub second: String,
-    /// How many rays.
+    /// Number of rays.
     pub count: u64,
-    /// Rays for which instance, primitive and side are not the same; of any-hit rays, the answer.
+    /// Rays whose instance, primitive or side differ; for any-hit rays, whose result differs.
     pub differ: u64,
-    /// Of these, hits whose distances are the same within 1e-4: two surfaces in one place, or an edge.
+    /// Those of `differ` whose distances agree within 1e-4: coincident surfaces, or an edge.
     pub differ_at_same_distance: u64,
-    /// Greatest relative difference of the distance of hits that are the same.
+    /// Greatest relative difference in distance of hits that agree otherwise.
     pub worst_distance: f64,
 }
 
 impl Agreement {
-    /// Share of rays that met the same, or something else at the same distance.
+    /// Share of rays with the same hit, or another one at the same distance.
     pub fn share(&self) -> f64 {
         1.0 - (self.differ - self.differ_at_same_distance) as f64 / self.count.max(1) as f64
     }
@@ -210,12 +210,12 @@ impl RayReport {
         self.rows.extend(Row::new(case, rays, quantity, values, count));
     }
 
-    /// The measurement of this case, if there is one.
+    /// The measurement of this case, if it exists.
     pub fn row(&self, case: &Case, rays: &str, quantity: Quantity) -> Option<&Row> {
         self.rows.iter().find(|r| r.case == *case && r.rays == rays && r.quantity == quantity)
     }
 
-    /// Compares the rates that are there.
+    /// Computes the ratios of all available rates.
     pub fn compare(&mut self) {
         let rates =
             |rays: &'static str| self.rows.iter().filter(move |r| r.quantity == Quantity::Rate && r.rays == rays);
@@ -231,15 +231,15 @@ impl RayReport {
         self.ratios = ratios;
     }
 
-    /// As JSON.
+    /// The report as JSON.
     ///
     /// # Errors
-    /// A number that JSON cannot hold.
+    /// A value that JSON cannot represent.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self).map(|text| text + "\n")
     }
 
-    /// As CSV: a head, and a line per measurement.
+    /// The report as CSV with a header, a line per measurement.
     pub fn to_csv(&self) -> String {
         let mut text = String::from("setup,subject,x,variant,rays,quantity,unit,median,min,max,samples,count\n");
         let quoted = |word: &str| {
@@ -258,7 +258,7 @@ impl RayReport {
         text
     }
 
-    /// For people: rates side by side with their ratios, then times and bytes.
+    /// The report as text: rates side by side with their ratios, then times and bytes.
     pub fn table(&self) -> String {
         let DeviceLine { name, driver, kind } = &self.device;
         let mut text = format!("{name} ({kind}, {driver}), {} threads\n", self.threads);
@@ -300,7 +300,7 @@ impl RayReport {
         text
     }
 
-    /// Sums over the cases of a set-up; JSON has each.
+    /// Comparisons summed over the cases of a set-up; the JSON has each.
     fn agreement_table(&self, text: &mut String) {
         let _ = writeln!(
             text,
@@ -330,7 +330,7 @@ fn line(case: &Case) -> String {
     format!("{:<9} {:<22} {:>9} {:<22}", case.setup, case.subject, case.x, case.variant)
 }
 
-/// Median with its spread, in the unit that suits.
+/// Median with its spread, in a suitable unit.
 fn rate(row: &Row) -> String {
     let (unit, scale) = if row.median >= 1000.0 { ("G", 1e-3) } else { ("M", 1.0) };
     let spread = 50.0 * (row.max - row.min) / row.median;

@@ -1,4 +1,4 @@
-//! The rays of effects on whole scenes.
+//! Benchmark of rendering effects' rays on whole scenes.
 use super::{
     Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target,
     agreement::agreement_of_closest, bounds, extent_of, primary, random,
@@ -8,7 +8,7 @@ use magpie::ray::Bounds;
 use magpie::scene::{ResidentOptions, ResidentScene, Scene, SharedScene};
 use magpie_shaders::Rays;
 
-/// Note of structures that were left as large as they were built.
+/// Label suffix for structures without compaction.
 pub(super) const NOT_COMPACTED: &str = ", not compacted";
 
 impl Run<'_> {
@@ -50,7 +50,7 @@ impl Run<'_> {
         for (kind, table) in self.tables(scene, &contenders)? {
             (self.progress)(&format!("{}: {kind} rays", scene.name));
             self.race(&case(kind), &contenders, &table, self.effort.repeats)?;
-            // Rays that go every way are those that an order may help.
+            // Sorting may help incoherent rays.
             if ["bounce", "random"].contains(&kind) {
                 self.sorted(&case(kind), &contenders, &table)?;
             }
@@ -58,7 +58,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The same rays in sorted order: what the sort costs, and what it gains.
+    /// The same rays in sorted order: cost of sorting, and its gain.
     fn sorted(&mut self, case: &Case, contenders: &[Contender<'_>], table: &RayTable) -> Result<(), RayBenchError> {
         let origins: Vec<Vec3> = table.rays.iter().map(|r| r.origin.into()).collect();
         let bounds = Bounds::of_points(&origins);
@@ -96,7 +96,7 @@ impl Run<'_> {
         Ok(ResidentScene::new(self.tracer.gpu(), scene, options).map_err(failed)?.shared())
     }
 
-    /// Every kind of ray. Where primary rays meet the scene is found out once, in the first way.
+    /// Tables of every kind of ray. The hits of primary rays are found once, by the first backend.
     fn tables(
         &mut self,
         scene: &Scene,

@@ -1,5 +1,5 @@
-//! The three set-ups of Varjus 2023 ("Hardware accelerated ray tracing in real-time rendering"), chapter 6: triangles per mesh,
-//! instances that every ray misses, instances that move.
+//! The three set-ups of Varjus 2023 ("Hardware accelerated ray tracing in real-time rendering"), chapter 6: triangles per mesh, instances
+//! that all rays miss, moving instances.
 use super::make::camera_at;
 use super::scenes::NOT_COMPACTED;
 use super::{
@@ -10,35 +10,35 @@ use glam::{Affine3A, IVec3, Quat, Vec3};
 use magpie_shaders::Rays;
 use std::collections::HashMap;
 
-/// A change of the options, and its note.
+/// A change of the options, and its label suffix.
 type Variant = (&'static str, fn(WorldOptions) -> WorldOptions);
 
-/// Note of structures that were built fast.
+/// Label suffix for fast builds.
 const FAST_BUILD: &str = ", fast build";
-/// Variant of the rays through what the engine does by itself.
+/// Variant name for the engine's default build options.
 const DEFAULT: &str = "primary";
 /// Full vertical angle of view of all cameras, radians.
 const FOV: f32 = std::f32::consts::FRAC_PI_3;
-/// Radius of a sphere around the rounded cube.
+/// Bounding radius of the rounded cube, metres.
 const CUBE_RADIUS: f32 = 1.6;
 
 /// Columns and rows of spheres: 1152.
 const GRID: (u32, u32) = (48, 24);
-/// Between neighbours, metres.
+/// Distance between neighbours, metres.
 const GRID_STEP: f32 = 2.2;
 
-/// Edge of the space around the camera, metres.
+/// Side of the space around the camera, metres.
 const SPACE: f32 = 1000.0;
-/// Places along each axis where instances stand in order.
+/// Positions along each axis for regular placement.
 const PLACES: i32 = 40;
 
-/// Half edges of the box in which instances move, metres.
+/// Half extent of the box in which instances move, metres.
 const BOX: Vec3 = Vec3::new(60.0, 30.0, 30.0);
-/// Path of an instance from step to step, in its diameters.
+/// Distance that an instance moves per step, in its diameters.
 const SPEED: f32 = 0.5;
 
 impl Run<'_> {
-    /// The ways of the tracer that are through the driver.
+    /// The hardware backends of the tracer.
     fn driver_ways(&self) -> Vec<Rays> {
         self.tracer.ways().into_iter().filter(|w| *w != Rays::Software).collect()
     }
@@ -48,7 +48,7 @@ impl Run<'_> {
         World::new(&gpu, &mut self.tracer.executor, shapes, placed, options)
     }
 
-    /// The worlds that these ways need: one for Magpie's walk, one that the ways through the driver share.
+    /// The worlds for these backends: one for software, one that the hardware backends share.
     fn worlds(
         &mut self,
         shapes: &[Shape],
@@ -61,7 +61,7 @@ impl Run<'_> {
         needed.map(|rays| self.world(shapes, placed, change(WorldOptions::new(rays)))).collect()
     }
 
-    /// Every way, through the world that it needs.
+    /// Every backend with the world that it needs.
     fn contenders<'a>(&self, worlds: &'a [World], note: &'static str) -> Vec<Contender<'a>> {
         let ways = self.tracer.ways();
         let of = |rays: Rays| {
@@ -71,7 +71,7 @@ impl Run<'_> {
         ways.into_iter().filter_map(of).collect()
     }
 
-    /// Build time, memory and rays over the triangles of a mesh; each mesh 1152 times.
+    /// Build time, memory and ray rate by triangles of a mesh, with 1152 instances of it.
     pub fn triangles(&mut self) -> Result<(), RayBenchError> {
         let steps: &[u32] = if self.effort.quick { &[10, 24, 54] } else { &[10, 16, 24, 36, 54, 80, 110] };
         let (columns, rows) = GRID;
@@ -82,7 +82,7 @@ impl Run<'_> {
                 Placed::new(0, Affine3A::from_translation(Vec3::new(across, up, 0.0) * GRID_STEP))
             })
             .collect();
-        // The grid is as high as the view.
+        // The grid fills the height of the view.
         let far = rows as f32 * GRID_STEP / 2.0 / (FOV / 2.0).tan();
         let rays = primary(&camera_at(Vec3::Z * far, FOV), extent_of(self.effort.setup_size));
         for &n in steps {
@@ -122,7 +122,7 @@ impl Run<'_> {
                 let mut contenders = Vec::new();
                 for (note, worlds) in &kept {
                     let mut these = self.contenders(worlds, note);
-                    // The variants differ for the driver alone; one of its ways will do for them.
+                    // The variants only concern the driver's build, so one hardware backend is enough for them.
                     these.truncate(if note.is_empty() { usize::MAX } else { 1 });
                     contenders.extend(these);
                 }
@@ -145,7 +145,7 @@ impl Run<'_> {
         }
     }
 
-    /// Instances all around the camera, none of them in its view: in order, and anywhere.
+    /// Instances around the camera but outside its view: in a grid, and at random.
     pub fn instances(&mut self) -> Result<(), RayBenchError> {
         let most = if self.effort.quick { 1000 } else { 20_000 };
         let counts: &[usize] =
@@ -179,7 +179,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Times of the top level of a world, and its bytes.
+    /// Times and bytes of a world's top level.
     fn top(&mut self, case: &Case, world: &mut World, placed: &[Placed]) -> Result<(), RayBenchError> {
         let mut times = vec![world.report().top_ns as f64 * 1e-6];
         for _ in 1..self.effort.builds {
@@ -193,7 +193,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Instances that move in a box: the top level refitted from step to step beside one that is built anew.
+    /// Instances that move in a box: a top level that is refitted each step, compared with one that is rebuilt.
     pub fn moving(&mut self) -> Result<(), RayBenchError> {
         let all: &[(usize, f32)] =
             if self.effort.quick { &[(500, 1.0)] } else { &[(500, 1.0), (500, 0.5), (1000, 1.0), (2000, 1.0)] };
@@ -248,10 +248,10 @@ fn turned(position: Vec3, rotation: Quat) -> Placed {
     Placed::new(0, Affine3A::from_rotation_translation(rotation, position))
 }
 
-/// Whether a sphere of the cube's radius is in view of the camera in the middle, or may be.
+/// Whether a bounding sphere at `p` may be visible from the camera in the middle.
 fn in_view(p: Vec3) -> bool {
     let up = (FOV / 2.0).tan();
-    // Twice as wide as high. Inside of a plane is where the normal points.
+    // Side planes of a view twice as wide as high, with normals that point inside.
     let planes = [
         Vec3::new(-1.0, 0.0, -2.0 * up),
         Vec3::new(1.0, 0.0, -2.0 * up),
@@ -261,7 +261,7 @@ fn in_view(p: Vec3) -> bool {
     planes.iter().all(|n| n.normalize().dot(p) > -CUBE_RADIUS)
 }
 
-/// Points of a grid in random order.
+/// Grid points in random order.
 fn regular(count: usize) -> Vec<Vec3> {
     let step = SPACE / PLACES as f32;
     let centre = Vec3::splat((PLACES - 1) as f32 / 2.0);
@@ -270,7 +270,7 @@ fn regular(count: usize) -> Vec<Vec3> {
         .map(|p| (p - centre) * step)
         .filter(|p| !in_view(*p))
         .collect();
-    // Fisher and Yates, in the form of Durstenfeld 1964.
+    // Fisher-Yates shuffle, in the form of Durstenfeld 1964.
     let mut random = Random::new(3);
     for last in (1..points.len()).rev() {
         points.swap(last, (random.bits() % (last as u64 + 1)) as usize);
@@ -279,7 +279,7 @@ fn regular(count: usize) -> Vec<Vec3> {
     points
 }
 
-/// Points anywhere, apart enough that no two instances overlap.
+/// Random points far enough apart that instances do not overlap.
 fn irregular(count: usize) -> Vec<Vec3> {
     let (mut random, mut points) = (Random::new(5), Vec::with_capacity(count));
     let cell = |p: Vec3| (p / (2.0 * CUBE_RADIUS)).floor().as_ivec3();
@@ -296,13 +296,13 @@ fn irregular(count: usize) -> Vec<Vec3> {
     points
 }
 
-/// Instances that move straight on and bounce off the walls of the box.
+/// Instances that move in straight lines and bounce off the walls of the box.
 struct Crowd {
     members: Vec<(Vec3, Quat, Vec3)>,
 }
 
 impl Crowd {
-    /// So many, of which a share moves.
+    /// `count` instances, of which a share moves.
     fn new(count: usize, share: f32) -> Self {
         let mut random = Random::new(11);
         let moving = (count as f32 * share).round() as usize;

@@ -3,14 +3,14 @@ use super::{Random, Shape};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Exponent of the norm whose unit ball is the rounded cube: its corners lie 1.6 from the centre.
+/// Exponent of the norm whose unit ball is the rounded cube: its corners are 1.6 from the centre.
 const CUBE_NORM: f32 = 14.0;
 /// Sectors and rings of the rounded cube: 396 triangles.
 const CUBE: (u32, u32) = (18, 12);
-/// The rough sphere is shrunk by so much, so that it covers about as much of a picture as the plain one.
+/// Scale of the rough sphere, so that it covers about as much of a picture as the smooth one.
 const ROUGH_SCALE: f32 = 0.7;
 
-/// A closed sphere of radius 1 with `2 * sectors * (rings - 1)` triangles. `radius` changes each vertex's distance from the centre.
+/// A closed unit sphere with `2 * sectors * (rings - 1)` triangles. `radius` returns each vertex's distance from the centre.
 fn ball(sectors: u32, rings: u32, mut radius: impl FnMut(Vec3) -> f32) -> Shape {
     let mut positions = vec![Vec3::Y * radius(Vec3::Y)];
     for ring in 1..rings {
@@ -49,13 +49,13 @@ pub fn sphere(n: u32) -> Shape {
     ball(n, n, |_| 1.0)
 }
 
-/// The same with every vertex between half and one and a half times as far out, then shrunk by 30 %.
+/// The same with random vertex distances from 0.5 to 1.5, then scaled by 0.7.
 pub fn rough_sphere(n: u32, seed: u64) -> Shape {
     let mut random = Random::new(seed);
     ball(n, n, |_| ROUGH_SCALE * (0.5 + random.unit()))
 }
 
-/// A cube of edge 2 with round edges, 396 triangles, within 1.6 of its centre.
+/// A cube of edge 2 with rounded edges, 396 triangles, within 1.6 of its centre.
 pub fn rounded_cube() -> Shape {
     let norm = |d: Vec3| d.abs().to_array().iter().map(|x| x.powf(CUBE_NORM)).sum::<f32>().powf(1.0 / CUBE_NORM);
     ball(CUBE.0, CUBE.1, |direction| 1.0 / norm(direction))
@@ -68,7 +68,7 @@ mod tests {
 
     fn check(shape: &Shape, triangles: usize) {
         assert_eq!(shape.indices.len(), 3 * triangles);
-        // Closed: every directed edge once, and its opposite once.
+        // Closed: every directed edge occurs once, and so does its opposite.
         let mut edges = HashMap::new();
         for t in shape.indices.chunks_exact(3) {
             for k in 0..3 {
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn the_cube_is_as_large_as_the_documents() {
         let reach = rounded_cube().positions.iter().map(|p| p.length()).fold(0.0, f32::max);
-        // No corner of the mesh lies quite in a corner of the cube.
+        // No vertex of the mesh lies exactly in a corner of the cube.
         assert!((1.45..1.6).contains(&reach), "{reach}");
         let half = rounded_cube().positions.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
         assert!((0.97..=1.001).contains(&half), "{half}");

@@ -1,4 +1,4 @@
-//! The trees of Magpie's own walk over a [`World`](super::World), built on the host.
+//! Software BVHs of a [`World`](super::World), built on the CPU.
 use super::trace::upload;
 use super::{Change, Placed, RayBenchError, Shape, WorldReport};
 use glam::Affine3A;
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Both levels.
+/// Bottom-level and top-level BVHs.
 pub(super) struct SoftwareTree {
     trees: Vec<MeshBvh>,
     meshes: Vec<(Address, Address)>,
@@ -54,12 +54,12 @@ impl SoftwareTree {
         Ok(Self { trees, meshes, bottom, top, top_memory, top_instances })
     }
 
-    /// Nodes and leaves of each mesh.
+    /// Addresses of the nodes and primitives of each mesh.
     pub fn meshes(&self) -> impl Iterator<Item = (Address, Address)> {
         self.meshes.iter().copied()
     }
 
-    /// Nodes of the top level, and the order of its instances.
+    /// Addresses of the top level's nodes and of its instances.
     pub fn top(&self) -> (Address, Address) {
         let base = self.top_memory.address();
         (base, base.offset(self.top_instances))
@@ -73,7 +73,7 @@ impl SoftwareTree {
         &self.top_memory
     }
 
-    /// Nanoseconds of the host; the way to the device is not in them.
+    /// Updates the top level; returns nanoseconds on the CPU, the upload excluded.
     pub fn follow(
         &mut self,
         gpu: &Gpu,
@@ -98,7 +98,7 @@ fn instances(placed: &[Placed]) -> Vec<(Affine3A, u32)> {
     placed.iter().map(|p| (p.world_from_object, p.shape)).collect()
 }
 
-/// Nodes, then instances from the offset that is given back.
+/// Uploads nodes followed by instances, whose offset is returned.
 fn upload_top(gpu: &Gpu, executor: &mut Executor, top: &SceneBvh) -> Result<(Arc<Buffer>, u64), RayBenchError> {
     let mut bytes: Vec<u8> = bytemuck::cast_slice(&top.nodes).to_vec();
     let offset = bytes.len() as u64;

@@ -1,4 +1,4 @@
-//! Tracing tables of rays that were made beforehand, in every way that the device has.
+//! Traces precomputed ray tables with every backend of the device.
 use super::{RayBenchError, World, WorldHandles};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, RayKernel};
 use magpie::graph::execute::{Executed, Executor, Imports};
@@ -12,28 +12,28 @@ use magpie_shaders::rays::RayTask;
 use magpie_shaders::{Address, BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
 use std::sync::Arc;
 
-/// What a ray is asked.
+/// Kind of ray query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Question {
-    /// What it meets first.
+    /// Closest hit.
     Closest,
-    /// Whether it meets anything.
+    /// Any hit.
     Any,
 }
 
-/// Rays in rows: neighbours go through neighbouring threads, eight by eight.
+/// Rays in a 2D table: threads trace them in tiles of eight by eight.
 #[derive(Clone, Debug)]
 pub struct RayTable {
-    /// `extent.width * extent.height` rays, row after row.
+    /// `extent.width * extent.height` rays, row by row.
     pub rays: Vec<RayTask>,
-    /// Rays in a row, and rows.
+    /// Width and height of the table, rays.
     pub extent: Extent,
-    /// What they are asked.
+    /// Kind of query.
     pub question: Question,
 }
 
 impl RayTable {
-    /// Any number of rays without an order that counts: as square as it goes, the last ones left out where they fill no row.
+    /// A table from unordered rays: as square as possible; those that do not fill a row are dropped.
     pub fn of(mut rays: Vec<RayTask>, question: Question) -> Self {
         let width = ((rays.len() as f64).sqrt() as usize).max(1);
         let height = rays.len() / width;
@@ -50,7 +50,7 @@ impl RayTable {
     }
 }
 
-/// A table on the device, with room for the answers.
+/// A table on the device, with a buffer for the answers.
 pub struct DeviceTable {
     rays: Arc<Buffer>,
     answers: Arc<Buffer>,
@@ -60,23 +60,23 @@ pub struct DeviceTable {
 }
 
 impl DeviceTable {
-    /// How many rays there are.
+    /// Number of rays.
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// What they are asked.
+    /// Kind of query.
     pub fn question(&self) -> Question {
         self.question
     }
 }
 
-/// What rays can be traced through.
+/// Geometry to trace against.
 #[derive(Clone, Copy)]
 pub enum Target<'a> {
-    /// A scene.
+    /// A scene of the engine.
     Scene(&'a SharedScene),
-    /// Geometry of a benchmark's or a test's own.
+    /// Bare geometry of a benchmark or test.
     World(&'a World),
 }
 
@@ -99,7 +99,7 @@ impl Target<'_> {
     }
 }
 
-/// The target as one frame's graph knows it.
+/// The target's handles in a frame graph.
 #[derive(Clone, Copy)]
 enum Handles {
     Scene(SceneHandles),
@@ -115,20 +115,20 @@ impl Handles {
     }
 }
 
-/// Traces on one device.
+/// Traces ray tables on one device.
 pub struct Tracer {
     gpu: Gpu,
-    /// Runs its frames, and those of worlds that change.
+    /// Runs the tracer's frames, and updates of worlds.
     pub executor: Executor,
     kernels: Vec<(Rays, RayKernel, RayKernel)>,
     sort: RaySort,
 }
 
 impl Tracer {
-    /// Makes the pipelines for these ways to trace.
+    /// Creates the pipelines for these backends.
     ///
     /// # Errors
-    /// [`RayBenchError::Gpu`], as where the device cannot trace so.
+    /// [`RayBenchError::Gpu`], for example if the device lacks a backend.
     pub fn new(gpu: &Gpu, ways: &[Rays]) -> Result<Self, RayBenchError> {
         let kernels = |&way: &Rays| {
             Ok::<_, RayBenchError>((
@@ -150,12 +150,12 @@ impl Tracer {
         &self.gpu
     }
 
-    /// The ways that it was made for.
+    /// The backends with pipelines.
     pub fn ways(&self) -> Vec<Rays> {
         self.kernels.iter().map(|(way, ..)| *way).collect()
     }
 
-    /// Brings rays to the device.
+    /// Uploads rays.
     ///
     /// # Errors
     /// Exhausted memory, a lost device.
@@ -167,7 +167,7 @@ impl Tracer {
         Ok(DeviceTable { rays, answers: Arc::new(answers), extent, question, count })
     }
 
-    /// Traces all rays of a table once: nanoseconds on the device.
+    /// Traces all rays of a table once; returns nanoseconds on the device.
     ///
     /// # Errors
     /// A lost device, or one without timestamps.
@@ -176,7 +176,7 @@ impl Tracer {
         pass_ns(&executed, "bench.trace")
     }
 
-    /// Sorts all rays of a table, whose origins lie in `bounds`, and traces them: nanoseconds of the one and of the other.
+    /// Sorts all rays of a table, whose origins lie in `bounds`, and traces them; returns nanoseconds of sorting and of tracing.
     ///
     /// # Errors
     /// As [`Tracer::time`].
@@ -196,7 +196,7 @@ impl Tracer {
         Ok((sort, pass_ns(&executed, "bench.trace")?))
     }
 
-    /// What each ray of a closest-hit table meets, traced in sorted order.
+    /// The closest hits of a table's rays, traced in sorted order.
     ///
     /// # Errors
     /// As [`Tracer::closest`].
@@ -211,10 +211,10 @@ impl Tracer {
         Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, Some(bounds))?))
     }
 
-    /// What each ray of a closest-hit table meets.
+    /// The closest hits of a table's rays.
     ///
     /// # Errors
-    /// A lost device; [`RayBenchError::Question`] for a table that asks otherwise.
+    /// A lost device; [`RayBenchError::Question`] for an any-hit table.
     pub fn closest(
         &mut self,
         rays: Rays,
@@ -225,7 +225,7 @@ impl Tracer {
         Ok(bytemuck::pod_collect_to_vec(&self.read(rays, target, table, None)?))
     }
 
-    /// Whether each ray of an any-hit table meets anything.
+    /// Whether each ray of an any-hit table hits anything.
     ///
     /// # Errors
     /// As [`Tracer::closest`].
@@ -303,13 +303,13 @@ impl Tracer {
     }
 }
 
-/// Time of a pass on the device, nanoseconds.
+/// GPU time of a pass, nanoseconds.
 pub(super) fn pass_ns(executed: &Executed, name: &'static str) -> Result<u64, RayBenchError> {
     let pass = executed.sample.passes.iter().find(|p| p.name == name);
     pass.and_then(|p| p.gpu_ns).ok_or(RayBenchError::Untimed { pass: name })
 }
 
-/// Bytes in a new buffer of the device's memory.
+/// Creates a device-local buffer with these bytes.
 pub(super) fn upload(
     gpu: &Gpu,
     executor: &mut Executor,
@@ -322,7 +322,7 @@ pub(super) fn upload(
     Ok(target)
 }
 
-/// Writes the first bytes of a buffer.
+/// Overwrites the first bytes of a buffer.
 pub(super) fn write(
     gpu: &Gpu,
     executor: &mut Executor,

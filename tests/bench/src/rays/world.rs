@@ -1,4 +1,4 @@
-//! Bare geometry on the device, whose top level can be rebuilt and refitted: what the three set-ups trace.
+//! Bare geometry on the device, whose top level can be rebuilt and refitted; the three set-ups trace it.
 use super::trace::{upload, write};
 use super::{DriverTree, RayBenchError, SoftwareTree};
 use glam::{Affine3A, Vec3};
@@ -10,30 +10,30 @@ use magpie_shaders::scene as shared;
 use magpie_shaders::{Address, Rays};
 use std::sync::Arc;
 
-/// Triangles, object space.
+/// A triangle mesh in object space.
 #[derive(Clone, Debug, Default)]
 pub struct Shape {
-    /// Corners, metres.
+    /// Vertex positions, metres.
     pub positions: Vec<Vec3>,
-    /// Three per triangle, counter-clockwise from the front.
+    /// Three per triangle, counter-clockwise as seen from the front.
     pub indices: Vec<u32>,
 }
 
-/// A shape in the world.
+/// An instance of a shape.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed {
     /// World from object.
     pub world_from_object: Affine3A,
     /// Index of the shape.
     pub shape: u32,
-    /// Rays see it where they share a bit; 8 bits.
+    /// Rays hit it only if their masks share a bit; 8 bits.
     pub mask: u32,
-    /// No ray goes through its faces for their side.
+    /// Whether rays with culling hit its back faces too.
     pub double_sided: bool,
 }
 
 impl Placed {
-    /// One that every ray sees.
+    /// An instance that all rays hit.
     pub fn new(shape: u32, world_from_object: Affine3A) -> Self {
         Self { world_from_object, shape, mask: shared::INSTANCE_MASK_ALL, double_sided: false }
     }
@@ -43,51 +43,51 @@ impl Placed {
     }
 }
 
-/// How a world is built.
+/// Build options of a world.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldOptions {
-    /// For Magpie's own walk or for the driver; the two ways through the driver share what it builds.
+    /// Backend; the two hardware backends share their structures.
     pub rays: Rays,
-    /// Bottom levels of the driver are compacted.
+    /// Whether the driver's bottom levels are compacted.
     pub compaction: bool,
-    /// Bottom levels of the driver are built fast rather than for fast rays.
+    /// Whether the driver's bottom levels are built for fast builds instead of fast tracing.
     pub fast_build: bool,
-    /// The top level can be refitted.
+    /// Whether the top level can be refitted.
     pub refit: bool,
 }
 
 impl WorldOptions {
-    /// For fast rays, compacted, and never refitted.
+    /// Built for fast tracing, compacted, without refits.
     pub fn new(rays: Rays) -> Self {
         Self { rays, compaction: true, fast_build: false, refit: false }
     }
 }
 
-/// What building took. Bytes of the driver's structures are what was asked of it.
+/// Cost of building a world. Bytes of hardware structures are those requested by the driver.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WorldReport {
     /// Bytes of all bottom levels.
     pub bottom_bytes: u64,
-    /// The same before compaction.
+    /// Bytes of all bottom levels before compaction.
     pub uncompacted_bytes: u64,
-    /// Working memory of the largest build of a bottom level, bytes; none where the host builds.
+    /// Scratch memory of the largest bottom-level build, bytes; none for builds on the CPU.
     pub scratch_bytes: u64,
     /// Bytes of the top level.
     pub top_bytes: u64,
-    /// Nanoseconds to build all bottom levels: of the device where the driver builds, else of the host.
+    /// Nanoseconds to build all bottom levels, on the device for hardware structures, else on the CPU.
     pub bottom_ns: u64,
-    /// Nanoseconds to compact them; 0 where that was not done.
+    /// Nanoseconds to compact them; 0 without compaction.
     pub compact_ns: u64,
     /// Nanoseconds to build the top level.
     pub top_ns: u64,
 }
 
-/// How a top level follows its instances.
+/// How a top level is updated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
-    /// A new tree.
+    /// Builds it anew.
     Rebuild,
-    /// The tree of before, with new boxes.
+    /// Keeps its topology and updates the boxes.
     Refit,
 }
 
@@ -103,13 +103,13 @@ pub struct World {
     count: usize,
 }
 
-/// The acceleration structures, for one way to trace.
+/// Acceleration structures for one kind of backend.
 enum Tree {
     Software(Box<SoftwareTree>),
     Driver(Box<DriverTree>),
 }
 
-/// A world as one frame's graph knows it.
+/// A world's handles in a frame graph.
 #[derive(Clone, Copy)]
 pub(super) struct WorldHandles {
     tables: Handle<GraphBuffer>,
@@ -130,10 +130,10 @@ impl WorldHandles {
 }
 
 impl World {
-    /// Uploads and builds.
+    /// Uploads the shapes and builds both levels.
     ///
     /// # Errors
-    /// Geometry that no tree can hold, exhausted memory, a device that cannot trace so.
+    /// Geometry that a BVH cannot represent, exhausted memory, a device without the backend.
     pub fn new(
         gpu: &Gpu,
         executor: &mut Executor,
@@ -187,7 +187,7 @@ impl World {
         Ok(world)
     }
 
-    /// Root, meshes, instances, in this order.
+    /// Writes the scene's root, mesh and instance tables, in this order.
     fn write_tables(&self, executor: &mut Executor, placed: &[Placed]) -> Result<(), RayBenchError> {
         let meshes = size_of::<shared::Scene>() as u64;
         let instances = meshes + (self.meshes.len() * size_of::<shared::Mesh>()) as u64;
@@ -209,11 +209,11 @@ impl World {
         write(&self.gpu, executor, &self.tables, &bytes)
     }
 
-    /// Moves the instances; gives nanoseconds for the top level: of the device where the driver builds, else of the host. `None`
-    /// where this tree cannot change so, and nothing was done.
+    /// Moves the instances and updates the top level; returns nanoseconds, on the device for hardware structures, else on the CPU. `None`
+    /// if this kind of update is not supported; nothing is done then.
     ///
     /// # Errors
-    /// [`RayBenchError::Count`] for another number of instances; a lost device.
+    /// [`RayBenchError::Count`] if the number of instances differs; a lost device.
     pub fn follow(
         &mut self,
         executor: &mut Executor,
@@ -233,12 +233,12 @@ impl World {
         Ok(taken)
     }
 
-    /// For which way to trace it was built.
+    /// The backend it was built for.
     pub fn rays(&self) -> Rays {
         self.options.rays
     }
 
-    /// Who builds: `software` or `driver`.
+    /// Who builds it: `software` or `driver`.
     pub fn builder(&self) -> &'static str {
         match self.tree {
             Tree::Software(_) => "software",
@@ -254,12 +254,12 @@ impl World {
         }
     }
 
-    /// What building took.
+    /// Cost of building it.
     pub fn report(&self) -> WorldReport {
         self.report
     }
 
-    /// Address of the root of the tables.
+    /// Address of the scene's root table.
     pub fn root(&self) -> Address {
         self.tables.address()
     }
@@ -284,7 +284,7 @@ impl World {
     }
 }
 
-/// An instance as shaders see it.
+/// An instance in the shaders' format.
 fn instance(placed: &Placed) -> shared::Instance {
     let world_from_object = rows(&placed.world_from_object);
     let inverse = object_from_world(&placed.world_from_object).unwrap_or(Affine3A::ZERO);

@@ -1,22 +1,22 @@
-//! What a surface does to light: values by lobe, and a sampler of its own.
+//! The surface model: values by lobe, and a sampler.
 //!
-//! Written from the formulas. The sampler draws diffuse light by the cosine, and half vectors that the viewer sees through spherical caps
-//! (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
+//! Written from the formulas, independently of the shaders. Diffuse directions are cosine-weighted, and half vectors are sampled by
+//! spherical caps (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
 use super::random::{Random, frame, from_polar};
 use crate::oracle::shading::{ggx_d, smith_g2, smith_lambda};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// What diffuse light below a surface that reflects all at grazing incidence loses, so that a white one gives back no more than it gets.
+/// Loss of the diffuse part below a surface that reflects fully at grazing incidence, so that a white surface conserves energy.
 const DIFFUSE_LOSS: f64 = 0.002;
 /// Reflectance of a clear coat at normal incidence (KHR_materials_clearcoat).
 const COAT_F0: f64 = 0.04;
-/// Least share of the samples that a lobe gets which exists at all.
+/// Least sampling probability of a lobe that contributes.
 const LEAST_SHARE: f64 = 0.05;
-/// The same of what goes through glass.
+/// Least sampling probability of transmission through glass.
 const LEAST_THROUGH: f64 = 0.3;
 
-/// Light by the lobe that it takes.
+/// Reflected and transmitted light by lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lobes {
     /// Coupled diffuse reflection.
@@ -25,33 +25,33 @@ pub struct Lobes {
     pub specular: DVec3,
     /// Reflection at the clear coat.
     pub coat: DVec3,
-    /// Through the surface.
+    /// Transmission through the surface.
     pub transmission: DVec3,
 }
 
 impl Lobes {
-    /// All of it.
+    /// Sum of the lobes.
     pub fn total(&self) -> DVec3 {
         self.diffuse + self.specular + self.coat + self.transmission
     }
 }
 
-/// Reflectance by Schlick's approximation (1994, equation 15).
+/// Schlick's approximation of reflectance (1994, equation 15).
 #[derive(Clone, Copy, Debug)]
 pub struct Schlick {
-    /// At normal incidence.
+    /// Reflectance at normal incidence.
     pub f0: DVec3,
-    /// At grazing incidence; the same in every channel.
+    /// Reflectance at grazing incidence, the same in every channel.
     pub f90: f64,
-    /// f0 as what lies below sees it.
+    /// f0 for the diffuse part below.
     pub below: DVec3,
-    /// How much of the loss of diffuse light there is, 0 to 1.
+    /// Share of `DIFFUSE_LOSS` that applies, 0 to 1.
     pub loss: f64,
 }
 
 impl Schlick {
-    /// Of a mixture of a dielectric and a metal (KHR_materials_specular, with the mixture of glTF 2.0, appendix B). Grazing reflectance falls
-    /// with an f0 below 2 %.
+    /// For a blend of a dielectric and a metal (KHR_materials_specular, with the blend of glTF 2.0, appendix B). Grazing reflectance
+    /// decreases with an f0 below 2 %.
     pub fn new(m: &Layers) -> Self {
         let by_index = ((m.ior - 1.0) / (m.ior + 1.0)).powi(2);
         let dielectric = (by_index * m.specular_colour).min(DVec3::ONE) * m.specular;
@@ -66,23 +66,23 @@ impl Schlick {
         }
     }
 
-    /// As what lies below sees it.
+    /// The reflectance for the diffuse part below.
     pub fn seen_from_below(&self) -> Self {
         Self { f0: self.below, ..*self }
     }
 
-    /// At a cosine.
+    /// Reflectance at a cosine.
     pub fn at(&self, cosine: f64) -> DVec3 {
         self.f0 + (DVec3::splat(self.f90) - self.f0) * (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
     }
 
-    /// Mean over the hemisphere, weighed by the cosine: the integral of `2 c (1 - c)^5` is 1/21.
+    /// Cosine-weighted mean over the hemisphere: the integral of `2 c (1 - c)^5` is 1/21.
     pub fn mean(&self) -> DVec3 {
         self.f0 + (DVec3::splat(self.f90) - self.f0) / 21.0
     }
 }
 
-/// Unpolarised reflectance of the border between dielectrics; `eta` is the index behind over the index in front.
+/// Unpolarised Fresnel reflectance between dielectrics; `eta` is the index behind over the index in front.
 pub fn fresnel(cosine: f64, eta: f64) -> f64 {
     let sine2 = (1.0 - cosine * cosine).max(0.0) / (eta * eta);
     if sine2 >= 1.0 {
@@ -97,44 +97,44 @@ pub fn fresnel(cosine: f64, eta: f64) -> f64 {
 /// A material at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Layers {
-    /// Linear, 0 to 1.
+    /// Base colour, linear, 0 to 1.
     pub base: DVec3,
-    /// 0 to 1.
+    /// Metalness, 0 to 1.
     pub metalness: f64,
-    /// GGX alpha.
+    /// Alpha of GGX.
     pub alpha: f64,
     /// Share of the dielectric part that is glass, 0 to 1.
     pub transmission: f64,
     /// Index of refraction, at least 1.
     pub ior: f64,
-    /// Strength of the reflection of the dielectric part, 0 to 1.
+    /// Strength of the dielectric reflection, 0 to 1.
     pub specular: f64,
-    /// Its colour at normal incidence, at least 0.
+    /// Colour of the dielectric reflection at normal incidence, at least 0.
     pub specular_colour: DVec3,
-    /// The border of a volume, which refracts; else a thin sheet.
+    /// Whether it is the boundary of a volume, which refracts; else a thin sheet.
     pub volume: bool,
-    /// The viewer is inside of the volume.
+    /// Whether the viewer is inside the volume.
     pub inside: bool,
     /// Strength of the coat, 0 to 1.
     pub coat: f64,
-    /// GGX alpha of the coat.
+    /// Alpha of GGX of the coat.
     pub coat_alpha: f64,
 }
 
-/// A surface as a path meets it.
+/// A surface point that scatters light.
 #[derive(Clone, Copy, Debug)]
 pub struct Scatterer {
     /// Shading normal, unit, on the side of the viewer.
     pub normal: DVec3,
-    /// Normal of the plane, unit, on the side of the viewer.
+    /// Geometric normal, unit, on the side of the viewer.
     pub plane: DVec3,
-    /// Unit.
+    /// Direction to the viewer, unit.
     pub to_viewer: DVec3,
-    /// What it is made of.
+    /// Its material.
     pub layers: Layers,
 }
 
-/// How a direction is drawn.
+/// Strategies for sampling a direction.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
     Cosine,
@@ -176,8 +176,8 @@ impl Scatterer {
         lobes
     }
 
-    /// Light through a rough border (Walter et al. 2007, equation 21) without the colour, times the cosine. Their index of the side that
-    /// light goes to is that of the viewer's here, divided out: only the quotient `eta` is left.
+    /// Transmission through a rough interface (Walter et al. 2007, equation 21) without the colour, times the cosine. Their index of the
+    /// transmitted side is the viewer's here, divided out, which leaves only the quotient `eta`.
     fn refracted(&self, l: DVec3) -> f64 {
         let (n, v, eta, alpha) = (self.normal, self.to_viewer, self.eta(), self.layers.alpha);
         let Some(h) = self.refracting(l) else { return 0.0 };
@@ -186,14 +186,14 @@ impl Scatterer {
         v_h * -l_h * (1.0 - self.glass(v_h).max_element()) * g_d / (n.dot(v) * (v_h + eta * l_h).powi(2))
     }
 
-    /// The half vector of refraction, on the side of the viewer; none where no microfacet refracts so.
+    /// The half vector of refraction, on the side of the viewer; none if no microfacet refracts in this direction.
     fn refracting(&self, l: DVec3) -> Option<DVec3> {
         let h = (self.to_viewer + self.eta() * l).try_normalize()?;
         let h = if h.dot(self.normal) < 0.0 { -h } else { h };
         (self.to_viewer.dot(h) > 0.0 && l.dot(h) < 0.0).then_some(h)
     }
 
-    /// Light through a thin sheet without the colour, times the cosine: as if reflected and mirrored through the sheet.
+    /// Transmission through a thin sheet without the colour, times the cosine: a reflection, mirrored through the sheet.
     fn through_sheet(&self, l: DVec3) -> f64 {
         let (n, v, alpha) = (self.normal, self.to_viewer, self.layers.alpha);
         let mirrored = l - 2.0 * n.dot(l) * n;
@@ -206,8 +206,8 @@ impl Scatterer {
         Schlick::new(&self.layers)
     }
 
-    /// Reflectance of glass: Fresnel's, on the way from its value at normal incidence to 1, stands for how far it is from the reflectance that
-    /// strength and colour give at normal incidence to the one at grazing incidence. Total reflection stays so.
+    /// Reflectance of glass: interpolated between the values that strength and colour give at normal and at grazing incidence, along the
+    /// exact Fresnel curve. Total internal reflection stays total.
     fn glass(&self, cosine: f64) -> DVec3 {
         let (m, f) = (&self.layers, fresnel(cosine, self.eta()));
         if f >= 1.0 {
@@ -220,7 +220,7 @@ impl Scatterer {
         (normal * m.specular).lerp(DVec3::splat(m.specular), far) + DVec3::splat(f - plain)
     }
 
-    /// Index of refraction behind the surface over that on the viewer's side.
+    /// Relative index of refraction: behind the surface over the viewer's side.
     pub fn eta(&self) -> f64 {
         if self.layers.volume && self.layers.inside { 1.0 / self.layers.ior } else { self.layers.ior }
     }
@@ -234,7 +234,7 @@ impl Scatterer {
         self.layers.coat * fresnel
     }
 
-    /// The share of samples that each way of drawing gets.
+    /// Probability of each sampling strategy.
     fn ways(&self) -> [(Way, f64); 4] {
         let (m, n_v) = (&self.layers, self.normal.dot(self.to_viewer));
         let glass = (1.0 - m.metalness) * m.transmission;
@@ -243,19 +243,19 @@ impl Scatterer {
         let diffuse = (1.0 - glass) * (1.0 - m.metalness) * m.base.max_element();
         let through = glass * (1.0 - fresnel(n_v, self.eta())) * m.base.max_element();
         let at_least = |share: f64, exists: bool| if exists { share.max(LEAST_SHARE) } else { 0.0 };
-        // The cosine also draws for the tails of wide lobes at grazing angles, where half vectors are drawn badly.
+        // The cosine strategy also covers the tails of wide lobes at grazing angles, which half vectors sample badly.
         let ways = [
             (Way::Cosine, at_least((1.0 - coat) * diffuse, glass < 1.0)),
             (Way::Mirror, at_least((1.0 - coat) * reflected, true)),
             (Way::Coat, at_least(coat, coat > 0.0)),
-            // Rough glass lets through what a smooth one reflects wholly.
+            // Rough glass transmits some of what smooth glass would totally reflect.
             (Way::Through, at_least((1.0 - coat) * through.max(LEAST_THROUGH * glass), glass > 0.0)),
         ];
         let sum: f64 = ways.iter().map(|w| w.1).sum();
         ways.map(|(way, share)| (way, share / sum))
     }
 
-    /// A direction towards light; none where what was drawn does not exist.
+    /// Samples a direction towards light; none if the sample is invalid.
     pub fn sample(&self, random: &mut Random) -> Option<DVec3> {
         let mut rest = random.unit();
         let ways = self.ways();
@@ -278,7 +278,7 @@ impl Scatterer {
         let mirrored = 2.0 * v_h * h - v;
         let l = match way {
             Way::Through if self.layers.volume => {
-                // Snell: the sine shrinks by eta.
+                // Snell's law: the sine is divided by eta.
                 let sine2 = (1.0 - v_h * v_h).max(0.0) / self.eta().powi(2);
                 if sine2 >= 1.0 {
                     return None;
@@ -292,7 +292,7 @@ impl Scatterer {
         (below == (way == Way::Through)).then(|| l.normalize())
     }
 
-    /// Density with which [`sample`](Self::sample) draws a direction, per steradian. What it refuses is missing from the integral.
+    /// Pdf of [`sample`](Self::sample), per steradian. Its integral is 1 less the share of invalid samples.
     pub fn pdf(&self, l: DVec3) -> f64 {
         let (n, v, m) = (self.normal, self.to_viewer, &self.layers);
         let n_l = n.dot(l);
@@ -315,7 +315,7 @@ impl Scatterer {
     }
 }
 
-/// A half vector by what the viewer sees of it. Stretched to a sphere, what mirrors the viewer is a cap, even in its height.
+/// Samples the visible normals: stretched to a sphere, the directions that mirror the viewer form a cap, uniform in height.
 fn seen_normal(n: DVec3, v: DVec3, alpha: f64, [x, angle]: [f64; 2]) -> DVec3 {
     let world = frame(n);
     let stretch = DVec3::new(alpha, alpha, 1.0);
@@ -324,7 +324,7 @@ fn seen_normal(n: DVec3, v: DVec3, alpha: f64, [x, angle]: [f64; 2]) -> DVec3 {
     (world * ((mirrored + viewer) * stretch)).normalize()
 }
 
-/// The density of [`seen_normal`], per steradian (Heitz 2014, equation 16).
+/// Pdf of [`seen_normal`], per steradian (Heitz 2014, equation 16).
 fn normal_density(n: DVec3, v: DVec3, h: DVec3, alpha: f64) -> f64 {
     let n_v = n.dot(v);
     ggx_d(n.dot(h), alpha) * v.dot(h).max(0.0) / (n_v * (1.0 + smith_lambda(n_v, alpha)))

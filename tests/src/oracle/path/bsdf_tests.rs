@@ -1,4 +1,4 @@
-//! The witness's surface model against quadratures of its own, and its sampler against its density.
+//! The CPU path tracer's surface model against numerical integration, and its sampler against its pdf.
 use super::bsdf::{Layers, Scatterer, fresnel};
 use super::random::{Random, from_polar};
 use glam::DVec3;
@@ -9,7 +9,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 const ANGLES: [f64; 6] = [0.0, 0.35, 0.8, 1.1, 1.35, 1.5];
 const ROUGHNESS: [f64; 7] = [0.0, 0.1, 0.3, 0.45, 0.6, 0.8, 1.0];
 
-/// White materials of every kind, by name.
+/// White materials of every kind, with names.
 fn kinds(roughness: f64) -> Vec<(&'static str, Layers)> {
     let alpha = (roughness * roughness).max(0.002);
     let plain = Layers {
@@ -52,14 +52,14 @@ fn at(theta: f64, layers: Layers) -> Scatterer {
     Scatterer { normal: DVec3::Z, plane: DVec3::Z, to_viewer, layers }
 }
 
-/// Weighs transmitted light so that it counts as energy: radiance changes by the square of the index.
+/// Factor that converts transmitted radiance to energy: radiance scales with the square of the index.
 fn energy(s: &Scatterer, l: DVec3) -> f64 {
     let lobes = s.value(l);
     let transmitted = if s.layers.volume { s.eta().powi(2) } else { 1.0 };
     (lobes.diffuse + lobes.specular + lobes.coat).y + transmitted * lobes.transmission.y
 }
 
-/// The integral over the sphere, by a grid of angles.
+/// Integral over the sphere, on a grid of angles.
 fn over_sphere(rings: usize, mut f: impl FnMut(DVec3) -> f64) -> f64 {
     let mut sum = 0.0;
     for i in 0..rings {
@@ -71,7 +71,7 @@ fn over_sphere(rings: usize, mut f: impl FnMut(DVec3) -> f64) -> f64 {
     sum * (PI / rings as f64).powi(2)
 }
 
-/// The integral over half vectors, by a grid that is densest around the normal.
+/// Integral over half vectors, on a grid that is densest around the normal.
 fn over_half_vectors(alpha: f64, steps: usize, mut f: impl FnMut(DVec3) -> f64) -> f64 {
     let mut sum = 0.0;
     for i in 0..steps {
@@ -86,12 +86,12 @@ fn over_half_vectors(alpha: f64, steps: usize, mut f: impl FnMut(DVec3) -> f64) 
     sum * PI / (steps * steps) as f64
 }
 
-/// Directional albedo: every lobe over the variable in which it is smooth.
+/// Directional albedo: every lobe is integrated over the variable in which it is smooth.
 fn albedo(s: &Scatterer) -> f64 {
     const STEPS: usize = 90;
     let v = s.to_viewer;
     let diffuse = over_sphere(60, |l| s.value(l).diffuse.y);
-    // The solid angle of mirrored directions is 4 v·h times that of half vectors.
+    // The solid angle of reflected directions is 4 v·h times that of half vectors.
     let mirrored = |h: DVec3| Some((2.0 * v.dot(h) * h - v, 4.0 * v.dot(h))).filter(|_| v.dot(h) > 0.0);
     let specular =
         over_half_vectors(s.layers.alpha, STEPS, |h| mirrored(h).map_or(0.0, |(l, w)| s.value(l).specular.y * w));
@@ -102,7 +102,7 @@ fn albedo(s: &Scatterer) -> f64 {
         if !s.layers.volume {
             return if l.z > 0.0 { s.value(DVec3::new(l.x, l.y, -l.z)).transmission.y * w } else { 0.0 };
         }
-        // Snell's law, and the solid angle by which it spreads: cosines weigh what is on either side of the border.
+        // Snell's law; the solid angle follows from the cosines on either side of the interface.
         let (eta, v_h) = (s.eta(), v.dot(h));
         let cos2 = 1.0 - (1.0 - v_h * v_h) / (eta * eta);
         if cos2 <= 0.0 {
@@ -122,7 +122,7 @@ fn nothing_gives_back_more_than_it_gets() {
             for theta in ANGLES {
                 let got = albedo(&at(theta, layers));
                 assert!(got <= 1.0 + 1e-3, "{name}, roughness {roughness}, angle {theta}: {got}");
-                // What microfacets would scatter a second time is lost: nearly nothing where they lie flat. Half a metal is grey.
+                // Multiple scattering between microfacets is not modelled, which is negligible for smooth surfaces. A half metal is grey.
                 let whole = layers.metalness == 0.0 || layers.metalness == 1.0;
                 let least = if whole && roughness <= 0.1 && theta < 1.2 { 0.98 } else { 0.25 };
                 assert!(got >= least, "{name}, roughness {roughness}, angle {theta}: {got}");
@@ -140,7 +140,8 @@ fn two_quadratures_agree() {
                 let s = at(theta, layers);
                 let (by_sphere, by_lobe) = (over_sphere(400, |l| energy(&s, l)), albedo(&s));
                 let off = (by_sphere / by_lobe - 1.0).abs();
-                // Refraction ends abruptly where microfacets turn away: there a grid of 400 rings is 0.7 % off, one of 1600 0.1 %.
+                // Refraction ends abruptly where microfacets face away: there a grid of 400 rings has an error of 0.7 %, one of 1600 of 0.1
+                // %.
                 let most = if layers.volume { 8e-3 } else { 2e-3 };
                 assert!(off < most, "{name}, roughness {roughness}, angle {theta}: {by_sphere} {by_lobe}");
             }
@@ -154,7 +155,7 @@ fn light_and_viewer_may_change_places() {
     let mut pairs = [0; 2];
     for roughness in ROUGHNESS {
         for (name, layers) in kinds(roughness) {
-            // A coat takes from the light by the viewer's angle only: the one part that is not symmetric.
+            // The coat attenuates by the viewer's angle only, the one part that is not reciprocal.
             for _ in 0..400 {
                 let (v, l) = (random.direction(), random.direction());
                 if layers.coat > 0.0 || v.z < 0.05 || l.z.abs() < 0.05 {
@@ -165,11 +166,11 @@ fn light_and_viewer_may_change_places() {
                 let inside = layers.inside != (l.z < 0.0);
                 let layers = Layers { inside: layers.volume && inside, ..layers };
                 let back = Scatterer { normal: turned, plane: turned, to_viewer: l, layers };
-                // Radiance over the square of the index is what is symmetric (Veach 1997, equation 5.14).
+                // Radiance over the squared index is reciprocal (Veach 1997, equation 5.14).
                 let index = if there.layers.volume && l.z < 0.0 { there.eta().powi(2) } else { 1.0 };
                 let (f, b) = (there.value(l).total() * index / l.z.abs(), back.value(v).total() / v.z);
                 let off = (f - b).abs().max_element();
-                // Far out in the lobe of refraction, rounding of the half vector counts by some 10^7.
+                // In the tail of the refraction lobe, rounding of the half vector is amplified by some 10^7.
                 assert!(off <= 1e-8 * f.max_element(), "{name}, roughness {roughness}, {v} {l}: {f} {b}");
                 pairs[usize::from(l.z < 0.0)] += usize::from(f.max_element() > 0.0);
             }
@@ -200,7 +201,7 @@ fn the_sampler_draws_by_its_density() {
                     let column = ((l.y.atan2(l.x) / TAU + 0.5) * BINS[1] as f64) as usize;
                     counts[row.min(BINS[0] - 1) * BINS[1] + column.min(BINS[1] - 1)] += 1;
                 }
-                // Bins that expect little are counted as one with what was refused.
+                // Bins with small expected counts are merged with the invalid samples.
                 let (mut chi2, mut freedom, mut rest) = (0.0, 0, (f64::from(samples), f64::from(failed)));
                 for (bin, count) in counts.iter().enumerate() {
                     let expected = f64::from(samples) * in_bin(&s, bin / BINS[1], bin % BINS[1], BINS);
@@ -223,9 +224,9 @@ fn the_sampler_draws_by_its_density() {
     assert_eq!(tests, 2 * kinds(0.5).len() * 2);
 }
 
-/// The chance of a direction in a bin of equal solid angle.
+/// Probability of a direction in a bin of equal solid angle.
 fn in_bin(s: &Scatterer, row: usize, column: usize, bins: [usize; 2]) -> f64 {
-    // Refraction ends abruptly.
+    // Refraction ends abruptly, so it needs a finer grid.
     let fine = if s.layers.volume { 72 } else { 24 };
     let mut sum = 0.0;
     for i in 0..fine {
@@ -270,10 +271,10 @@ fn borders_reflect_as_fresnel_says() {
     close(fresnel(1.0, 1.0 / 1.5), 0.04);
     close(fresnel(0.0, 1.5), 1.0);
     close(fresnel(0.6, 1.0), 0.0);
-    // At Brewster's angle only light across the plane of incidence is reflected: ((n² - 1) / (n² + 1))² of it.
+    // At Brewster's angle only light polarised perpendicular to the plane of incidence is reflected: ((n² - 1) / (n² + 1))² of it.
     let brewster = 1.5_f64.atan();
     close(fresnel(brewster.cos(), 1.5), 0.5 * (1.25_f64 / 3.25).powi(2));
-    // Beyond the critical angle all of it, and there and back it is the same.
+    // Beyond the critical angle reflection is total, and reflectance is equal from both sides.
     let critical = (1.0 / 1.5_f64).asin();
     close(fresnel((critical + 1e-3).cos(), 1.0 / 1.5), 1.0);
     assert!(fresnel((critical - 1e-3).cos(), 1.0 / 1.5) < 0.95);
@@ -292,7 +293,7 @@ fn refracted_energy_is_what_is_not_reflected() {
             });
             let want = fresnel(theta.cos(), s.eta());
             assert!((reflected - want).abs() < 2e-3, "{inside} {theta}: {reflected} {want}");
-            // 1 - R goes through, in the direction that Snell's law says.
+            // 1 - R is transmitted, in the direction of Snell's law.
             let total = albedo(&s);
             assert!((total - 1.0).abs() < 1e-3, "{inside} {theta}: {total}");
             if want < 1.0 {

@@ -1,4 +1,4 @@
-//! Pictures whose answer is known: the whole witness against closed forms.
+//! Scenes with closed-form solutions: tests the whole CPU path tracer.
 use super::{Witness, WitnessOptions};
 use crate::made::{add, camera, plane, scene};
 use glam::{Affine3A, DVec3, Quat, Vec3};
@@ -7,7 +7,7 @@ use magpie_passes::reference::{Only, PixelSampling};
 use std::env;
 use std::f64::consts::PI;
 
-/// A purely Lambertian material: its index of refraction is that of air.
+/// A purely Lambertian material, with the index of refraction of air.
 fn lambertian(albedo: f32) -> Material {
     Material { base_colour: Vec3::splat(albedo).extend(1.0), metalness: 0.0, ior: 1.0, ..Material::default() }
 }
@@ -16,7 +16,7 @@ fn ball(radius: f32) -> Mesh {
     Mesh { name: "ball".into(), spheres: vec![Sphere { centre: Vec3::ZERO, radius }], ..Mesh::default() }
 }
 
-/// A camera that sees hardly more than one point.
+/// A camera with such a narrow view that it sees almost one point.
 fn spy(eye: [f64; 3], target: [f64; 3]) -> Camera {
     Camera { vertical_fov: 1e-4, ..camera(eye, target) }
 }
@@ -32,7 +32,7 @@ fn uniform(radiance: Vec3) -> Environment {
     }
 }
 
-/// Mean over a few pixels that see the same, and its standard error.
+/// Mean over a few pixels of the same value, and its standard error.
 fn measure(scene: &Scene, camera: &Camera, options: WitnessOptions) -> (DVec3, DVec3) {
     let n = 64.0;
     let samples = if env::var_os("MAGPIE_FULL").is_some() { options.samples * 16 } else { options.samples };
@@ -42,7 +42,7 @@ fn measure(scene: &Scene, camera: &Camera, options: WitnessOptions) -> (DVec3, D
     (mean, error)
 }
 
-/// Within 0.2 % in every channel, and sure of it.
+/// Asserts a relative error below 0.2 % in every channel, with a standard error that is small enough to tell.
 fn assert_is(what: &str, got: (DVec3, DVec3), want: DVec3) {
     println!("{what}: {} ± {}, want {want}", got.0, got.1);
     for c in 0..3 {
@@ -66,17 +66,17 @@ fn light_in_a_closed_sphere_is_emission_over_one_minus_albedo() {
     let want = emission.as_dvec3() / (DVec3::ONE - albedo);
     assert_is("closed sphere", measure(&room, &room.cameras[0].clone(), options(4096)), want);
     for depth in [1, 2, 7] {
-        // A geometric series, cut off.
+        // A truncated geometric series.
         let want = emission.as_dvec3() * (DVec3::ONE - albedo.powf(f64::from(depth) + 1.0)) / (DVec3::ONE - albedo);
         let got = measure(&room, &room.cameras[0].clone(), WitnessOptions { depth, ..options(2048) });
         assert_is(&format!("closed sphere, {depth} scatterings"), got, want);
     }
-    // Stretched it has no closed form but the same limit, as every point sees only points like it.
+    // Stretched, the room has no closed form except for the same limit, as all points are alike.
     room.instances[0].world_from_object.matrix3 *= glam::DMat3::from_diagonal(DVec3::new(1.0, 0.7, 1.4));
     assert_is("closed ellipsoid", measure(&room, &room.cameras[0].clone(), options(4096)), want);
 }
 
-/// Irradiance of the point at the origin of a horizontal plane by a polygon of radiance 1 (Lambert 1760).
+/// Irradiance at the origin of a horizontal plane from a polygon of radiance 1 (Lambert 1760).
 fn by_polygon(corners: &[DVec3]) -> f64 {
     let n = corners.len();
     let edge = |i: usize| {
@@ -86,7 +86,7 @@ fn by_polygon(corners: &[DVec3]) -> f64 {
     (0.5 * (0..n).map(edge).sum::<f64>()).abs()
 }
 
-/// Light that a white plane sends straight up from the origin, over what irradiance makes it send.
+/// Checks radiance straight up from the origin of a white plane against the expected irradiance.
 fn lit(what: &str, lights: Vec<Light>, shapes: Vec<(Mesh, Material, Affine3A)>, irradiance: f64, samples: u32) {
     let mut world = scene("plane", spy([0.0, 3.0, 3.0], [0.0; 3]));
     world.cameras[0].near = 1e-3;
@@ -100,7 +100,7 @@ fn lit(what: &str, lights: Vec<Light>, shapes: Vec<(Mesh, Material, Affine3A)>, 
     let depth = 1;
     let got = measure(&world, &world.cameras[0].clone(), WitnessOptions { depth, ..options(samples) });
     assert_is(what, got, want);
-    // It is all direct light.
+    // All of it is direct light.
     let direct = WitnessOptions { only: Only::Direct, pixel: PixelSampling::Centre, ..options(samples) };
     assert_is(what, measure(&world, &world.cameras[0].clone(), direct), want);
 }
@@ -170,10 +170,10 @@ fn emissive_shapes_light_a_plane_as_they_should() {
     let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[x, z]| DVec3::new(x + 0.4, 1.0, z));
     let want = by_polygon(&corners);
     lit("square", vec![], vec![(plane(0.5), emits.clone(), place(Vec3::new(0.4, 1.0, 0.0)))], want, 5000);
-    // The same by an unlit material.
+    // The same with an unlit material.
     let unlit = Material { unlit: true, base_colour: RADIANCE.extend(1.0), ..Material::default() };
     lit("unlit square", vec![], vec![(plane(0.5), unlit, place(Vec3::new(0.4, 1.0, 0.0)))], want, 5000);
-    // And half of it, where it covers half: by blending, and by a sheet of as much coverage below it.
+    // Half of it by blending with an alpha of 0.5, three quarters of it behind a blended sheet with an alpha of 0.25.
     let blended =
         Material { alpha: AlphaMode::Blend, base_colour: glam::Vec4::new(0.0, 0.0, 0.0, 0.5), ..emits.clone() };
     lit("blended square", vec![], vec![(plane(0.5), blended, place(Vec3::new(0.4, 1.0, 0.0)))], 0.5 * want, 5000);
@@ -182,7 +182,7 @@ fn emissive_shapes_light_a_plane_as_they_should() {
     let lamp = (plane(0.5), emits.clone(), place(Vec3::new(0.4, 1.0, 0.0)));
     let below = Affine3A::from_translation(Vec3::new(0.2, 0.4, 0.0));
     lit("square behind a sheet", vec![], vec![lamp.clone(), (plane(0.35), sheet, below)], 0.75 * want, 5000);
-    // What shows a light lights nothing, and is opaque; what faces away lights nothing.
+    // An emissive surface that depicts a light illuminates nothing, and is opaque; the back of a light illuminates nothing.
     let shows = Material { shows_light: true, ..emits.clone() };
     let up = Affine3A::from_translation(Vec3::new(0.0, 1.5, 0.0));
     let dark = vec![(plane(0.2), shows, up), (plane(0.2), emits.clone(), up), lamp];
@@ -206,12 +206,12 @@ fn a_convex_thing_under_even_light_shows_its_albedo() {
     assert_is("matte ball, grazing", show(lambertian(0.5), [0.0, 0.95, 0.0], 8192), sky * 0.5);
     let metal = Material { roughness: 0.0, ..Material::default() };
     assert_is("metal ball", show(metal, [0.3, 0.4, 0.0], 2048), sky);
-    // Loss-free glass is not to be seen at all.
+    // Glass without loss is invisible in a uniform environment.
     let glass = Material { roughness: 0.0, metalness: 0.0, transmission: 1.0, thickness: 1.0, ..Material::default() };
     assert_is("glass ball", show(glass.clone(), [0.3, 0.4, 0.0], 4096), sky);
     let sheet = Material { thickness: 0.0, ..glass.clone() };
     assert_is("bubble", show(sheet, [0.3, 0.4, 0.0], 4096), sky);
-    // Straight through the middle: F + (1 - F)² x (1 + F x + ...), x what is left of light after the diameter.
+    // Straight through the middle: F + (1 - F)² x (1 + F x + ...), where x is the transmittance over the diameter.
     let colour = Vec3::new(0.9, 0.5, 0.2);
     let tinted = Material { attenuation_colour: colour, attenuation_distance: 3.0, ..glass };
     let x = colour.as_dvec3().powf(2.0 / 3.0);
@@ -227,7 +227,7 @@ fn openness_and_shadows_are_shares() {
     let only = |only, samples| WitnessOptions { only, ao_range: 1e6, pixel: PixelSampling::Centre, ..options(samples) };
     let share = |world: &Scene, options| measure(world, &world.cameras[0].clone(), options);
     assert_is("open", share(&world, only(Only::AmbientOcclusion, 64)), DVec3::ONE);
-    // A wall beside the point hides half of its hemisphere; one within reach of half of the range nothing.
+    // A wall beside the point occludes half of its hemisphere; within half of the range it occludes nothing.
     let turn = Affine3A::from_rotation_translation(
         Quat::from_rotation_z(std::f32::consts::FRAC_PI_2),
         Vec3::new(1e-3, 0.0, 0.0),
@@ -236,7 +236,7 @@ fn openness_and_shadows_are_shares() {
     assert_is("corner", share(&world, only(Only::AmbientOcclusion, 40_000)), DVec3::splat(0.5));
     let near = WitnessOptions { ao_range: 5e-4, ..only(Only::AmbientOcclusion, 64) };
     assert_is("corner within its range", share(&world, near), DVec3::ONE);
-    // A wall hides half of a light that stands over the corner.
+    // A wall occludes half of a light above its edge.
     world.lights =
         vec![Light::Disc { centre: DVec3::new(1e-3, 1.0, 0.0), normal: Vec3::NEG_Y, radius: 0.4, radiance: RADIANCE }];
     let seen = share(&world, only(Only::Shadows, 20_000));
@@ -244,7 +244,7 @@ fn openness_and_shadows_are_shares() {
     assert!((seen.0.x - 0.5).abs() < 2e-3, "{}", seen.0);
     world.instances.pop();
     assert_is("without a wall", share(&world, only(Only::Shadows, 64)), DVec3::ONE);
-    // Looking past everything there is no shadow and nothing hidden.
+    // For the background there is neither shadow nor occlusion.
     world.cameras[0] = spy([0.0, 3.0, 3.0], [0.0, 9.0, 0.0]);
     assert_is("background", share(&world, only(Only::AmbientOcclusion, 64)), DVec3::ONE);
     assert_eq!(share(&world, only(Only::Shadows, 64)).0, DVec3::ZERO);
@@ -270,7 +270,7 @@ fn the_parts_sum_to_the_whole() {
     };
     let parts = [Only::Direct, Only::Gi, Only::Reflections, Only::Transparency].map(mean);
     let whole = mean(Only::All);
-    // The camera sees the floor or the sheet in front of it everywhere: no pixel shows the sky.
+    // The floor or the sheet in front of it fills the view: no pixel shows the sky.
     let sum: DVec3 = parts.iter().map(|p| p.0).sum();
     let error = (parts.iter().map(|p| p.1 * p.1).sum::<DVec3>() + whole.1 * whole.1).map(f64::sqrt);
     println!("{parts:?}\n{whole:?}");

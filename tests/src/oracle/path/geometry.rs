@@ -1,6 +1,6 @@
-//! The shapes of a scene in the world, and rays against them, in double precision.
+//! Shapes of a scene in world space, and ray intersection in double precision.
 //!
-//! The tree is built by `obvhs` from boxes that are rounded outwards; everything that a ray is tested with is `f64`.
+//! The BVH is built by `obvhs` from boxes that are rounded outwards; all intersection tests are in `f64`.
 use glam::{DAffine3, DMat3, DVec2, DVec3, DVec4, Vec3A};
 use magpie::scene::{Animator, Pose, Scene, deform};
 use obvhs::BvhBuildParams;
@@ -9,44 +9,44 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use std::time::Duration;
 
-/// Deepest tree that is walked.
+/// Greatest depth of the BVH.
 const STACK: usize = 256;
 
-/// A ray; `direction` may have any length, in which distances count.
+/// A ray; distances count in lengths of `direction`, which need not be a unit vector.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// Metres.
+    /// World, metres.
     pub origin: DVec3,
     /// Not zero.
     pub direction: DVec3,
-    /// Hits lie beyond this distance.
+    /// Lower limit of a hit's distance, exclusive.
     pub from: f64,
-    /// And before this one.
+    /// Upper limit of a hit's distance, exclusive.
     pub to: f64,
 }
 
-/// A triangle of the world, or a sphere of an instance.
+/// A triangle or a sphere.
 #[derive(Clone, Copy, Debug)]
 pub enum Shape {
-    /// Three vertices of the instance.
+    /// Vertex indices in the instance.
     Triangle([u32; 3]),
     /// Centre and radius in object space.
     Sphere(DVec3, f64),
 }
 
-/// One shape.
+/// A shape of an instance.
 #[derive(Clone, Copy, Debug)]
 pub struct Primitive {
-    /// Index of its instance.
+    /// Index of the instance.
     pub instance: u32,
-    /// What it is.
+    /// The triangle or sphere.
     pub shape: Shape,
 }
 
-/// A vertex in the world.
+/// A vertex in world space.
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex {
-    /// Metres.
+    /// World, metres.
     pub position: DVec3,
     /// Unit.
     pub normal: DVec3,
@@ -54,11 +54,11 @@ pub struct Vertex {
     pub tangent: DVec4,
     /// Texture coordinates, two sets.
     pub uv: [DVec2; 2],
-    /// Linear.
+    /// Linear vertex colour and alpha.
     pub colour: DVec4,
 }
 
-/// An instance in its pose.
+/// An instance at one time.
 #[derive(Clone, Debug)]
 pub struct Placed {
     /// Index of the material.
@@ -67,36 +67,36 @@ pub struct Placed {
     pub world: DAffine3,
     /// Object from world.
     pub inverse: DAffine3,
-    /// Of triangles.
+    /// Vertices of its triangles; empty for spheres.
     pub vertices: Vec<Vertex>,
 }
 
-/// Where a ray meets a shape.
+/// A hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Index of the primitive.
     pub primitive: u32,
     /// Distance in lengths of the direction.
     pub t: f64,
-    /// Weights of the second and third vertex.
+    /// Barycentric weights of the second and third vertex.
     pub barycentric: DVec2,
-    /// Unit, outwards: on the side from which the triangle runs counter-clockwise in its object.
+    /// Geometric normal, unit, outwards: on the side from which the vertices run counter-clockwise in object space.
     pub outward: DVec3,
-    /// That side was met.
+    /// Whether that side was hit.
     pub front: bool,
 }
 
-/// All shapes and their tree.
+/// All primitives and their BVH.
 pub struct Geometry {
-    /// Instances, those of the scene.
+    /// The instances of the scene.
     pub placed: Vec<Placed>,
-    /// Triangles with an area, and spheres.
+    /// All non-degenerate triangles, and all spheres.
     pub primitives: Vec<Primitive>,
     tree: Bvh2,
 }
 
 impl Geometry {
-    /// A scene at a time in seconds, and its pose.
+    /// The geometry of a scene at a time in seconds, and its pose.
     pub fn new(scene: &Scene, time: f64) -> (Self, Pose) {
         let pose = Animator::new(scene).pose(time);
         let placed: Vec<_> = (0..scene.instances.len()).map(|i| place(scene, &pose, i)).collect();
@@ -131,7 +131,7 @@ impl Geometry {
         corners.map(|c| &self.placed[instance as usize].vertices[c as usize])
     }
 
-    /// The nearest hit that counts.
+    /// The nearest hit that `counts` accepts.
     pub fn nearest(&self, ray: &Ray, mut counts: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         self.walk(ray, |primitive, to| match self.meet(primitive, &Ray { to, ..*ray }, &mut counts) {
@@ -144,7 +144,7 @@ impl Geometry {
         best
     }
 
-    /// Hands over every hit until `go_on` says no.
+    /// Calls `go_on` with every hit until it returns false.
     pub fn all(&self, ray: &Ray, mut go_on: impl FnMut(&Hit) -> bool) {
         self.walk(ray, |primitive, to| {
             let mut on = true;
@@ -156,7 +156,7 @@ impl Geometry {
         });
     }
 
-    /// Visits the primitives near to the ray; `meet` gives where the ray now ends.
+    /// Traverses the BVH; `meet` returns the ray's new upper limit.
     fn walk(&self, ray: &Ray, mut meet: impl FnMut(u32, f64) -> f64) {
         let (mut stack, mut height, mut to) = ([(0_u32, 0.0); STACK], 1, ray.to);
         if self.primitives.is_empty() {
@@ -189,7 +189,7 @@ impl Geometry {
         }
     }
 
-    /// The nearest hit of a shape that lies in the ray's range and counts.
+    /// The nearest accepted hit of one primitive in the ray's range.
     fn meet(&self, primitive: u32, ray: &Ray, counts: &mut impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let Primitive { instance, shape } = self.primitives[primitive as usize];
         let in_range = |t: f64| t > ray.from && t < ray.to;
@@ -199,7 +199,7 @@ impl Geometry {
                 let (u, v) = (b - a, c - a);
                 let normal = u.cross(v);
                 let slope = normal.dot(ray.direction);
-                // Möller and Trumbore 1997.
+                // Möller and Trumbore 1997, "Fast, Minimum Storage Ray-Triangle Intersection".
                 let from = ray.origin - a;
                 let t = -normal.dot(from) / slope;
                 if slope == 0.0 || !in_range(t) {
@@ -236,18 +236,18 @@ impl Geometry {
     }
 }
 
-/// A normal of an object in the world, unit.
+/// Transforms a normal to world space; unit.
 pub fn normal_of(inverse: &DAffine3, normal: DVec3) -> DVec3 {
     (inverse.matrix3.transpose() * normal).normalize()
 }
 
-/// Where a ray enters a box: infinity when it does not before `to`.
+/// Distance at which a ray enters a box; infinity if not before `to`.
 fn enters_box(bounds: &Aabb, ray: &Ray, to: f64) -> f64 {
     let (lower, upper) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
     let (a, b) = ((lower - ray.origin) / ray.direction, (upper - ray.origin) / ray.direction);
     let (mut enter, mut leave) = (ray.from, to);
     for axis in 0..3 {
-        // A ray within a face gives NaN, which min and max leave out.
+        // A ray in a face's plane gives NaN, which min and max ignore.
         enter = enter.max(a[axis].min(b[axis]));
         leave = leave.min(a[axis].max(b[axis]));
     }
@@ -277,7 +277,7 @@ fn place(scene: &Scene, pose: &Pose, i: usize) -> Placed {
     Placed { material: instance.material, world, inverse, vertices: (0..positions.len()).map(vertex).collect() }
 }
 
-/// A box that holds a primitive, rounded outwards.
+/// Bounds of a primitive, rounded outwards.
 fn bounds(placed: &Placed, primitive: &Primitive) -> Aabb {
     let (lower, upper) = match primitive.shape {
         Shape::Triangle(corners) => {
@@ -285,7 +285,7 @@ fn bounds(placed: &Placed, primitive: &Primitive) -> Aabb {
             (a.min(b).min(c), a.max(b).max(c))
         }
         Shape::Sphere(centre, radius) => {
-            // The reach of an ellipsoid along an axis is the length of that row of its matrix.
+            // The half extent of an ellipsoid along an axis is the length of that row of its matrix.
             let rows: DMat3 = placed.world.matrix3.transpose();
             let reach = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * radius;
             let middle = placed.world.transform_point3(centre);

@@ -1,4 +1,4 @@
-//! Paths: from the camera from surface to surface, with light asked for at each.
+//! Path tracing from the camera with light sampling at every surface.
 use super::bsdf::{Lobes, Scatterer};
 use super::geometry::{Hit, Ray};
 use super::lights::{self, chances, choose, draw, has_size, meet};
@@ -10,21 +10,21 @@ use magpie::scene::Light;
 use magpie_passes::reference::Only;
 use std::f64::consts::TAU;
 
-/// Scatterings after which paths may end by chance.
+/// Scatterings before Russian roulette.
 const SAFE_SCATTERINGS: u32 = 4;
-/// Greatest and least chance to go on after that.
+/// Least and greatest survival probability of Russian roulette.
 const SURVIVAL: [f64; 2] = [0.05, 0.97];
-/// Rays begin and end this share of coordinates and distances away from where they are bound to.
+/// Offset of ray origins and ends, relative to coordinates and distances.
 const GAP: f64 = 1e-9;
 
-/// Which light counts at a scattering.
+/// Light that counts at a scattering.
 #[derive(Clone, Copy)]
 struct Counted {
-    /// That of the table of lights and of emissive surfaces.
+    /// Light of lights and emissive surfaces.
     lights: bool,
-    /// That of the sky.
+    /// Light of the sky.
     sky: bool,
-    /// What it is scattered by.
+    /// Lobes that count.
     lobes: Only,
 }
 
@@ -48,23 +48,23 @@ impl Counted {
     }
 }
 
-/// The part of a sample that one of two ways of drawing it answers for (Veach and Guibas 1995, the power heuristic with exponent 2).
+/// Weight of a sample by multiple importance sampling, power heuristic with exponent 2 (Veach and Guibas 1995).
 fn part(mine: f64, other: f64) -> f64 {
     mine * mine / (mine * mine + other * other)
 }
 
-/// What absorption, per metre, leaves over a distance; infinite distances included.
+/// Transmittance of an absorption, per metre, over a distance that may be infinite.
 fn left(absorption: DVec3, distance: f64) -> DVec3 {
     absorption.map(|a| if a > 0.0 { (-a * distance).exp() } else { 1.0 })
 }
 
-/// Where rays from a point begin.
+/// Offset of rays that start at a point.
 fn begin(position: DVec3) -> f64 {
     GAP * (1.0 + position.abs().max_element())
 }
 
 impl Witness {
-    /// One sample. `direction` is one unit of view depth long, `near` in that unit.
+    /// One sample of a pixel. `direction` has unit view depth, in which `near` is measured too.
     pub(super) fn path(
         &self,
         eye: DVec3,
@@ -98,7 +98,7 @@ impl Witness {
             radiance += throughput * surface.shown;
         }
 
-        // Radiance shrinks by the square of the index where it enters a volume and grows back; that is no reason to end a path.
+        // Radiance scales by the squared index inside a volume and back outside; Russian roulette ignores that factor.
         let mut shrunk = 1.0;
         for scatterings in 1.. {
             let scatterer = surface.scatterer;
@@ -140,7 +140,7 @@ impl Witness {
         radiance
     }
 
-    /// The nearest hit that is there; what is blended is there as often as it covers. The camera sees through back faces.
+    /// The nearest hit; blended surfaces are hit with the probability of their coverage. Camera rays ignore back faces.
     fn closest(&self, ray: &Ray, from_camera: bool, random: &mut Random) -> Option<Hit> {
         let mut ray = *ray;
         loop {
@@ -156,7 +156,7 @@ impl Witness {
         }
     }
 
-    /// Share of light that gets through between a point and a distance in a unit direction.
+    /// Transmittance from a point along a unit direction up to a distance.
     fn transmittance(&self, origin: DVec3, direction: DVec3, distance: f64) -> f64 {
         let ray = Ray { origin, direction, from: begin(origin), to: distance * (1.0 - GAP) };
         let mut left = 1.0;
@@ -167,8 +167,7 @@ impl Witness {
         left
     }
 
-    /// Light that is asked for: one sample each of the table of lights, emissive surfaces and the sky, weighed against meeting it by
-    /// chance.
+    /// Direct light by light sampling: one sample each of the lights, the emissive surfaces and the sky, combined with BSDF sampling.
     fn asked(&self, surface: &Surface, scatterer: &Scatterer, counted: Counted, random: &mut Random) -> DVec3 {
         let position = surface.position;
         let mut sum = DVec3::ZERO;
@@ -187,7 +186,7 @@ impl Witness {
             let chosen = choose(&chances, random);
             if let Some(l) = draw(&self.lights[chosen], position, random) {
                 let chance = chances[chosen];
-                // The chance to be chosen belongs to the density; where there is none, to the light.
+                // The selection probability is part of the pdf; without a pdf it divides the light.
                 let light = if l.density.is_some() { l.light } else { l.light / chance };
                 add(l.direction, l.distance, light, l.density.map(|d| d * chance));
             }
@@ -211,7 +210,7 @@ impl Witness {
         sum
     }
 
-    /// Light that a scattered ray meets by chance: lights before the next surface, its emission, else the sky. `density` is the ray's.
+    /// Light that a BSDF-sampled ray hits: lights before the next surface, its emission, else the sky. `density` is the ray's pdf.
     fn met(&self, ray: &Ray, next: Option<&Hit>, medium: Option<DVec3>, density: f64, counted: Counted) -> DVec3 {
         let (origin, direction) = (ray.origin, ray.direction);
         let end = next.map_or(f64::INFINITY, |hit| hit.t);
@@ -250,7 +249,7 @@ impl Witness {
         sum
     }
 
-    /// Share that is seen of the first three lights that cast shadows, in all channels of a single one.
+    /// Visibility of the first three shadow-casting lights; a single one is in all channels.
     fn lights_seen(&self, surface: &Surface, random: &mut Random) -> DVec3 {
         let mut seen = DVec3::ZERO;
         let casters = lights::casters(&self.lights);
@@ -260,7 +259,7 @@ impl Witness {
         if casters.len() == 1 { DVec3::splat(seen.x) } else { seen }
     }
 
-    /// Share of a light that is seen, by one sample: uniform over its area, or over the cone that it fills.
+    /// Visibility of a light by one sample, uniform over its area or over the cone that it subtends.
     fn light_seen(&self, light: &Light, surface: &Surface, random: &mut Random) -> f64 {
         let Some(l) = draw(light, surface.position, random) else { return 0.0 };
         let s = surface.scatterer;
@@ -270,7 +269,7 @@ impl Witness {
         self.transmittance(surface.position, l.direction, l.distance)
     }
 
-    /// Cosine-weighted share of the hemisphere that nothing within the range hides, by one sample.
+    /// Openness by one sample: cosine-weighted, occluders within the range.
     fn openness(&self, surface: &Surface, range: f64, random: &mut Random) -> f64 {
         let s = surface.scatterer;
         let x = random.unit();
@@ -282,7 +281,7 @@ impl Witness {
     }
 }
 
-/// Absorption per metre where a direction leads into the volume behind a surface.
+/// Absorption, per metre, if a direction leads into the volume behind a surface.
 fn inside(surface: &Surface, direction: DVec3) -> Option<DVec3> {
     let (absorption, _) = surface.volume?;
     (surface.outward.dot(direction) < 0.0).then_some(absorption)

@@ -1,4 +1,4 @@
-//! Light from the table of lights and from emissive surfaces: drawn at random, and met by chance.
+//! Lights and emissive surfaces: sampling, and pdf of hits.
 use super::geometry::{Geometry, Shape};
 use super::random::{Random, frame, from_polar};
 use super::surface::Materials;
@@ -7,33 +7,33 @@ use glam::{DVec2, DVec3, Vec3};
 use magpie::scene::Light;
 use std::f64::consts::{PI, TAU};
 
-/// Share of the samples that goes to all lights alike, however dim they seem.
+/// Share of the samples that is distributed evenly over all lights.
 const EQUAL_SHARE: f64 = 0.1;
 
-/// Of linear Rec.709.
+/// Luminance of linear Rec.709.
 pub fn luminance(c: DVec3) -> f64 {
     c.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Light from a direction.
+/// Light from one direction.
 #[derive(Clone, Copy, Debug)]
 pub struct Arriving {
     /// Unit, towards the light.
     pub direction: DVec3,
     /// Metres; infinite for directional lights.
     pub distance: f64,
-    /// Radiance, or irradiance at normal incidence where there is no density.
+    /// Radiance, or irradiance at normal incidence without a density.
     pub light: DVec3,
-    /// Density of the draw per steradian; `None` for lights without a size, which no ray meets.
+    /// Pdf of the sample, per steradian; `None` for lights without a size, which no ray hits.
     pub density: Option<f64>,
 }
 
-/// Solid angle of a cone over 2 pi: 1 - cos, without a difference of near numbers.
+/// Solid angle of a cone over 2 pi, 1 - cos, without cancellation.
 fn cap(sine2: f64) -> f64 {
     sine2 / (1.0 + (1.0 - sine2).max(0.0).sqrt())
 }
 
-/// Draws a point of a light, without regard to what hides it. None where it sends nothing.
+/// Samples a point of a light, ignoring occlusion. None if it sends no light from there.
 pub fn draw(light: &Light, from: DVec3, random: &mut Random) -> Option<Arriving> {
     let (x, y) = (random.unit(), random.unit());
     let on_plane = |point: DVec3, normal: DVec3, area: f64, light: DVec3| {
@@ -57,7 +57,7 @@ pub fn draw(light: &Light, from: DVec3, random: &mut Random) -> Option<Arriving>
             on_plane(point, normal, PI * radius * radius, radiance.as_dvec3())
         }
         Light::Sphere { .. } | Light::Directional { .. } if has_size(light) => {
-            // Uniform in the cone that it fills.
+            // Uniform in the cone that it subtends.
             let (axis, sine2) = cone(light, from)?;
             let cap = cap(sine2);
             let direction = (frame(axis) * from_polar(1.0 - x * cap, TAU * y)).normalize();
@@ -72,7 +72,7 @@ pub fn draw(light: &Light, from: DVec3, random: &mut Random) -> Option<Arriving>
     }
 }
 
-/// Whether a ray may meet it.
+/// Whether rays can hit it.
 pub fn has_size(light: &Light) -> bool {
     match light {
         Light::Point { .. } | Light::Spot { .. } => false,
@@ -81,7 +81,7 @@ pub fn has_size(light: &Light) -> bool {
     }
 }
 
-/// The cone that a sphere or the disc of a directional light fills: axis and squared sine of its half angle. None inside of the sphere.
+/// The cone that a sphere or the disc of a directional light subtends: axis and squared sine of the half angle. None inside the sphere.
 fn cone(light: &Light, from: DVec3) -> Option<(DVec3, f64)> {
     match light {
         Light::Sphere { centre, radius, .. } => {
@@ -96,7 +96,7 @@ fn cone(light: &Light, from: DVec3) -> Option<(DVec3, f64)> {
     }
 }
 
-/// Distance, radiance and density of [`draw`] where a unit direction meets a light that has a size.
+/// Distance, radiance and pdf of [`draw`] for the hit of a unit direction on a light that has a size.
 pub fn meet(light: &Light, from: DVec3, direction: DVec3) -> Option<(f64, DVec3, f64)> {
     let on_plane = |centre: DVec3, normal: DVec3| {
         let cosine = -normal.dot(direction);
@@ -125,7 +125,7 @@ pub fn meet(light: &Light, from: DVec3, direction: DVec3) -> Option<(f64, DVec3,
             let along = to.dot(direction);
             let beside2 = (to - direction * along).length_squared();
             let half2 = f64::from(*radius).powi(2) - beside2;
-            // Draws at the very rim may miss it by rounding: it is met where it touches the ray.
+            // Samples at the silhouette may miss by rounding: those within a small tolerance count as hits.
             let met = along > 0.0 && half2 >= -1e-9 * f64::from(*radius).powi(2);
             met.then(|| (along - half2.max(0.0).sqrt(), radiance.as_dvec3(), 1.0 / (TAU * cap(sine2))))
         }
@@ -140,7 +140,7 @@ pub fn meet(light: &Light, from: DVec3, direction: DVec3) -> Option<(f64, DVec3,
     }
 }
 
-/// How strong a light may be at a point: what lights are chosen by.
+/// Estimated contribution of a light at a point, for light selection.
 fn strength(light: &Light, from: DVec3) -> f64 {
     let of_area = |centre: &DVec3, area: f64, radiance: &Vec3| {
         luminance(radiance.as_dvec3()) * area / centre.distance_squared(from).max(area / PI)
@@ -154,7 +154,7 @@ fn strength(light: &Light, from: DVec3) -> f64 {
     }
 }
 
-/// The chance of each light to be chosen at a point.
+/// Selection probability of each light at a point.
 pub fn chances(lights: &[Light], from: DVec3) -> Vec<f64> {
     let strengths: Vec<f64> = lights.iter().map(|l| strength(l, from)).collect();
     let (sum, equal) = (strengths.iter().sum::<f64>(), 1.0 / lights.len() as f64);
@@ -162,7 +162,7 @@ pub fn chances(lights: &[Light], from: DVec3) -> Vec<f64> {
     strengths.into_iter().map(chance).collect()
 }
 
-/// An index by its chance; `chances` sum to 1.
+/// Samples an index by its probability; `chances` sum to 1.
 pub fn choose(chances: &[f64], random: &mut Random) -> usize {
     let mut rest = random.unit();
     let found = chances.iter().position(|c| {
@@ -172,7 +172,7 @@ pub fn choose(chances: &[f64], random: &mut Random) -> usize {
     found.unwrap_or(chances.len() - 1)
 }
 
-/// The lights that cast shadows, in the order of the frame: those from afar, then the stronger the earlier.
+/// The shadow-casting lights in the order of the frame: directional ones first, then by strength.
 pub fn casters(lights: &[Light]) -> Vec<&Light> {
     let power = |l: &Light| match l {
         Light::Directional { illuminance, .. } => {
@@ -195,18 +195,18 @@ pub fn casters(lights: &[Light]) -> Vec<&Light> {
     casters
 }
 
-/// Surfaces that emit, chosen by area and colour of their materials.
+/// Emissive primitives, selected by area and emission of their materials.
 pub struct Emitters {
-    /// Primitives.
+    /// Indices of the primitives.
     shapes: Vec<u32>,
-    /// Chances up to and with each.
+    /// Cumulative probabilities.
     sums: Vec<f64>,
-    /// Chance of each primitive of the scene; 0 for those that do not emit.
+    /// Probability of each primitive of the scene; 0 for those that do not emit.
     chance: Vec<f64>,
 }
 
 impl Emitters {
-    /// Of a scene.
+    /// The emissive primitives of a scene.
     pub fn new(geometry: &Geometry, materials: &Materials) -> Self {
         let power: Vec<f64> = (0..geometry.primitives.len() as u32)
             .map(|p| luminance(materials.greatest_emission(geometry.instance_of(p).material)) * area(geometry, p))
@@ -222,14 +222,14 @@ impl Emitters {
         Self { sums: sums.collect(), shapes, chance }
     }
 
-    /// A point of an emissive surface: primitive, where on it, its place and its density per unit of area.
+    /// Samples a point of an emissive surface: primitive, barycentric weights, position and pdf per area.
     pub fn draw(&self, geometry: &Geometry, from: DVec3, random: &mut Random) -> Option<(u32, DVec2, DVec3, f64)> {
         let x = random.unit() * self.sums.last()?;
         let primitive = self.shapes[self.sums.partition_point(|s| *s <= x).min(self.shapes.len() - 1)];
         let here = geometry.primitives[primitive as usize];
         match here.shape {
             Shape::Triangle(corners) => {
-                // Osada et al. 2002, "Shape Distributions", section 4.2.
+                // Uniform over a triangle: Osada et al. 2002, "Shape Distributions", section 4.2.
                 let (root, y) = (random.unit().sqrt(), random.unit());
                 let barycentric = DVec2::new(root * (1.0 - y), root * y);
                 let [a, b, c] = geometry.vertices(here.instance, corners).map(|v| v.position);
@@ -247,13 +247,14 @@ impl Emitters {
         }
     }
 
-    /// The density with which a point of a primitive is drawn for a place, per unit of area.
+    /// Pdf per area of sampling a point of a primitive from `from`.
     pub fn density(&self, geometry: &Geometry, primitive: u32, from: DVec3, point: DVec3) -> f64 {
         let chance = self.chance[primitive as usize];
         match geometry.primitives[primitive as usize].shape {
             Shape::Triangle(_) => chance / area(geometry, primitive),
             Shape::Sphere(centre, radius) => {
-                // Uniform over what is seen, in object space; a stretched sphere's area grows by the length of its cofactor normal.
+                // Uniform over the visible part, in object space; the area of a stretched sphere scales with the length of the cofactor
+                // normal.
                 let placed = geometry.instance_of(primitive);
                 let (_, share) = seen(placed.inverse.transform_point3(from) - centre, radius);
                 let normal = (placed.inverse.transform_point3(point) - centre).normalize();
@@ -264,14 +265,14 @@ impl Emitters {
     }
 }
 
-/// The part of a sphere's surface that a point, counted from its centre, sees: its axis, and its share of the whole. All of it from
-/// inside, and from points of the surface, which rounding may have left outside.
+/// The part of a sphere's surface that is visible from a point, relative to its centre: axis, and share of the whole. All of it from
+/// inside, and from points on the surface, even if rounding has moved them slightly outside.
 fn seen(from: DVec3, radius: f64) -> (DVec3, f64) {
     let distance = from.length();
     if distance > radius * (1.0 + 1e-6) { (from / distance, 0.5 - 0.5 * radius / distance) } else { (DVec3::Z, 1.0) }
 }
 
-/// Area in the world; that of a stretched sphere roughly.
+/// Area in world space; approximate for stretched spheres.
 fn area(geometry: &Geometry, primitive: u32) -> f64 {
     let here = geometry.primitives[primitive as usize];
     match here.shape {

@@ -1,7 +1,7 @@
-//! The independent witness: a slow and obvious path tracer in double precision.
+//! An independent path tracer on the CPU, simple and in double precision, to test the reference with.
 //!
-//! It follows the same definitions as the reference on the device, and shares no code with it: values of surfaces are written from the
-//! papers' formulas, and lights, surfaces and sky are each asked at every point of a path.
+//! It follows the same definitions as the reference on the device, and shares no code with it: the surface model is written from the
+//! papers' formulas, and lights, emissive surfaces and sky are all sampled at every scattering.
 pub mod bsdf;
 pub mod geometry;
 mod integrate;
@@ -29,20 +29,20 @@ use rayon::prelude::*;
 use sky::Sky;
 use surface::Materials;
 
-/// How to trace.
+/// Options of the path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct WitnessOptions {
     /// Samples per pixel, at least 2.
     pub samples: u32,
-    /// Runs with other seeds are independent.
+    /// Seed; results with different seeds are independent.
     pub seed: u64,
-    /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit.
+    /// Greatest number of scatterings, 1 for direct light only; 0 for no limit.
     pub depth: u32,
-    /// Where in a pixel.
+    /// Where samples lie in a pixel.
     pub pixel: PixelSampling,
-    /// Which light.
+    /// Which part of the lighting to compute.
     pub only: Only,
-    /// How far away a thing still counts for ambient occlusion, metres.
+    /// Distance up to which geometry occludes for ambient occlusion, metres.
     pub ao_range: f64,
 }
 
@@ -52,7 +52,7 @@ impl Default for WitnessOptions {
     }
 }
 
-/// A scene at one time, ready to be traced.
+/// A scene at one time, prepared for tracing.
 pub struct Witness {
     geometry: Geometry,
     materials: Materials,
@@ -62,10 +62,10 @@ pub struct Witness {
 }
 
 impl Witness {
-    /// A scene at a time in seconds.
+    /// Prepares a scene at a time in seconds.
     ///
     /// # Panics
-    /// When a material is the border of a volume whose index of refraction is 1: there the model has no microfacets that refract.
+    /// If a material is the boundary of a volume with an index of refraction of 1, for which no microfacet refracts.
     pub fn new(scene: &Scene, time: f64) -> Self {
         let (geometry, pose) = Geometry::new(scene, time);
         let materials = Materials::new(scene);
@@ -73,7 +73,7 @@ impl Witness {
         Self { geometry, materials, lights: pose.lights, emitters, sky: Sky::new(scene) }
     }
 
-    /// Mean and standard error of every pixel, rows from the top. The same for the same seed, however many threads there are.
+    /// Mean and standard error of every pixel, rows from the top. Deterministic for a seed, independently of the number of threads.
     pub fn radiance(&self, camera: &Camera, width: u32, height: u32, options: WitnessOptions) -> Vec<(DVec3, DVec3)> {
         let eye = Eye::new(camera, Extent::new(width, height));
         let pixel = |pixel: u32| {

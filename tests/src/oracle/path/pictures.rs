@@ -1,4 +1,4 @@
-//! Whole pictures by the witness, against another renderer and against itself.
+//! Whole pictures of the CPU path tracer, compared with another renderer and with each other.
 use super::{Witness, WitnessOptions};
 use crate::oracle::scenes::{all, cornell_diffuse};
 use glam::DVec3;
@@ -19,7 +19,7 @@ fn quarters(pixels: &[(DVec3, DVec3)], width: usize, height: usize) -> [(DVec3, 
     })
 }
 
-/// What `tests/mitsuba/cornell.py` printed with Mitsuba 3.9.1: 96 x 96 pixels, 8 runs of 1024 samples, 6 scatterings.
+/// Output of `tests/mitsuba/cornell.py` with Mitsuba 3.9.1: 96 x 96 pixels, 8 runs of 1024 samples, 6 scatterings.
 const MITSUBA: [[f64; 3]; 4] = [
     [0.67803, 0.39134, 0.12650],
     [0.58415, 0.45180, 0.13020],
@@ -40,7 +40,7 @@ fn the_cornell_box_is_that_of_mitsuba() {
     }
 }
 
-/// The scenes are made to converge: their means are soon known to 0.5 %, and no single pixel decides them.
+/// The small scenes converge quickly: their means are soon known to 0.5 %, and no single pixel dominates.
 #[test]
 fn the_small_scenes_converge() {
     let samples = if is_full() { 2048 } else { 192 };

@@ -13,18 +13,18 @@ fn mix(mut z: u64) -> u64 {
 }
 
 impl Random {
-    /// The stream of a seed and of a number, as that of a pixel.
+    /// A stream by seed and number, such as a pixel's index.
     pub fn new(seed: u64, stream: u64) -> Self {
         Self(mix(mix(seed.wrapping_add(1)).wrapping_add(stream)))
     }
 
-    /// Uniform from 0, below 1.
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         (mix(self.0) >> 11) as f64 * (1.0 / (1_u64 << 53) as f64)
     }
 
-    /// A whole number below `n`, which is above 0.
+    /// Uniform integer below `n`, which must not be 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((self.unit() * n as f64) as usize).min(n - 1)
     }
@@ -35,13 +35,13 @@ impl Random {
     }
 }
 
-/// The unit vector of this cosine to +z, at this angle around it.
+/// The unit vector with this cosine to +z, at this angle around it.
 pub fn from_polar(cosine: f64, angle: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     DVec3::new(sine * angle.cos(), sine * angle.sin(), cosine)
 }
 
-/// A rotation whose z axis is a unit vector.
+/// A rotation that maps +z to a unit vector.
 pub fn frame(z: DVec3) -> DMat3 {
     let x = z.any_orthonormal_vector();
     DMat3::from_cols(x, z.cross(x), z)

@@ -1,13 +1,13 @@
-//! Light from behind everything.
+//! Distant light: sky and environment maps.
 use super::lights::luminance;
 use super::random::{Random, from_polar};
 use glam::DVec3;
 use magpie::scene::{Environment, Scene, SkyModel};
 use std::f64::consts::{PI, TAU};
 
-/// Least number of columns of the table by which directions are drawn; half as many rows.
+/// Least number of columns of the sampling table; half as many rows.
 const COLUMNS: usize = 128;
-/// What the darkest cell of the table counts at least, as a share of the mean.
+/// Least weight of a cell of the sampling table, relative to the mean.
 const FLOOR: f64 = 0.01;
 
 enum Source {
@@ -15,17 +15,17 @@ enum Source {
     Environment(Environment),
 }
 
-/// Sky or environment map, with a table to draw directions from. The table's cells are even in longitude and latitude, with the pole +y.
+/// Sky or environment map, with a table for sampling. Its cells are uniform in longitude and latitude, with the pole at +y.
 pub struct Sky {
     source: Source,
     columns: usize,
     rows: usize,
-    /// Chances up to and with each cell, row by row.
+    /// Cumulative probabilities of the cells, row by row.
     sums: Vec<f64>,
 }
 
 impl Sky {
-    /// Of a scene, if it has any.
+    /// The sky of a scene, if it has any.
     pub fn new(scene: &Scene) -> Option<Self> {
         let source = match (&scene.environment, &scene.daylight) {
             (Some(environment), _) => Source::Environment(environment.clone()),
@@ -80,7 +80,7 @@ impl Sky {
         }
     }
 
-    /// What a camera sees: with the sun's disc.
+    /// Radiance that a camera sees, with the sun's disc.
     pub fn seen(&self, direction: DVec3) -> DVec3 {
         let sun = match &self.source {
             Source::Daylight { to_sun, disc, cosine, .. }
@@ -93,7 +93,7 @@ impl Sky {
         self.radiance(direction) + sun
     }
 
-    /// A direction and its density per steradian.
+    /// Samples a direction; returns it with its pdf per steradian.
     pub fn draw(&self, random: &mut Random) -> (DVec3, f64) {
         let x = random.unit();
         let cell = self.sums.partition_point(|s| *s <= x).min(self.sums.len() - 1);
@@ -101,12 +101,12 @@ impl Sky {
         let (top, bottom) = self.edges(cell / self.columns);
         let y = top + (bottom - top) * random.unit();
         let around = from_polar(y, TAU * (u - 0.5));
-        // from_polar has its pole at +z, the image its middle at -z.
+        // from_polar has its pole at +z; the middle of the image is at -z.
         let direction = DVec3::new(around.y, y, -around.x);
         (direction, self.of_cell(cell))
     }
 
-    /// Density of [`draw`](Self::draw), per steradian.
+    /// Pdf of [`draw`](Self::draw), per steradian.
     pub fn density(&self, direction: DVec3) -> f64 {
         let [u, v] = coordinates(direction);
         let column = ((u * self.columns as f64) as usize).min(self.columns - 1);
@@ -119,20 +119,20 @@ impl Sky {
         (self.sums[cell] - before) / self.solid_angle(cell / self.columns)
     }
 
-    /// Cosines of the angles from the pole at which a row begins and ends.
+    /// Cosines of the polar angles at which a row begins and ends.
     fn edges(&self, row: usize) -> (f64, f64) {
         let cosine = |row: usize| (PI * row as f64 / self.rows as f64).cos();
         (cosine(row), cosine(row + 1))
     }
 
-    /// Of each cell in a row.
+    /// Solid angle of each cell in a row.
     fn solid_angle(&self, row: usize) -> f64 {
         let (top, bottom) = self.edges(row);
         TAU * (top - bottom) / self.columns as f64
     }
 }
 
-/// Longitude and latitude, 0 to 1: the middle is -z, the top +y.
+/// Longitude and latitude, 0 to 1: the middle is -z, the top is +y.
 fn coordinates(direction: DVec3) -> [f64; 2] {
     let u = direction.x.atan2(-direction.z) / TAU + 0.5;
     [u, direction.y.clamp(-1.0, 1.0).acos() / PI]
@@ -143,10 +143,10 @@ fn direction_of(u: f64, v: f64) -> DVec3 {
     DVec3::new(sin_p * sin_t, cos_t, -cos_p * sin_t)
 }
 
-/// Bilinear between the texels' centres, round the back of the image, and with the first and last row up to the poles.
+/// Bilinear lookup between texel centres, repeated horizontally; the first and last row extend to the poles.
 fn looked_up(environment: &Environment, direction: DVec3) -> DVec3 {
     let (s, c) = f64::from(environment.turn).sin_cos();
-    // Turned back, clockwise from above: z goes to x for a positive turn, so x goes to z here.
+    // The inverse rotation: a positive turn takes z to x, so this takes x to z.
     let image = DVec3::new(c * direction.x - s * direction.z, direction.y, s * direction.x + c * direction.z);
     let [u, v] = coordinates(image);
     let (width, height) = (environment.width as i64, environment.height as i64);
@@ -182,7 +182,7 @@ mod tests {
         let at = looked_up(&e, direction_of(6.5 / 8.0, 1.5 / 4.0));
         assert!(at.abs_diff_eq(e.radiance[8 + 6].as_dvec3() * 1.5, 1e-12), "{at}");
         assert!(direction_of(0.75, 0.5).abs_diff_eq(DVec3::X, 1e-12));
-        // Turned, it is the same image from a direction that is turned as much.
+        // Rotated, the image gives the same in a direction that is rotated likewise.
         let turned = Environment { turn: 0.7, ..e.clone() };
         let d = DVec3::new(0.3, 0.4, -0.5).normalize();
         let there = DQuat::from_rotation_y(f64::from(0.7_f32)) * d;
@@ -196,7 +196,7 @@ mod tests {
         for scene in [daylight, image] {
             let sky = Sky::new(&scene).unwrap();
             let (n, mut random) = (200_000, Random::new(3, 0));
-            // The integral of 1, of x + 1 and of the radiance, by importance and by uniform directions.
+            // Integrals of 1, x + 1 and radiance, by importance sampling and by uniform sampling.
             let (mut sums, mut plain) = ([0.0; 3], DVec3::ZERO);
             for _ in 0..n {
                 let (d, density) = sky.draw(&mut random);

@@ -1,4 +1,4 @@
-//! Surfaces as paths meet them: textures, normals, alpha, emission.
+//! Surface attributes at hits: textures, normals, alpha, emission.
 use super::bsdf::{Layers, Scatterer};
 use super::geometry::{Geometry, Hit, Shape, normal_of};
 use crate::oracle::shading::alpha as alpha_of_roughness;
@@ -8,33 +8,33 @@ use magpie::scene::{AlphaMode, ColourSpace, Material, Sampler, Scene, Texture, T
 /// Least cosine between the shading normal and the direction to the viewer.
 const LEAST_COSINE: f64 = 0.01;
 
-/// The part of a scene that surfaces look things up in.
+/// Materials and textures of a scene.
 pub struct Materials {
     materials: Vec<Material>,
     textures: Vec<Texture>,
     samplers: Vec<Sampler>,
 }
 
-/// A point of a surface.
+/// A surface point.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// World, metres.
     pub position: DVec3,
-    /// Its normals, and what it does to light.
+    /// Its normals and material.
     pub scatterer: Scatterer,
-    /// It scatters light at all.
+    /// Whether it scatters light at all.
     pub scatters: bool,
-    /// Normal outwards, unit, whatever side was met.
+    /// Geometric normal, unit, outwards on either side.
     pub outward: DVec3,
-    /// Emitted towards the viewer, as scattered light sees it.
+    /// Radiance emitted towards the viewer, for scattered paths.
     pub emission: DVec3,
-    /// The same as the camera sees it.
+    /// The same for camera rays.
     pub shown: DVec3,
-    /// Absorption per metre of the volume behind the surface, and whether it was met from inside.
+    /// Absorption, per metre, of the volume behind the surface, and whether the surface was hit from inside.
     pub volume: Option<(DVec3, bool)>,
 }
 
-/// What is interpolated over a triangle; on a sphere what stands for it.
+/// Interpolated attributes of a triangle, and their equivalent on a sphere.
 struct Interpolated {
     normal: DVec3,
     tangent: DVec4,
@@ -63,7 +63,7 @@ fn interpolate(geometry: &Geometry, primitive: u32, barycentric: DVec2, outward:
 }
 
 impl Materials {
-    /// Of a scene.
+    /// The materials of a scene.
     pub fn new(scene: &Scene) -> Self {
         let (materials, textures, samplers) = (&scene.materials, &scene.textures, &scene.samplers);
         for m in materials.iter().filter(|m| m.transmission > 0.0 && m.thickness > 0.0) {
@@ -77,7 +77,7 @@ impl Materials {
         &self.materials[geometry.instance_of(hit.primitive).material as usize]
     }
 
-    /// What a surface of this material emits at most, textures and vertex colours counted as white: 0 where it lights nothing.
+    /// Greatest emission of a material, with textures and vertex colours taken as white: 0 if it illuminates nothing.
     pub fn greatest_emission(&self, material: u32) -> DVec3 {
         let m = &self.materials[material as usize];
         match (m.shows_light, m.unlit) {
@@ -93,12 +93,12 @@ impl Materials {
         texel_at(&self.textures[used.texture as usize], &sampler, used, uv)
     }
 
-    /// Whether a hit is there at all, and how much of it: 0 to 1.
+    /// Coverage of a hit, 0 to 1; 0 or 1 for alpha tests.
     pub fn coverage(&self, geometry: &Geometry, hit: &Hit) -> f64 {
         let m = self.of(geometry, hit);
         let here = geometry.primitives[hit.primitive as usize];
         if matches!(here.shape, Shape::Sphere(..)) {
-            // Never tested, but blended.
+            // Spheres are never alpha-tested, but may be blended.
             return if m.alpha == AlphaMode::Blend { f64::from(m.base_colour.w).clamp(0.0, 1.0) } else { 1.0 };
         }
         if m.alpha == AlphaMode::Opaque {
@@ -112,7 +112,7 @@ impl Materials {
         }
     }
 
-    /// What a ray of a unit direction meets.
+    /// The surface at a hit of a ray with unit direction.
     pub fn surface(&self, geometry: &Geometry, hit: &Hit, origin: DVec3, direction: DVec3) -> Surface {
         let m = self.of(geometry, hit);
         let at = interpolate(geometry, hit.primitive, hit.barycentric, hit.outward);
@@ -126,7 +126,7 @@ impl Materials {
             let texel = self.read(&m.normal_texture, &at.uv).truncate() * 2.0 - 1.0;
             let (x, y) = (texel.x * f64::from(m.normal_scale), texel.y * f64::from(m.normal_scale));
             let tangent = at.tangent.truncate();
-            // The frame is as interpolated, not made unit (Mikkelsen 2008).
+            // The interpolated frame is not normalised (Mikkelsen 2008).
             let bitangent = at.tangent.w * at.normal.cross(tangent);
             let mapped = tangent * x + bitangent * y + at.normal * texel.z;
             normal = mapped.try_normalize().unwrap_or(normal);
@@ -174,7 +174,7 @@ impl Materials {
         }
     }
 
-    /// What a point of a primitive sends against a unit direction, coverage included, and its normal outwards.
+    /// Emission of a point of a primitive, times coverage, for a ray in `direction`, and its outward normal.
     pub fn emitted(&self, geometry: &Geometry, primitive: u32, at: (DVec2, DVec3), direction: DVec3) -> (DVec3, DVec3) {
         let (barycentric, position) = at;
         let here = geometry.primitives[primitive as usize];
@@ -193,7 +193,7 @@ impl Materials {
     }
 }
 
-/// The finest mip, bilinear or nearest as the sampler magnifies.
+/// The finest mip, bilinear or nearest by the sampler's magnification filter.
 fn texel_at(texture: &Texture, sampler: &Sampler, used: &TextureUse, uv: &[DVec2; 2]) -> DVec4 {
     let at = uv[used.uv_set as usize].extend(1.0);
     let [u, v] = used.rows.map(|row| row.as_dvec3().dot(at));
@@ -224,7 +224,7 @@ fn texel_at(texture: &Texture, sampler: &Sampler, used: &TextureUse, uv: &[DVec2
     across(row).lerp(across(row + 1), y - y.floor())
 }
 
-/// IEC 61966-2-1.
+/// sRGB decoding (IEC 61966-2-1).
 fn from_srgb(s: f64) -> f64 {
     if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
 }

@@ -1,16 +1,16 @@
-//! Which passes a frame needs.
+//! The passes that a frame needs.
 //!
 //! The rule, for a frame with culling:
 //!
-//! 1. A weak pass that writes over contents which were there already makes a mere change: whoever wants the contents wants those
-//!    before it. The *base* of a version is the pass that made it, mere changes set aside.
-//! 2. Needed are: the bases of the frame's outputs; passes that are not weak and write what the caller holds; the bases of all
-//!    that needed passes read; and where a needed pass that is not weak uses either half of a history, or a kept buffer, the base
-//!    of what that holds after the frame: the next frame takes it for whole.
-//! 3. A weak pass is possible where the bases of all that it reads are needed or possible.
-//! 4. Kept are: needed passes; possible weak passes that write what the caller holds; possible weak passes whose mere change lies
-//!    between a version that a kept pass reads, an output names or rule 2 hands to the next frame, and its base; and the bases of
-//!    all that kept passes read.
+//! 1. A weak pass that modifies existing contents makes a *mere change*: readers of the result need the contents before it, not the change.
+//!    The *base* of a version is the pass that made it, mere changes skipped.
+//! 2. Needed are: the bases of the frame's outputs; passes that are not weak and write resources of the caller; the bases of everything
+//!    that needed passes read; and if a needed pass that is not weak uses either half of a history, or a kept buffer, the base of what it
+//!    holds after the frame, since the next frame relies on it.
+//! 3. A weak pass is possible if the bases of everything that it reads are needed or possible.
+//! 4. Kept are: needed passes; possible weak passes that write resources of the caller; possible weak passes whose mere change is between a
+//!    version that a kept pass reads, an output names or rule 2 passes on to the next frame, and its base; and the bases of everything that
+//!    kept passes read.
 
 use std::collections::BTreeSet;
 
@@ -47,7 +47,7 @@ fn is_callers(d: &Declaration, pass: u32) -> bool {
     d.uses[d.passes[pass as usize].uses.range()].iter().any(|u| u.writes.is_some() && callers(u.resource))
 }
 
-/// What goes to the next frame where a resource is used.
+/// The resource that carries contents to the next frame when `resource` is used.
 fn carried(d: &Declaration, resource: u32) -> Option<u32> {
     match d.resources[resource as usize].origin {
         Origin::Imported { key: ImportKey::Kept(_), .. } => Some(resource),
@@ -60,7 +60,7 @@ fn kept(d: &Declaration, v: &Versions<'_>) -> BTreeSet<u32> {
     let weak = |p: u32| d.passes[p as usize].weak;
     let bases = |p: u32| -> Vec<u32> { reads(d, p).iter().filter_map(|&(r, w)| base(v, r, w)).collect() };
 
-    // What a pass hands to the next frame.
+    // Contents that a pass passes on to the next frame.
     let handed = |p: u32| -> Vec<(u32, u32)> {
         let next = reads(d, p).into_iter().filter(|_| !weak(p)).filter_map(|(r, _)| carried(d, r));
         next.map(|r| (r, d.resources[r as usize].versions - 1)).collect()
@@ -100,7 +100,7 @@ fn kept(d: &Declaration, v: &Versions<'_>) -> BTreeSet<u32> {
     kept
 }
 
-/// Adds what the passes of the set ask for until they ask for nothing more.
+/// Adds the passes that `more` returns for members, until nothing changes.
 fn grow(set: &mut BTreeSet<u32>, more: impl Fn(u32) -> Vec<u32>) {
     loop {
         let asked: Vec<u32> = set.iter().flat_map(|&p| more(p)).collect();

@@ -1,4 +1,4 @@
-//! When resources are alive, what transients take, and where they lie.
+//! Lifetimes, memory and placement of resources.
 
 use magpie::graph::{
     Declaration, Queue, Shape,
@@ -7,7 +7,7 @@ use magpie::graph::{
 
 use super::{Asked, Found, words, wrong};
 
-/// Bytes of contents.
+/// Bytes of the contents.
 pub fn bytes(shape: Shape) -> u64 {
     match shape {
         Shape::Buffer { bytes } | Shape::Accel { bytes, .. } => bytes,
@@ -97,7 +97,7 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
         }
         let Some(heap) = plan.heaps.get(t.heap as usize) else { return wrong(format!("no heap {}", t.heap)) };
         let print = (asked.footprint)(shape, t.uses, t.sharing);
-        // Where images and other things share a heap, each may be given whole pages.
+        // If images and other resources share a heap, each may need whole pages.
         let here = || plan.transients.iter().filter(|o| o.heap == t.heap);
         let mixed = here().any(|o| is_image(o.resource)) && here().any(|o| !is_image(o.resource));
         let padded = if mixed { round_up(print.bytes, asked.granularity) } else { print.bytes };
@@ -114,8 +114,8 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     check_figures(plan, &placed)
 }
 
-/// The sums, and the least that any placement takes: on each queue the most that is alive at one position; what several queues
-/// use is alive throughout.
+/// Checks the totals, and the lower bound for any placement: on each queue the most that is alive at one position; resources used by
+/// several queues count as alive throughout.
 fn check_figures(plan: &Plan, placed: &[Placed]) -> Found {
     let mut least = 0;
     for heap in 0..plan.heaps.len() as u32 {

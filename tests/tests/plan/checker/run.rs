@@ -1,15 +1,14 @@
-//! Runs a plan on queues that only know of each other what semaphores tell them.
+//! Executes a plan on queues that are synchronised by semaphores only.
 //!
-//! Each queue counts what it does: that is its time. What a queue knows of the others through semaphores is a vector of times
-//! ([`Model::seen`]); a wait joins the vectors of the batches that are waited for. All that a vector covers is over, and its writes
-//! are visible to everything on that queue. Within a queue nothing is ordered but by barriers: each cell (one mip of one layer of an
-//! image; a buffer; an acceleration structure) keeps its events since the last write, and of each event the uses that come after
-//! it and see it. A barrier orders, of the cells that it names, the events at `from`, and those that `from` itself comes after,
-//! before `to`. A change of layout and a change of owner are writes that happen between the two.
+//! Each queue counts its commands: that is its time. What a queue knows of the others through semaphores is a vector of times
+//! ([`Model::seen`], a vector clock); a wait joins the vectors of the batches that it waits for. All that a vector covers is complete, and
+//! its writes are visible to everything on that queue. Within a queue only barriers order commands: each cell (one mip of one layer of an
+//! image; a buffer; an acceleration structure) keeps its events since the last write, and for each event the uses that are ordered after it
+//! and see it. A barrier orders, for the cells that it names, the events at `from`, and those that `from` itself is ordered after, before
+//! `to`. Layout transitions and queue ownership transfers are writes in between.
 //!
-//! That is stricter than Vulkan, where a barrier on one resource also orders the execution of all others: here each resource must
-//! be made ready by barriers of its own. Memory is the exception: a transient that takes over bytes begins with the events of
-//! whoever held them last.
+//! This is stricter than Vulkan, where a barrier on one resource also orders the execution of all others: here each resource needs its own
+//! barriers. Memory is the exception: a transient that reuses bytes begins with the events of their previous owner.
 
 use magpie::graph::{
     Declaration, ImportKey, Layout, Origin, Queue, Shape, Span, Use,
@@ -22,9 +21,9 @@ use super::{
     wrong,
 };
 
-/// Before the first command of the frame.
+/// Time before the first command of the frame.
 const BEFORE: i64 = 0;
-/// Not even what was before the frame.
+/// Not even the previous frame is known to be complete.
 const NOTHING: i64 = -1;
 const QUEUES: usize = 3;
 const GRAPHICS: usize = 0;
@@ -36,16 +35,16 @@ enum What {
     Change(u32),
 }
 
-/// A use, a change of layout or owner, or what happened before the frame.
+/// A use, a layout transition or ownership transfer, or an event before the frame.
 #[derive(Clone, Copy, Debug)]
 struct Event {
     what: What,
     queue: usize,
     time: i64,
-    /// The use that it was; none for changes and for what nobody knows.
+    /// The kind of use; none for transitions and unknown uses.
     pair: Set,
     write: bool,
-    /// Of each queue, the uses that come after it and see what it wrote.
+    /// For each queue, the uses that are ordered after it and see its writes.
     before: [Set; QUEUES],
 }
 
@@ -53,7 +52,7 @@ struct Event {
 enum Content {
     Nothing,
     Version(u32),
-    /// Written by an attachment that is not stored.
+    /// Written by an attachment without a store operation.
     Unstored(u32),
 }
 
@@ -61,7 +60,7 @@ enum Content {
 enum Owner {
     Nobody,
     Has(usize),
-    /// Released, with the layouts of the release.
+    /// Released but not yet acquired, with the layouts of the release.
     Between(usize, usize, Layout, Layout),
 }
 
@@ -77,14 +76,14 @@ struct Cell {
     events: Vec<Event>,
 }
 
-/// Where a transient lies: heap, first byte and the one after the last, in whole pages where images and others share the heap.
+/// Placement of a transient: heap, first byte and end, in whole pages where images and other resources share the heap.
 type Place = (u32, u64, u64);
 
 struct Model<'a> {
     d: &'a Declaration,
     plan: &'a Plan,
     versions: Versions<'a>,
-    /// Of each resource, its cells.
+    /// The cells of each resource.
     cells_of: Vec<Span>,
     cells: Vec<Cell>,
     sharing: Vec<Option<Sharing>>,
@@ -93,7 +92,7 @@ struct Model<'a> {
     seen: [[i64; QUEUES]; QUEUES],
     /// Transients in the order of their first use or barrier.
     begun: Vec<u32>,
-    /// Transients whose memory was taken, and by whom.
+    /// Transients whose memory was reused, and by which resource.
     ended: Vec<Option<u32>>,
 }
 
@@ -115,7 +114,7 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
         signals.push(signal);
         newest[q] = Some(index);
     }
-    // The end of the frame comes after every queue.
+    // The end of the frame waits for every queue.
     newest.iter().skip(1).flatten().for_each(|&batch| model.wait(GRAPHICS, signals[batch]));
     model.stop(GRAPHICS, plan.end)?;
     model.leave()?;
@@ -152,7 +151,7 @@ impl<'a> Model<'a> {
             sharing[t.resource as usize] = Some(t.sharing);
             places[t.resource as usize] = Some((t.heap, start, end));
         }
-        // The frame before is over when other queues begin; the graphics queue only comes after it in order.
+        // The previous frame is complete when other queues begin; the graphics queue only follows it in submission order.
         let mut seen = [[NOTHING; QUEUES]; QUEUES];
         seen.iter_mut().skip(1).for_each(|seen| seen[GRAPHICS] = BEFORE);
         Ok(Self {
@@ -176,18 +175,18 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// Whether a semaphore has told this queue of an event.
+    /// Whether a semaphore makes an event known to this queue.
     fn told(&self, q: usize, e: &Event) -> bool {
         e.time <= self.seen[q][e.queue]
     }
 
-    /// Whether the first half of a barrier covers an event.
+    /// Whether the first scope of a barrier covers an event.
     fn covers(&self, q: usize, scope: Scope, e: &Event) -> bool {
         let told = self.told(q, e);
         let chained = e.before[q] & scope.pairs != 0 || (told && scope.pairs != 0);
         let here = e.queue == q && e.pair & scope.pairs != 0;
         let any = scope.any && (e.queue == q || e.before[q] != 0 || told);
-        // Frames do not overlap: for other queues, what was before the frame is over without any wait in it.
+        // Frames do not overlap: for other queues, the previous frame is complete without any wait.
         let long_over = e.time == BEFORE && q != GRAPHICS;
         here || chained || any || (scope.waited && told) || long_over
     }
@@ -196,7 +195,7 @@ impl<'a> Model<'a> {
         self.d.resource_name(resource)
     }
 
-    /// An event in words.
+    /// Describes an event.
     fn tell(&self, e: &Event) -> String {
         let what = match e.what {
             What::BeforeFrame => "what was before the frame".to_owned(),
@@ -210,7 +209,7 @@ impl<'a> Model<'a> {
         self.cells_of[resource as usize].range().filter(|&c| covers(part, self.cells[c].at)).collect()
     }
 
-    /// The first use or barrier of a transient: it takes over memory.
+    /// The first use or barrier of a transient, which takes over memory.
     fn begin(&mut self, resource: u32) -> Found {
         if let Some(by) = self.ended[resource as usize] {
             return wrong(format!("{} is used when {} has its memory", self.name(resource), self.name(by)));
@@ -228,7 +227,7 @@ impl<'a> Model<'a> {
                 continue;
             };
             self.ended[other as usize] = Some(resource);
-            // What of the bytes nobody has taken from it since; who took them came after it.
+            // Its bytes that no other transient has reused since; later reuses are ordered after it.
             let mut left = vec![(from.max(start), to.min(end))];
             for later in self.begun[order + 1..].iter().filter_map(|&l| self.places[l as usize]).filter(|l| l.0 == heap)
             {
@@ -247,7 +246,7 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// All barriers of one place, issued together.
+    /// Executes all barriers of one place, which are issued together.
     fn stop(&mut self, q: usize, stop: Span) -> Found {
         let plan = self.plan;
         let mut ordered: Vec<(usize, usize, Set)> = Vec::new();
@@ -304,7 +303,7 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// Whether a barrier changes layout or owner of a cell, and may.
+    /// Whether a barrier changes a cell's layout or owner, if it is allowed to.
     fn changes(&self, q: usize, b: &Barrier, c: usize) -> Result<bool, Complaint> {
         let cell = &self.cells[c];
         let name = || self.name(b.resource);
@@ -352,7 +351,7 @@ impl<'a> Model<'a> {
         let cell = &mut self.cells[c];
         match b.handover {
             Some(h) if h.role == Role::Release => {
-                // The new layout is there once it is acquired.
+                // The new layout takes effect with the acquire.
                 cell.owner = Owner::Between(h.from as usize, h.to as usize, b.layout_from, b.layout_to);
             }
             _ => {
@@ -376,7 +375,7 @@ impl<'a> Model<'a> {
         let uses: Vec<(usize, &Use)> = decl.uses.range().map(|i| (i, &d.uses[i])).collect();
         uses.iter().try_for_each(|(_, u)| self.begin(u.resource))?;
         for &(_, u) in &uses {
-            // One of the others may have taken its memory.
+            // Another resource of the pass may have taken its memory.
             self.begin(u.resource)?;
             let pair = words::pair(u.access, decl.domain);
             for c in self.cells_in(u.resource, u.part) {
@@ -392,7 +391,7 @@ impl<'a> Model<'a> {
                 let cell = &mut self.cells[c];
                 (cell.used, cell.owner) = (true, Owner::Has(q));
                 if write {
-                    // All that came before is before this as well.
+                    // Everything before is ordered before this as well.
                     cell.events.clear();
                 } else {
                     cell.events.retain(|e| e.write || e.queue != q || e.pair != pair);
@@ -429,13 +428,13 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// Whether a use comes after all that it must come after.
+    /// Checks that a use is ordered after everything it depends on.
     fn check_order(&self, q: usize, pair: Set, write: bool, c: usize) -> Found {
         let late = |e: &&Event| (e.write || write) && e.before[q] & pair == 0 && !self.told(q, e);
         self.cells[c].events.iter().find(late).map_or(Ok(()), |e| wrong(format!("does not wait for {}", self.tell(e))))
     }
 
-    /// Imports are as they were asked for, and hold what was written last.
+    /// Checks that imports end in the requested state and hold their last version.
     fn leave(&self) -> Found {
         for cell in &self.cells {
             let decl = &self.d.resources[cell.resource as usize];
@@ -476,7 +475,7 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    /// With nothing shared no two transients meet.
+    /// Without aliasing no two transients overlap.
     fn check_apart(&self) -> Found {
         let places: Vec<&Place> = self.places.iter().flatten().collect();
         for (i, a) in places.iter().enumerate() {
@@ -488,7 +487,7 @@ impl<'a> Model<'a> {
         if none { Ok(()) } else { wrong("nothing is shared, but some take over memory".to_owned()) }
     }
 
-    /// Pairs that are said to share do, one after the other.
+    /// Checks that the plan's pairs of aliased transients overlap and are used in that order.
     fn check_successions(&self) -> Found {
         let at = |resource: u32| self.begun.iter().position(|&b| b == resource);
         for &(after, before) in &self.plan.successions {
@@ -530,7 +529,7 @@ impl Cell {
         };
         let pairs: Vec<_> = last.iter().collect();
         if pairs.is_empty() {
-            // Nobody knows what the caller did with it; the frame's own halves are in no use.
+            // The caller's last use is unknown; the frame's own histories are unused.
             if matches!(key, ImportKey::Caller(_)) {
                 cell.events.push(event(0, true, 0));
             }
@@ -540,7 +539,7 @@ impl Cell {
         let readers =
             pairs.iter().filter(|(a, _)| !words::changes(*a)).fold(0, |set, (a, d)| set | words::pair(*a, *d));
         if readers != 0 {
-            // Someone wrote what these have read.
+            // A read without a known write implies an earlier write.
             cell.events.push(event(0, true, readers));
         }
         cell.events.extend(pairs.iter().map(|(a, d)| event(words::pair(*a, *d), words::changes(*a), 0)));

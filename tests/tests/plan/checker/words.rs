@@ -1,4 +1,4 @@
-//! What each access means, told a second time.
+//! The meaning of each access, implemented independently of the planner.
 
 use magpie::graph::{Access, Domain, Layout, Origin, Queue, ResourceDecl, Uses};
 
@@ -8,7 +8,7 @@ pub type Set = u64;
 /// Every pair.
 pub const ALL: Set = u64::MAX;
 
-/// The bit of an access in a pass of a domain. Some accesses happen in the same stages whatever pass they are in.
+/// The bit of an access in a pass of a domain. Some accesses use the same stages in every domain.
 pub fn pair(access: Access, pass: Domain) -> Set {
     use Access::*;
     let domain = match access {
@@ -21,7 +21,7 @@ pub fn pair(access: Access, pass: Domain) -> Set {
     1 << (access as u32 * 3 + domain as u32)
 }
 
-/// Whether contents are changed.
+/// Whether an access writes.
 pub fn changes(access: Access) -> bool {
     use Access::*;
     [
@@ -60,7 +60,7 @@ pub fn layout(access: Access) -> Layout {
     }
 }
 
-/// One side of a barrier.
+/// One scope of a barrier.
 #[derive(Clone, Copy)]
 pub struct Scope {
     pub pairs: Set,
@@ -75,7 +75,7 @@ impl Scope {
     }
 }
 
-/// The pairs that a queue has stages for.
+/// The pairs whose stages a queue supports.
 pub fn stages_of(queue: Queue) -> Set {
     let copies = pair(Access::CopyRead, Domain::Copy) | pair(Access::CopyWrite, Domain::Copy);
     let attachments = [Access::Color, Access::ColorLoad, Access::Depth, Access::DepthLoad, Access::Index];

@@ -1,6 +1,6 @@
-//! `cargo xtask new-pass NAME`: the four folders' files of an effect, with a running example, built into the frame.
+//! `cargo xtask new-pass NAME`: creates the files of an effect with a working example, and adds it to the frame.
 //!
-//! Everything is worked out in memory first, and either all of it is written or nothing.
+//! All changes are computed in memory first, and either all of them are written or none.
 
 mod name;
 mod wiring;
@@ -16,7 +16,7 @@ use wiring::WIRING;
 
 pub use name::BadName;
 
-/// Each file of a new effect: its path from the root and its text, both with `new_pass` for the name.
+/// The files of a new effect: path from the root and contents, both with `new_pass` as the name.
 const TEMPLATES: [(&str, &str); 5] = [
     ("passes/src/new_pass/mod.rs", include_str!("../../templates/passes/src/new_pass/mod.rs")),
     ("shaders/new_pass/apply.comp", include_str!("../../templates/shaders/new_pass/apply.comp")),
@@ -25,14 +25,14 @@ const TEMPLATES: [(&str, &str); 5] = [
     ("tests/tests/images_new_pass.rs", include_str!("../../templates/tests/tests/images_new_pass.rs")),
 ];
 
-/// A file with its text before, if it was there, and after.
+/// A file with its previous contents, if it existed, and its new ones.
 struct Change {
     path: String,
     before: Option<String>,
     after: String,
 }
 
-/// Makes the effect and says what to do with it.
+/// Creates the effect and prints what to do next.
 pub fn new_pass(name: &str) -> Result<()> {
     let place = Workplace::find()?;
     let (name, changes) = planned(&place.root, name)?;
@@ -49,7 +49,7 @@ pub fn new_pass(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The name, and every file that comes or changes below `root`, new ones first. Writes nothing.
+/// The name, and every new or changed file below `root`, new ones first. Writes nothing.
 fn planned(root: &Path, name: &str) -> Result<(Name, Vec<Change>)> {
     let name = Name::parse(name, &read(root, "Cargo.toml")?)?;
     let mut changes: Vec<Change> = TEMPLATES
@@ -78,7 +78,7 @@ fn read(root: &Path, path: &str) -> Result<String> {
     fs::read_to_string(root.join(path)).with_context(|| format!("reading {path}"))
 }
 
-/// Rust text as `cargo fmt` would leave it: line breaks and the order of lists depend on the length of the name.
+/// Rust text after `cargo fmt`: line breaks and the order of lists depend on the length of the name.
 fn formatted(root: &Path, path: &str, text: &str) -> Result<String> {
     let mut child = Command::new("rustfmt")
         .args(["--quiet", "--edition", "2024"])
@@ -87,7 +87,7 @@ fn formatted(root: &Path, path: &str, text: &str) -> Result<String> {
         .stdout(Stdio::piped())
         .spawn()
         .context("rustfmt could not be started; `rustup component add rustfmt` installs it")?;
-    // rustfmt reads all of its input before it writes, so neither side waits for the other.
+    // rustfmt reads all of its input before it writes, so neither side blocks the other.
     if let Some(mut pipe) = child.stdin.take() {
         pipe.write_all(text.as_bytes()).with_context(|| format!("formatting {path}"))?;
     }
@@ -98,7 +98,7 @@ fn formatted(root: &Path, path: &str, text: &str) -> Result<String> {
     String::from_utf8(output.stdout).with_context(|| format!("formatting {path}"))
 }
 
-/// Writes every change, or leaves everything as it was.
+/// Writes all changes, or restores the previous state.
 fn write(root: &Path, changes: &[Change]) -> Result<()> {
     let mut undo = Undo::default();
     for change in changes {
@@ -111,7 +111,7 @@ fn write(root: &Path, changes: &[Change]) -> Result<()> {
     Ok(())
 }
 
-/// What has been written so far.
+/// The changes written so far.
 #[derive(Default)]
 struct Undo<'a> {
     folders: Vec<PathBuf>,
@@ -126,14 +126,14 @@ impl<'a> Undo<'a> {
             self.folders.push(folder.to_owned());
         }
         if change.before.is_none() {
-            // Fails where a file appeared since it was looked for.
+            // Fails if the file has appeared since the check.
             fs::File::create_new(path)?;
         }
         self.files.push((path.to_owned(), change.before.as_deref()));
         Ok(fs::write(path, &change.after)?)
     }
 
-    /// As good as it can be done: the error that is reported is the one that led here.
+    /// Best effort: the error that is reported is the original one.
     fn all(self) {
         for (path, before) in self.files.into_iter().rev() {
             let _ = match before {

@@ -1,9 +1,9 @@
-//! Names of effects: which ones can be, and how they are spelt in a template.
+//! Names of effects: which ones are valid, and their spellings in a template.
 
 use std::fmt;
 use std::path::Path;
 
-/// A name that cannot be, and why: wrong usage.
+/// An invalid name with the reason; counts as wrong usage.
 #[derive(Debug)]
 pub struct BadName(String);
 
@@ -15,16 +15,16 @@ impl fmt::Display for BadName {
 
 impl std::error::Error for BadName {}
 
-/// The keywords of Rust, those reserved for later as well.
+/// Rust's keywords, including reserved ones.
 const KEYWORDS: &str = "abstract as async await become box break const continue crate do dyn else enum extern false final fn \
     for gen if impl in let loop macro match mod move mut override priv pub ref return self static struct super trait true \
     try type typeof unsafe unsized use virtual where while yield";
-/// Types and crates that a module of that name would hide.
+/// Types and crates that a module of that name would shadow.
 const HIDDEN: &str = "bool char str u8 u16 u32 u64 u128 usize i8 i16 i32 i64 i128 isize f32 f64 std core alloc magpie magpie_passes \
     magpie_shaders";
-/// Files and folders that cargo, the shader build or Windows takes for something else.
+/// Names of files and folders with a special meaning to cargo, the shader build or Windows.
 const TAKEN: &str = "main bin target aux con nul prn";
-/// Characters in a name.
+/// Most characters of a name.
 const LONGEST: usize = 40;
 
 /// The name of an effect.
@@ -32,7 +32,7 @@ const LONGEST: usize = 40;
 pub struct Name(String);
 
 impl Name {
-    /// Checks `text` (kebab or snake case) by itself; `manifest`, the workspace's, names the crates that it must not hide.
+    /// Parses `text` (kebab or snake case); `manifest`, the workspace's, names the crates that it must not shadow.
     pub fn parse(text: &str, manifest: &str) -> Result<Name, BadName> {
         let bad = |why: &str| Err(BadName(format!("the name \"{text}\" {why}")));
         let name = text.replace('-', "_");
@@ -44,7 +44,7 @@ impl Name {
             return bad("does not begin with a lower-case letter");
         }
         if name.ends_with('_') || name.contains("__") {
-            return bad("has a _ or - that no letter or digit follows"); // GLSL keeps names with __ to itself
+            return bad("has a _ or - that no letter or digit follows"); // GLSL reserves names with __
         }
         if name.len() > LONGEST {
             return bad(&format!("has {} characters, at most {LONGEST} are allowed", name.len()));
@@ -62,7 +62,7 @@ impl Name {
         Ok(Name(name))
     }
 
-    /// Fails when the repository has an effect or file of this name, or a slot with types of this name.
+    /// Checks that the repository has no effect or file of this name, and no slot with types of this name.
     pub fn is_free(&self, root: &Path, files: &[String], stages: &str) -> Result<(), BadName> {
         let name = &self.0;
         if root.join("passes/src").join(name).exists() {
@@ -95,7 +95,7 @@ impl Name {
         self.0.split('_').map(word).collect()
     }
 
-    /// A template, or the path of one, with this name in its places.
+    /// A template, or the path of one, with this name filled in.
     pub fn fill(&self, template: &str) -> String {
         let upper = self.0.to_uppercase();
         template.replace("new_pass", &self.0).replace("NewPass", &self.camel()).replace("NEW_PASS", &upper)

@@ -1,8 +1,8 @@
-//! What a new effect adds to files that stand already.
+//! Insertions into existing files that a new effect needs.
 //!
-//! Nothing is parsed: each insertion names an *anchor*, a piece of text that stands in its file exactly once, and goes directly
-//! before it. Every slot is built in beside `post`, the last one of the frame, so that anchors are lines of `post`.
-//! Indentation, the order of lists and line breaks are left to rustfmt.
+//! Nothing is parsed: each insertion names an *anchor*, a text that occurs in its file exactly once, and is placed directly before it. New
+//! slots are placed next to `post`, the last one of the frame, so the anchors are lines of `post`. Indentation and line breaks are left to
+//! rustfmt.
 
 use super::name::Name;
 use anyhow::{Result, bail};
@@ -10,11 +10,11 @@ use anyhow::{Result, bail};
 /// One insertion.
 #[derive(Clone, Copy, Debug)]
 pub struct Insertion {
-    /// The file, from the root.
+    /// Path of the file from the root.
     pub file: &'static str,
-    /// Text that stands in the file once.
+    /// Text that occurs in the file exactly once.
     pub anchor: &'static str,
-    /// What goes in, with `new_pass` for the name.
+    /// The text to insert, with `new_pass` as the name.
     pub text: &'static str,
 }
 
@@ -22,7 +22,7 @@ const fn insert(file: &'static str, anchor: &'static str, text: &'static str) ->
     Insertion { file, anchor, text }
 }
 
-/// Every insertion.
+/// All insertions.
 pub const WIRING: &[Insertion] = &[
     insert("passes/src/contracts/mod.rs", "/// Slot `post`.", include_str!("../../templates/contracts.rs")),
     insert(

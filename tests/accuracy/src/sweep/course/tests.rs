@@ -2,7 +2,7 @@ use super::*;
 use crate::made_up::{folder, measurement, run as made_up};
 use std::collections::BTreeMap;
 
-/// A machine that takes so many seconds for errors, a third of it for times, and measures what was made up.
+/// A machine that takes a fixed number of seconds for errors and a third of it for times, with synthetic measurements.
 struct Machine {
     run: Run,
     seconds: f64,
@@ -14,7 +14,7 @@ impl Measures for Machine {
     fn measure(&mut self, setup: &Setup, round: u32) -> Result<Measurement, AccuracyError> {
         self.seconds += if round == 0 { self.errors_take } else { self.errors_take / 3.0 };
         self.measured.push((setup.label.clone(), round));
-        // Later rounds are slower there; what a race compares are rows of one round.
+        // Later rounds are slower; a race compares rows within a round.
         let mut found = measurement(&self.run, &setup.id, 1 + round % 3);
         if round == 0 {
             found.errors = measurement(&self.run, &setup.id, 0).errors;
@@ -51,7 +51,7 @@ fn a_race_measures_each_error_once_and_ends_when_every_place_is_clear() {
     assert!(timed < all_rounds / 2, "{timed} of {all_rounds}");
     assert!(machine.seconds < 60.0, "{}", machine.seconds);
     assert!(told.last().unwrap().what.contains("clear") && told.iter().all(|t| t.done <= t.all));
-    // Each round of a race has rows of one slot, and at least two of them.
+    // Each round of a race has at least two rows of one slot.
     for round in 1..=found.iter().map(|m| m.round).max().unwrap() {
         let runs: Vec<&(String, u32)> = machine.measured.iter().filter(|m| m.1 == round).collect();
         assert!(runs.len() >= 2, "round {round}: {runs:?}");
@@ -60,7 +60,7 @@ fn a_race_measures_each_error_once_and_ends_when_every_place_is_clear() {
 
 #[test]
 fn what_has_no_time_is_left_out_and_the_limit_is_kept() {
-    // Four errors fit into nine tenths of a minute.
+    // Four measurements of errors fit into nine tenths of a minute.
     let (machine, found, _) = go(1.0, 13.0);
     assert!(machine.seconds <= 60.0, "{}", machine.seconds);
     let errors: Vec<&str> = machine.measured.iter().filter(|m| m.1 == 0).map(|m| m.0.as_str()).collect();
@@ -73,7 +73,7 @@ fn what_has_no_time_is_left_out_and_the_limit_is_kept() {
     let left: Vec<&str> = report.unreached.iter().map(|(_, label)| label.as_str()).collect();
     assert_eq!(left, ["ray-traced, rays 1", "sky, precision 16"]);
     assert_eq!(report.effect("shadows").unwrap().rows.len(), 3);
-    // Less time than one configuration takes: the default alone.
+    // Less time than one configuration takes: only the default is measured.
     let (machine, _, _) = go(0.01, 13.0);
     assert_eq!(machine.measured, [("default".to_owned(), 0)]);
 }
