@@ -320,3 +320,106 @@ fn covers_all(scene: &Scene, instance: &Instance) -> bool {
         && mesh.colours.iter().all(|colour| colour.w >= 1.0)
         && texels.is_none_or(|texture| texture.mips.first().is_none_or(is_opaque))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{ColourSpace, Sphere, Supply, Texture, TextureUse, builtin, supply};
+    use glam::Affine3A;
+
+    fn ball(scene: &mut Scene, radius: f32, material: Material, at: Affine3A) {
+        let (mesh, made) = (scene.meshes.len() as u32, scene.materials.len() as u32);
+        scene.meshes.push(Mesh { spheres: vec![Sphere { centre: Vec3::ZERO, radius }], ..Mesh::default() });
+        scene.materials.push(material);
+        scene.instances.push(Instance::fixed("ball", mesh, made, at));
+    }
+
+    fn close(got: f64, wanted: f64) {
+        assert!((got - wanted).abs() <= 1e-6 * wanted.abs(), "{got}, wanted {wanted}");
+    }
+
+    #[test]
+    fn shares_are_by_area() {
+        let mut scene = Scene::default();
+        let plain = || Material { metalness: 0.0, roughness: 0.5, ..Material::default() };
+        ball(&mut scene, 1.0, plain(), Affine3A::IDENTITY);
+        let glowing = Material { emission: Vec3::splat(2.0), metalness: 1.0, roughness: 0.0, ..plain() };
+        // Twice as large: four times the area.
+        ball(
+            &mut scene,
+            1.0,
+            glowing,
+            Affine3A::from_scale(Vec3::splat(2.0)) * Affine3A::from_translation(Vec3::X * 5.0),
+        );
+        let facts = SceneFacts::new(&scene);
+        close(facts.area, 20.0 * PI);
+        close(facts.emissive_area, 16.0 * PI);
+        close(facts.emissive_power, PI * 2.0 * 16.0 * PI);
+        close(facts.diffuse, 0.2);
+        close(facts.specular, 1.0);
+        close(facts.metalness.from(0.9), 0.8);
+        close(facts.roughness.from(0.5), 0.2);
+        close(facts.roughness.0.iter().sum(), 1.0);
+        assert_eq!(facts.bounds, Some([[-1.0, -2.0, -2.0], [12.0, 2.0, 2.0]]));
+        assert_eq!((facts.instances, facts.triangles, facts.spheres), (2, 0, 2));
+        assert!(facts.emits() && !facts.has_sky && !facts.lets_light_through && facts.moving == 0.0);
+    }
+
+    #[test]
+    fn textures_count_texel_by_texel() {
+        let mut scene = builtin("cornell").unwrap();
+        let texture = scene.textures.len() as u32;
+        // A quarter is rough metal, the rest smooth and none.
+        let texels = [[0, 255, 255, 255], [0; 4], [0; 4], [0; 4]].concat();
+        scene.textures.push(Texture::new("t".into(), [2, 2], ColourSpace::Linear, texels));
+        let used = TextureUse { texture, sampler: 0, uv_set: 0, rows: [Vec3::X, Vec3::Y] };
+        for material in &mut scene.materials {
+            (material.roughness, material.metalness) = (1.0, 1.0);
+            material.metallic_roughness_texture = Some(used);
+        }
+        let facts = SceneFacts::new(&scene);
+        close(facts.metalness.from(0.9), 0.25);
+        close(facts.roughness.from(0.9), 0.25);
+        close(facts.diffuse, 1.0);
+    }
+
+    #[test]
+    fn lights_have_the_flux_of_their_shape() {
+        let radiance = Vec3::ONE;
+        let power = |light: Light| LightFacts::new(&light, 2.0).power;
+        let centre = DVec3::ZERO;
+        close(power(Light::Sphere { centre, radius: 0.5, radiance }), PI * PI);
+        close(power(Light::Disc { centre, normal: Vec3::Y, radius: 1.0, radiance }), PI * PI);
+        close(power(Light::Rectangle { centre, half_u: Vec3::X, half_v: Vec3::Z, radiance }), 4.0 * PI);
+        close(power(Light::Point { position: centre, intensity: radiance, range: None }), 4.0 * PI);
+        let sun = Light::Directional { direction: Vec3::NEG_Y, illuminance: radiance, angular_radius: 0.0 };
+        close(power(sun), 4.0 * PI);
+    }
+
+    #[test]
+    fn dimming_changes_what_shines() {
+        let mut facts = SceneFacts::new(&builtin("cornell").unwrap());
+        let full = facts.lights[0].power;
+        for (factor, shine) in [(0.0, 0), (0.25, 1), (1.0, 1)] {
+            facts.dim(0, factor);
+            assert_eq!(facts.shining().count(), shine);
+            close(facts.lights[0].power, full * f64::from(factor));
+        }
+        facts.dim(99, 0.0);
+    }
+
+    #[test]
+    fn whatever_the_numbers_there_is_an_answer() {
+        let huge = [1e-30, 1e-3, 1e30].map(|scale| Affine3A::from_scale(Vec3::splat(scale)));
+        for at in huge.into_iter().chain([Affine3A::from_scale(Vec3::ZERO)]) {
+            let mut scene = Scene::default();
+            ball(&mut scene, 1.0, Material { emission: Vec3::splat(f32::MAX), ..Material::default() }, at);
+            supply(&mut scene, Supply::All);
+            let facts = SceneFacts::new(&scene);
+            for number in [facts.area, facts.emissive_area, facts.diffuse, facts.specular, facts.metalness.from(0.0)] {
+                assert!(number.is_finite() && number >= 0.0, "{at:?}: {facts:?}");
+            }
+        }
+        assert_eq!(SceneFacts::new(&Scene::default()).area, 0.0);
+    }
+}

@@ -152,3 +152,67 @@ fn an_implementation_can_be_wrapped_under_its_own_name() {
     assert_eq!(stage.info().implementation("plain").unwrap().about, "Around.");
     assert_eq!(stage.info().implementation("plain").unwrap().settings.len(), 2);
 }
+
+/// An effect that asks for something.
+struct Asks(Needs);
+
+impl Effect for Asks {
+    type In = u32;
+    type Out = u32;
+
+    fn needs(&self, _: &SceneFacts) -> Needs {
+        self.0.clone()
+    }
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, input: u32) -> u32 {
+        input
+    }
+}
+
+/// An effect that says nothing of what it needs.
+struct Silent;
+
+impl Effect for Silent {
+    type In = u32;
+    type Out = u32;
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, input: u32) -> u32 {
+        input
+    }
+}
+
+#[test]
+fn a_wrapper_asks_for_what_it_wraps_asks_for() {
+    let part = |name| Part { name, idle: None, without: None };
+    let inner = Needs { jitter: true, resolution_scale: 0.5, ..Needs::default() }.part(part("a"));
+    let outer = Needs { emitters: true, resolution_scale: 0.75, ..Needs::default() }.part(part("a")).part(part("b"));
+    let needs_of = |outer: Option<Needs>| {
+        let inner = inner.clone();
+        let mut slot = Slot::new("shadows")
+            .with("plain", "Plain.", &[], move |_, _| Ok(Box::new(Asks(inner.clone())) as BoxedEffect<u32, u32>));
+        slot.wrap("plain", "outer", "Around.", &[], move |_, _, _| {
+            Ok(outer.clone().map_or_else(|| Box::new(Silent) as BoxedEffect<u32, u32>, |needs| Box::new(Asks(needs))))
+        })
+        .unwrap();
+        let pipelines = crate::gpu::Pipelines::default();
+        let build = Build::without_device(&pipelines, magpie_shaders::Rays::Software);
+        slot.choose(&build, "outer", &BTreeMap::new()).unwrap().needs(&SceneFacts::default())
+    };
+    assert_eq!(needs_of(None), inner);
+    let both = needs_of(Some(outer));
+    assert_eq!((both.jitter, both.emitters, both.resolution_scale), (true, true, 0.5));
+    assert_eq!(both.parts, [part("a"), part("b")]);
+    assert_eq!(needs_of(Some(Needs::idle("why"))).idle.as_deref(), Some("why"));
+}
+
+#[test]
+fn without_a_device_pipelines_are_described_and_none_is_made() {
+    let pipelines = crate::gpu::Pipelines::default();
+    let build = Build::without_device(&pipelines, magpie_shaders::Rays::Pipeline);
+    let kernel = build.kernel(&magpie_shaders::POST_TONE_MAP_COMP).unwrap();
+    assert_eq!(kernel, build.kernel(&magpie_shaders::POST_TONE_MAP_COMP).unwrap(), "the same description");
+    assert_ne!(kernel, build.kernel(&magpie_shaders::POST_TAA_COMP).unwrap());
+    build.ray_kernel(&magpie_shaders::AO_TRACE_RAY).unwrap();
+    assert_eq!(pipelines.made(), [""; 0]);
+    assert!(matches!(build.gpu(), Err(SlotError::NoDevice)));
+}

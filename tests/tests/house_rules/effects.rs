@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 /// Shared by effects, not an effect itself.
 const SHARED: &str = "denoise";
 
-/// Effects do not refer to each other: they are connected in `stages.rs`, and share `denoise` and the files beside the folders.
+/// Effects do not refer to each other: they are connected in `contracts`, and share `denoise` and the files beside the folders.
 pub fn imports(tree: &Tree) -> Vec<String> {
     let effects = tree.folders("passes/src");
     let mut faults = Vec::new();
@@ -20,7 +20,7 @@ pub fn imports(tree: &Tree) -> Vec<String> {
         let code = code(text);
         for (line, name) in names_from_root(&code, depth) {
             if name != effect && name != SHARED && effects.contains(name.as_str()) {
-                faults.push(format!("{path}:{line}: {effect} reaches into {name}; let them meet in stages.rs"));
+                faults.push(format!("{path}:{line}: {effect} reaches into {name}; let them meet in contracts"));
             }
         }
     }
