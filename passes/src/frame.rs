@@ -1,6 +1,6 @@
 //! The whole frame on one screen: read this first.
-use crate::contracts::check::Slotted;
 use crate::contracts::*;
+use crate::outputs::Slotted;
 use crate::slots::Frame;
 use magpie::prelude::*;
 use magpie::scene::ResidentError;

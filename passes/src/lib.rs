@@ -35,6 +35,7 @@ pub mod frame;
 mod gbuffer;
 mod gi;
 pub mod metrics;
+mod outputs;
 pub mod plan;
 mod post;
 mod precision;

@@ -156,7 +156,9 @@ fn switch(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Vec<f64>> {
 #[test]
 fn a_switched_light_is_seen_at_once_with_the_adaptive_history() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let scene = things(&[lamp(0.5)]);
+    // Without a second light that stays on, there would be no shadows to keep a history of.
+    let faint = Light::Point { position: DVec3::new(0.0, 9.0, 0.0), intensity: Vec3::splat(1e-3), range: None };
+    let scene = things(&[lamp(0.5), faint]);
     let adaptive = switch(&gpu, &scene, &[])?;
     let fixed = switch(&gpu, &scene, &["shadows.adaptive=false"])?;
     println!("adaptive: {adaptive:.3?}\nfixed: {fixed:.3?}");

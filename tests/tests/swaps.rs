@@ -183,18 +183,6 @@ fn only_what_changes_begins_anew() -> Result<()> {
 }
 
 #[test]
-fn every_slot_is_configured_in_the_middle_of_a_run() {
-    let text = include_str!("../../passes/src/frame.rs");
-    let listed = |call: &str| -> Vec<&str> {
-        let lines = text.lines().filter(|line| line.contains(call));
-        lines.filter_map(|line| line.split("slots.").nth(1)?.split('.').next()).collect()
-    };
-    let slots: Vec<String> = Slots::default().infos().into_iter().map(|info| info.name).collect();
-    assert_eq!(listed(".from_config("), slots);
-    assert_eq!(listed(".change("), slots);
-}
-
-#[test]
 fn what_cannot_be_made_leaves_the_old_one_in_place() -> Result<()> {
     let (slots, told) = slots();
     // Without noise all frames are equal.

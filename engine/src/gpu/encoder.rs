@@ -176,18 +176,13 @@ impl CommandEncoder {
         self.buffer
     }
 
-    pub(super) fn gpu(&self) -> &Gpu {
+    pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
 
     /// Name of a pipeline, by its index.
     pub fn pipeline_name(&self, index: u32) -> String {
         self.gpu.0.pipelines.name(index)
-    }
-
-    /// Makes a pipeline, unless it is made already.
-    pub fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
-        self.gpu.make_pipeline(index)
     }
 
     /// Starts recording again. The device must have finished the previous submission.
@@ -348,7 +343,7 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_push_constants(self.buffer, layout, vk::ShaderStageFlags::ALL, ROOT, root) };
     }
 
-    /// Binds a pipeline, which [`CommandEncoder::make_pipeline`] has made, unless it is bound already.
+    /// Binds a pipeline, which [`Gpu::make_pipeline`] has made, unless it is bound already.
     pub(super) fn bind_pipeline(&mut self, index: u32, point: vk::PipelineBindPoint) {
         let bound = &mut self.bound[match point {
             vk::PipelineBindPoint::GRAPHICS => 1,

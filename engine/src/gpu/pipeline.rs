@@ -291,7 +291,7 @@ impl Gpu {
     }
 
     /// Makes a pipeline, unless it is made already. A second thread that wants the same one waits.
-    pub(super) fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
+    pub(crate) fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
         let entry = self.0.pipelines.entry(index)?;
         if entry.made.get().is_some() {
             return Ok(());

@@ -440,7 +440,7 @@ impl Record<'_> {
             self.fault.get_or_insert(GpuError::PushConstants { pass, kernel, wanted, given });
             return false;
         }
-        match self.encoder.make_pipeline(pipeline) {
+        match self.encoder.gpu().make_pipeline(pipeline) {
             Ok(()) => true,
             Err(error) => {
                 self.fault.get_or_insert(error);

@@ -155,16 +155,18 @@ pub fn slot_table(reports: &[SlotReport], pixels: u64, share: impl Fn(&str) -> O
             rows.push(row);
         }
     }
-    let width: Vec<usize> = (0..8).map(|c| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0)).collect();
+    // A column without a value in any row is left out, its head too.
+    let width = |c: usize| rows.iter().map(|r| r[c].chars().count()).max().unwrap_or(0);
+    let is_shown = |c: &usize| rows[1..].iter().any(|row| !row[*c].is_empty());
+    let shown: Vec<(usize, usize)> = (0..8).filter(is_shown).map(|c| (c, width(c))).collect();
     let mut text = String::new();
-    for row in rows {
-        let cells: Vec<String> = row
-            .iter()
-            .enumerate()
-            .filter(|(c, _)| width[*c] > 0)
-            .map(|(c, cell)| if c < 3 { format!("{cell:<0$}", width[c]) } else { format!("{cell:>0$}", width[c]) })
-            .collect();
-        text += cells.join("  ").trim_end();
+    for row in &rows {
+        let cells = shown.iter().map(
+            |&(c, width)| {
+                if c < 3 { format!("{:<width$}", row[c]) } else { format!("{:>width$}", row[c]) }
+            },
+        );
+        text += cells.collect::<Vec<_>>().join("  ").trim_end();
         text.push('\n');
     }
     text

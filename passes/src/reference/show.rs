@@ -2,7 +2,7 @@
 use super::{Reference, ReferenceError};
 use crate::Slots;
 use crate::contracts::PostIn;
-use crate::contracts::check::Slotted;
+use crate::outputs::Slotted;
 use crate::read_back::Copies;
 use magpie::config::Config;
 use magpie::frame::ViewDesc;

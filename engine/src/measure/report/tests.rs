@@ -83,9 +83,10 @@ fn json_has_the_documented_names() {
                    "scene_bytes": 0, "acceleration_bytes": 0},
         "acceleration": {"traced": 3, "far": 0, "outside": 1, "small": 0, "bottom_bytes": 80, "uncompacted_bytes": 160,
                          "top_bytes": 16, "bottom_ms": 0.5, "top_ms": 0.25},
+        "slots": [],
         "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
                     "gpu_ms": {"median": 3.0, "min": 2.0, "p99": 4.0, "max": 4.0}, "cpu_us": 2.5,
-                    "rays": {"closest": 0, "any": 10}, "not_finite": 0, "draws": 0, "dispatches": 1}],
+                    "rays": {"closest": 0, "any": 10}, "bytes": 0, "not_finite": 0, "draws": 0, "dispatches": 1}],
     });
     assert_eq!(got, wanted);
 }

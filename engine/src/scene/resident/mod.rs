@@ -4,6 +4,7 @@ mod deform;
 mod detail;
 mod driver;
 mod emitters;
+mod handles;
 mod policy;
 mod rounding;
 mod sketch;
@@ -12,6 +13,7 @@ mod state;
 mod tables;
 mod textures;
 
+pub use handles::SceneHandles;
 pub use policy::{Culling, Policy};
 pub use sketch::SceneSketch;
 pub use state::Moment;
@@ -20,10 +22,7 @@ use super::odds::emits;
 use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene, SceneFacts};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
-use crate::graph::{
-    Access, Buffer as GraphBuffer, BufferDesc, BufferToken, Draw, Extent, FrameGraph, Handle, PassBuilder, Tlas,
-    TraceToken,
-};
+use crate::graph::{Access, BufferDesc, Draw, Extent, FrameGraph};
 use crate::measure::Acceleration as AccelerationReport;
 use crate::ray::{Bounds, RayError};
 use block::Block;
@@ -151,50 +150,6 @@ pub struct Placed {
 enum Acceleration {
     Software(Software),
     Driver(Driver),
-}
-
-/// The scene's resources as one frame's graph knows them.
-#[derive(Clone, Copy, Debug)]
-pub struct SceneHandles {
-    /// Root, instances and lights.
-    pub state: Handle<GraphBuffer>,
-    /// Meshes and materials.
-    pub tables: Handle<GraphBuffer>,
-    /// Positions and attributes of every mesh.
-    pub vertices: Handle<GraphBuffer>,
-    /// Those of meshes that deform, as they are in this frame.
-    pub deformed: Option<Handle<GraphBuffer>>,
-    /// Indices of every mesh, one after another.
-    pub indices: Handle<GraphBuffer>,
-    /// By what odds emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
-    /// nobody [asked](ResidentScene::want_emitters).
-    pub emitters: Option<Handle<GraphBuffer>>,
-    /// The acceleration structure.
-    pub tlas: Handle<Tlas>,
-    /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.
-    pub bottom: [Option<Handle<GraphBuffer>>; 2],
-}
-
-impl SceneHandles {
-    /// Declares that a pass looks up what the scene is made of. The token is that of the state, which begins with the root.
-    pub fn read(self, p: &mut PassBuilder<'_>) -> BufferToken {
-        p.read(self.tables);
-        p.read(self.vertices);
-        p.read(self.indices);
-        if let Some(deformed) = self.deformed {
-            p.read(deformed);
-        }
-        p.read(self.state)
-    }
-
-    /// Declares that a pass traces rays, and may look up what they hit.
-    pub fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
-        self.read(p);
-        for bottom in self.bottom.into_iter().flatten() {
-            p.read(bottom);
-        }
-        p.trace(self.tlas)
-    }
 }
 
 /// Where the meshes' vertices and indices lie on the device.

@@ -57,7 +57,7 @@ fn planned(root: &Path, name: &str) -> Result<(Name, Vec<Change>)> {
         .map(|(path, text)| Change { path: name.fill(path), before: None, after: name.fill(text) })
         .collect();
     let files: Vec<String> = changes.iter().map(|change| change.path.clone()).collect();
-    name.is_free(root, &files, &read(root, "passes/src/contracts/mod.rs")?)?;
+    name.is_free(root, &files, &read(root, "passes/src/contracts.rs")?)?;
 
     for insertions in WIRING.chunk_by(|a, b| a.file == b.file) {
         let path = insertions[0].file;

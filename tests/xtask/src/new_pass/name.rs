@@ -77,9 +77,7 @@ impl Name {
         let types = [format!("{camel}In"), format!("{camel}Out")];
         let defined = |name: &&String| stages.contains(&format!("struct {name} "));
         match types.iter().find(defined) {
-            Some(taken) => {
-                Err(BadName(format!("the name \"{name}\" is taken: passes/src/contracts/mod.rs has a {taken}")))
-            }
+            Some(taken) => Err(BadName(format!("the name \"{name}\" is taken: passes/src/contracts.rs has a {taken}"))),
             None => Ok(()),
         }
     }

@@ -24,7 +24,7 @@ const fn insert(file: &'static str, anchor: &'static str, text: &'static str) ->
 
 /// All insertions.
 pub const WIRING: &[Insertion] = &[
-    insert("passes/src/contracts/mod.rs", "/// Slot `post`.", include_str!("../../templates/contracts.rs")),
+    insert("passes/src/contracts.rs", "/// Slot `post`.", include_str!("../../templates/contracts.rs")),
     insert(
         "passes/src/slots.rs",
         "/// From radiance to a display.",

@@ -11,7 +11,7 @@ const FRAME: &str = "passes/src/frame.rs";
 /// What a new effect adds, without white space, which rustfmt places: four places beside its own files.
 const WIRED: [(&str, &[&str]); 4] = [
     ("passes/src/lib.rs", &["modpaper_lantern;"]),
-    ("passes/src/contracts/mod.rs", &["pubstructPaperLanternIn{", "pubstructPaperLanternOut{"]),
+    ("passes/src/contracts.rs", &["pubstructPaperLanternIn{", "pubstructPaperLanternOut{"]),
     ("passes/src/slots.rs", &["paper_lantern:PaperLanternIn=>PaperLanternOut,"]),
     (FRAME, &["letradiance=slots.paper_lantern.give("]),
 ];
@@ -96,7 +96,7 @@ fn names_that_cannot_be_are_wrong_usage() {
         ("post", &["an effect \"post\" already", "passes/src/post"]),
         ("renderer", &["is taken", "passes/src/renderer.rs"]),
         ("check", &["is taken", "shaders/src/check.rs"]),
-        ("shadow", &["is taken", "passes/src/contracts/mod.rs has a ShadowIn"]),
+        ("shadow", &["is taken", "passes/src/contracts.rs has a ShadowIn"]),
     ];
     for (name, parts) in cases {
         refused(copy.path(), name, 2, parts);

@@ -2,9 +2,7 @@
 //!
 //! Every image that comes out is as large as the frame, that of `post` as large as the picture. Where one has another format or size than its
 //! contract says, the frame is refused with both, and with the names of slot and implementation.
-pub mod check;
-
-use check::{COLOUR, DIRECTION, Gives, MATERIAL, NORMAL, ONE, RADIANCE, SHARES};
+use crate::outputs::{COLOUR, DIRECTION, Gives, MATERIAL, NORMAL, ONE, RADIANCE, SHARES};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
 use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, WriteHandle};

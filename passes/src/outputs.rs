@@ -4,12 +4,12 @@ use magpie::frame::View;
 use magpie::graph::{Contract, Extent, Format, FrameGraph, Handle, Idle, Image};
 use magpie::slot::Implementation;
 
-pub(super) const ONE: &[Format] = &[Format::R8Unorm, Format::R16Float, Format::R32Float];
+pub const ONE: &[Format] = &[Format::R8Unorm, Format::R16Float, Format::R32Float];
 /// Two numbers, or four where materials have a reflection of their own.
-pub(super) const MATERIAL: &[Format] =
+pub const MATERIAL: &[Format] =
     &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
 /// Shares of lights in one, two or four channels.
-pub(super) const SHARES: &[Format] = &[
+pub const SHARES: &[Format] = &[
     Format::R8Unorm,
     Format::Rg8Unorm,
     Format::Rgba8Unorm,
@@ -20,10 +20,10 @@ pub(super) const SHARES: &[Format] = &[
     Format::Rg32Float,
     Format::Rgba32Float,
 ];
-pub(super) const COLOUR: &[Format] = &[Format::Rgba8Srgb, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba32Float];
-pub(super) const NORMAL: &[Format] = &[Format::Rgba16Snorm, Format::Rgba16Float, Format::Rgba32Float];
-pub(super) const DIRECTION: &[Format] = &[Format::Rg16Float, Format::Rg32Float];
-pub(super) const RADIANCE: &[Format] = &[Format::Rgba32Float, Format::Rgba16Float];
+pub const COLOUR: &[Format] = &[Format::Rgba8Srgb, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba32Float];
+pub const NORMAL: &[Format] = &[Format::Rgba16Snorm, Format::Rgba16Float, Format::Rgba32Float];
+pub const DIRECTION: &[Format] = &[Format::Rg16Float, Format::Rg32Float];
+pub const RADIANCE: &[Format] = &[Format::Rgba32Float, Format::Rgba16Float];
 
 /// What a slot gives.
 pub trait Gives {

@@ -1,0 +1,46 @@
+//! The scene's resources as handles of one frame.
+use crate::graph::{Buffer, BufferToken, Handle, PassBuilder, Tlas, TraceToken};
+
+/// The scene's resources as one frame's graph knows them.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneHandles {
+    /// Root, instances and lights.
+    pub state: Handle<Buffer>,
+    /// Meshes and materials.
+    pub tables: Handle<Buffer>,
+    /// Positions and attributes of every mesh.
+    pub vertices: Handle<Buffer>,
+    /// Those of meshes that deform, as they are in this frame.
+    pub deformed: Option<Handle<Buffer>>,
+    /// Indices of every mesh, one after another.
+    pub indices: Handle<Buffer>,
+    /// By what odds emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
+    /// nobody [asked](super::ResidentScene::want_emitters).
+    pub emitters: Option<Handle<Buffer>>,
+    /// The acceleration structure.
+    pub tlas: Handle<Tlas>,
+    /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.
+    pub bottom: [Option<Handle<Buffer>>; 2],
+}
+
+impl SceneHandles {
+    /// Declares that a pass looks up what the scene is made of. The token is that of the state, which begins with the root.
+    pub fn read(self, p: &mut PassBuilder<'_>) -> BufferToken {
+        p.read(self.tables);
+        p.read(self.vertices);
+        p.read(self.indices);
+        if let Some(deformed) = self.deformed {
+            p.read(deformed);
+        }
+        p.read(self.state)
+    }
+
+    /// Declares that a pass traces rays, and may look up what they hit.
+    pub fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
+        self.read(p);
+        for bottom in self.bottom.into_iter().flatten() {
+            p.read(bottom);
+        }
+        p.trace(self.tlas)
+    }
+}
