@@ -34,6 +34,26 @@ fn stages_are_listed_for_people_and_programs() {
     }
 }
 
+/// Without a device: the plan says what runs, and why the rest does not.
+#[test]
+fn a_plan_says_what_runs_and_why_not() {
+    let text = said(&["plan", "builtin:cornell"]);
+    for line in ["idle: the scene has no sky", "idle: no material emits", "lights: rectangle; without sky"] {
+        assert!(text.contains(line), "{text}");
+    }
+    let json: Value = serde_json::from_str(&said(&["plan", "builtin:cornell", "--json", "--size", "64x36"])).unwrap();
+    let slots = json["slots"].as_array().unwrap();
+    let slot = |name: &str| slots.iter().find(|slot| slot["slot"] == name).unwrap();
+    for (name, runs) in [("gbuffer", true), ("shadows", true), ("gi", false), ("sky", false), ("rays", false)] {
+        assert_eq!((slot(name)["runs"].as_bool(), slot(name)["reason"].is_string()), (Some(runs), !runs), "{name}");
+    }
+    assert_eq!(slot("gi")["reason"], "the scene has no sky");
+    assert_eq!(slot("shadows")["implementation"], "ray-traced");
+    assert!(slot("shadows")["passes"].as_array().unwrap().iter().any(|pass| pass == "shadows.trace"));
+    assert!(json["memory"]["transient_bytes"].as_u64().unwrap() > 0 && json["bytes_per_pixel"].as_f64().unwrap() > 0.0);
+    assert_eq!(json["facts"]["lights"][0]["kind"], "rectangle");
+}
+
 #[test]
 fn the_printed_configuration_is_whole_and_reads_back() {
     let text = said(&["render", "--print-config", "--set", "stages.shadows=off"]);
