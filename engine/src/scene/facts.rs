@@ -10,8 +10,6 @@ use std::f64::consts::PI;
 
 /// Bins of a [`Histogram`].
 pub const BINS: usize = 16;
-/// Where the last of them begins.
-const LAST_BIN: f64 = (BINS - 1) as f64 / BINS as f64;
 /// Textures are read at the largest mip that is at most this wide and high.
 const TEXELS: u32 = 256;
 
@@ -77,7 +75,7 @@ pub struct SceneFacts {
     pub area: f64,
     /// Surface that lights others by its emission, m²: emissive texels alone, less what alpha takes.
     pub emissive_area: f64,
-    /// Its luminous flux over 683 lm/W.
+    /// Its luminous flux over 683 lm/W, by a few look-ups of textures per triangle: 0 does not prove that nothing shines.
     pub emissive_power: f64,
     /// Perceptual roughness.
     pub roughness: Histogram,
@@ -85,7 +83,7 @@ pub struct SceneFacts {
     pub metalness: Histogram,
     /// Share that reflects diffusely at all: all but what is metal throughout.
     pub diffuse: f64,
-    /// Share that has a specular reflection at all: all but dielectrics whose reflection KHR_materials_specular takes away.
+    /// Share of materials that have a specular reflection: all but dielectrics whose reflection KHR_materials_specular takes away.
     pub specular: f64,
     /// Share whose alpha is tested.
     pub alpha_tested: f64,
@@ -103,6 +101,8 @@ pub struct SceneFacts {
     pub has_sky: bool,
     /// A box around all instances in the rest pose: its lower and upper corner, metres; `None` where there are none.
     pub bounds: Option<[[f64; 3]; 2]>,
+    /// Instances that light others by their emission, as far as factors, alpha and areas can tell.
+    pub emissive_instances: u32,
     /// How many instances.
     pub instances: u32,
     /// Triangles of all instances.
@@ -143,6 +143,7 @@ impl SceneFacts {
     /// Adds an instance with this share of the surface.
     fn add(&mut self, i: &InstanceFacts, share: f64) {
         let of = |is: bool| if is { share } else { 0.0 };
+        self.emissive_instances += u32::from(i.emits);
         self.emissive_area += i.emissive_area;
         self.emissive_power += i.emissive_power;
         for (sum, own) in [(&mut self.roughness, &i.roughness), (&mut self.metalness, &i.metalness)] {
@@ -166,7 +167,7 @@ impl SceneFacts {
     /// A surface lights others by its emission.
     #[must_use]
     pub fn emits(&self) -> bool {
-        self.emissive_power > 0.0
+        self.emissive_instances > 0
     }
 
     /// Multiplies the power of a light with a factor. Nothing where there is no such light.
@@ -206,6 +207,7 @@ impl LightFacts {
 /// What one instance adds.
 struct InstanceFacts {
     area: f64,
+    emits: bool,
     emissive_area: f64,
     emissive_power: f64,
     roughness: Histogram,
@@ -245,15 +247,16 @@ impl InstanceFacts {
         for (_, ball) in &thing.balls {
             add(4.0 * PI * ball.determinant().abs().powf(2.0 / 3.0), 1.0, if shines { full } else { 0.0 });
         }
-        let [roughness, metalness] = surfaces(scene, material);
+        let ([roughness, metalness], least_metalness) = surfaces(scene, material);
         Self {
             area,
+            emits: shines && area > 0.0,
             emissive_area,
             emissive_power,
             roughness,
             metalness,
-            diffuse: material.metalness < 1.0 || metalness.from(LAST_BIN) < 1.0 - 1e-9,
-            specular: material.specular > 0.0 || metalness.from(1.0 / BINS as f64) > 0.0,
+            diffuse: least_metalness < 1.0,
+            specular: material.specular > 0.0 || material.metalness > 0.0 || material.clearcoat > 0.0,
             alpha_tested: matches!(material.alpha, AlphaMode::Mask(_)),
             blended: material.alpha == AlphaMode::Blend,
             transmissive: material.transmission > 0.0,
@@ -285,23 +288,27 @@ fn bounds(thing: &Thing<'_>) -> Option<[DVec3; 2]> {
     corners.chain(balls).filter(|[min, max]| min.is_finite() && max.is_finite()).reduce(around)
 }
 
-/// Perceptual roughness and metalness of a material: its factors, times the texels of its texture as though all of them were used alike.
-fn surfaces(scene: &Scene, material: &Material) -> [Histogram; 2] {
+/// Perceptual roughness and metalness of a material, and the least metalness: its factors, times the texels of its texture as though all of
+/// them were used alike.
+fn surfaces(scene: &Scene, material: &Material) -> ([Histogram; 2], f64) {
     let [mut roughness, mut metalness] = [Histogram::default(); 2];
+    let factors = [material.roughness, material.metalness].map(f64::from);
     let texture = material.metallic_roughness_texture.and_then(|used| scene.textures.get(used.texture as usize));
     let Some(texture) = texture else {
-        roughness.add(f64::from(material.roughness), 1.0);
-        metalness.add(f64::from(material.metalness), 1.0);
-        return [roughness, metalness];
+        roughness.add(factors[0], 1.0);
+        metalness.add(factors[1], 1.0);
+        return ([roughness, metalness], factors[1]);
     };
     let small = |mip: &usize| texture.mip_size(*mip).iter().all(|side| *side <= TEXELS);
     let texels = &texture.mips[(0..texture.mips.len()).find(small).unwrap_or(texture.mips.len() - 1)];
-    let weight = 4.0 / texels.len() as f64;
+    let (weight, mut least) = (4.0 / texels.len() as f64, 1.0_f64);
     for texel in texels.chunks_exact(4) {
-        roughness.add(f64::from(material.roughness) * f64::from(texel[1]) / 255.0, weight);
-        metalness.add(f64::from(material.metalness) * f64::from(texel[2]) / 255.0, weight);
+        let [rough, metal] = [1, 2].map(|channel| factors[channel - 1] * f64::from(texel[channel]) / 255.0);
+        roughness.add(rough, weight);
+        metalness.add(metal, weight);
+        least = least.min(metal);
     }
-    [roughness, metalness]
+    ([roughness, metalness], least)
 }
 
 /// Whether light may go straight through an instance. Of materials that are blended but cover all, none does.
@@ -381,6 +388,28 @@ mod tests {
         close(facts.metalness.from(0.9), 0.25);
         close(facts.roughness.from(0.9), 0.25);
         close(facts.diffuse, 1.0);
+    }
+
+    /// A few look-ups per triangle miss a single texel that shines; the effect must not be idle for that.
+    #[test]
+    fn a_glow_that_look_ups_miss_still_emits() {
+        let mut scene = builtin("cornell").unwrap();
+        let texture = scene.textures.len() as u32;
+        let mut texels = vec![[0, 0, 0, 255]; 64 * 64];
+        texels[0] = [255; 4];
+        scene.textures.push(Texture::new("t".into(), [64, 64], ColourSpace::Srgb, texels.concat()));
+        let used = TextureUse { texture, sampler: 0, uv_set: 0, rows: [Vec3::X, Vec3::Y] };
+        let glowing = Material { emission: Vec3::ONE, emission_texture: Some(used), ..Material::default() };
+        for mesh in &mut scene.meshes {
+            mesh.uv0.iter_mut().for_each(|uv| *uv = glam::Vec2::splat(0.5));
+        }
+        assert!(!SceneFacts::new(&scene).emits());
+        scene.materials[0] = glowing;
+        let facts = SceneFacts::new(&scene);
+        assert!(facts.emits() && facts.emissive_power == 0.0, "{facts:?}");
+        scene.materials[0].alpha = AlphaMode::Mask(0.5);
+        scene.materials[0].base_colour.w = 0.25;
+        assert!(!SceneFacts::new(&scene).emits(), "cut out whole");
     }
 
     #[test]
