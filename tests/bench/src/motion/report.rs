@@ -132,7 +132,7 @@ impl MotionReport {
         Ok(charts)
     }
 
-    /// Frames after the first few in which a denoised image is no better than its input: path, contestant, frame from 1.
+    /// Frames after the third in which a denoised image is no better than its input: path, contestant, frame from 1.
     #[must_use]
     pub fn worse(&self) -> Vec<(&'static str, &'static str, usize)> {
         let mut worse = Vec::new();
