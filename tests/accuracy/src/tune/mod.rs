@@ -193,7 +193,10 @@ impl<'a> Tuner<'a> {
         let front = thinned(near_front(seen.values().cloned().collect(), 0.0), BEAM);
         let places: Vec<usize> = (0..self.candidates.len()).collect();
         self.exchanged(&small, &front, &places, &mut seen)?;
-        let best = thinned(near_front(seen.into_values().collect(), NEAR), 4 * BEAM);
+        let all: Vec<Choice> = seen.into_values().collect();
+        let mut best = near_front(all.clone(), 0.0);
+        let near: Vec<Choice> = near_front(all, NEAR).into_iter().filter(|c| !best.contains(c)).collect();
+        best.extend(thinned(near, 4 * BEAM));
         best.par_iter().map(|choice| self.predict(&choice.rows)).collect()
     }
 
@@ -230,30 +233,34 @@ impl<'a> Tuner<'a> {
         }
     }
 
-    /// The Pareto-optimal choices, from the cheapest to the most accurate. Predictions that were not rendered are corrected by the mean
-    /// deviation of those that were.
+    /// The Pareto-optimal choices, from the cheapest to the most accurate. Predictions that were not rendered are corrected by the
+    /// deviations of the most similar ones that were.
     pub fn front(&self) -> Vec<Choice> {
-        let off = |of: &dyn Fn(&Choice, &Found) -> f64| {
-            let logs: Vec<f64> = self
-                .choices
-                .iter()
-                .filter_map(|c| Some(of(c, c.found.as_ref()?).ln()))
-                .filter(|l| l.is_finite())
-                .collect();
-            // As if one more prediction had been exact: a single one says little about the others.
-            (logs.iter().sum::<f64>() / (logs.len() + 1) as f64).exp()
-        };
-        let ms = off(&|c, f| f.ms / c.predicted_ms);
-        let error = off(&|c, f| f.error / c.predicted_error);
-        let expected = |choice: &Choice| match choice.found {
-            Some(_) => choice.clone(),
-            None => Choice {
+        let expected = |choice: &Choice| {
+            let (ms, error) = if choice.found.is_some() { (1.0, 1.0) } else { self.deviation(&choice.rows) };
+            Choice {
                 predicted_ms: choice.predicted_ms * ms,
                 predicted_error: choice.predicted_error * error,
                 ..choice.clone()
-            },
+            }
         };
         near_front(self.choices.iter().map(expected).collect(), 0.0)
+    }
+
+    /// Factors by which time and error of a combination are expected to deviate from their predictions: the geometric means over the
+    /// rendered choices that differ from it in the fewest slots, to the power of one over the number of those slots. So two choices that
+    /// differ in one slot compare as predicted after one of them was rendered, and a deviation says little about choices unlike it.
+    fn deviation(&self, rows: &[usize]) -> (f64, f64) {
+        let differing = |c: &Choice| c.rows.iter().zip(rows).filter(|(a, b)| a != b).count().max(1);
+        let rendered: Vec<(usize, &Choice, Found)> =
+            self.choices.iter().filter_map(|c| Some((differing(c), c, c.found?))).collect();
+        let Some(fewest) = rendered.iter().map(|(slots, ..)| *slots).min() else { return (1.0, 1.0) };
+        let factor = |of: &dyn Fn(&Choice, &Found) -> f64| {
+            let nearest = rendered.iter().filter(|(slots, ..)| *slots == fewest);
+            let logs: Vec<f64> = nearest.map(|(_, c, f)| of(c, f).ln()).filter(|log| log.is_finite()).collect();
+            (logs.iter().sum::<f64>() / (logs.len().max(1) * fewest) as f64).exp()
+        };
+        (factor(&|c, f| f.ms / c.predicted_ms), factor(&|c, f| f.error / c.predicted_error))
     }
 
     /// The choice that meets a goal. Of choices within the budget whose errors differ by less than 0.1 %, the cheapest.

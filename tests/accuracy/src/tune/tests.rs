@@ -139,6 +139,29 @@ fn what_was_rendered_takes_the_place_of_what_was_predicted() {
     assert!(confirmed(&mut tuner, Goal::Budget(36.0), &mut late).is_err());
 }
 
+/// One choice that comes out far worse than predicted must not keep the others from being rendered: what differs from a rendered choice in
+/// one slot only, and is predicted to be better, is still the next to be rendered.
+#[test]
+fn one_wrong_prediction_does_not_hide_better_choices() {
+    let report = report();
+    let mut tuner = tuner(&report);
+    let mut found: Vec<Choice> = tuner.front();
+    let best = found.pop().unwrap();
+    let unlike = |c: &Choice| c.rows.iter().zip(&best.rows).filter(|(a, b)| a != b).count();
+    let like =
+        tuner.choices.iter().find(|c| unlike(c) == 1 && c.predicted_error > best.predicted_error).unwrap().clone();
+    let wrong = tuner.choices.iter().find(|c| unlike(c) > 1).unwrap().clone();
+    for (choice, factor) in [(&like, 1.0), (&wrong, 4.0)] {
+        let found = Found { ms: choice.predicted_ms, error: factor * choice.predicted_error, stops: 0.0 };
+        tuner.learn(choice, found);
+    }
+    assert_eq!(tuner.choose(Goal::Budget(1000.0)).unwrap().rows, best.rows);
+    // Nor does a deviation of the nearest one change their order.
+    let found = Found { ms: like.predicted_ms, error: 1.3 * like.predicted_error, stops: 0.0 };
+    tuner.learn(&like, found);
+    assert_eq!(tuner.choose(Goal::Budget(1000.0)).unwrap().rows, best.rows);
+}
+
 #[test]
 fn a_ladder_has_a_rung_for_each_budget() {
     let names = |ms: f64| steps(ms).into_iter().map(|s| s.name).collect::<Vec<_>>();
