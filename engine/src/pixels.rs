@@ -24,12 +24,16 @@ impl Pixels {
         let word = |i: usize| u32::from_le_bytes([p[4 * i], p[4 * i + 1], p[4 * i + 2], p[4 * i + 3]]);
         let float = |i: usize| f32::from_bits(word(i));
         let half = |i: usize| half::f16::from_le_bytes([p[2 * i], p[2 * i + 1]]).to_f32();
+        let unorm16 = |i: usize| f32::from(u16::from_le_bytes([p[2 * i], p[2 * i + 1]])) / 65535.0;
         let snorm = |i: usize| (f32::from(i16::from_le_bytes([p[2 * i], p[2 * i + 1]])) / 32767.0).max(-1.0);
         match self.format {
             Format::R8Unorm => [unorm(0), 0.0, 0.0, 1.0],
             Format::Rg8Unorm => [unorm(0), unorm(1), 0.0, 1.0],
             Format::Rgba8Unorm => [unorm(0), unorm(1), unorm(2), unorm(3)],
             Format::Rgba8Srgb => [srgb_decode(unorm(0)), srgb_decode(unorm(1)), srgb_decode(unorm(2)), unorm(3)],
+            Format::R16Unorm => [unorm16(0), 0.0, 0.0, 1.0],
+            Format::Rg16Unorm => [unorm16(0), unorm16(1), 0.0, 1.0],
+            Format::Rgba16Unorm => [unorm16(0), unorm16(1), unorm16(2), unorm16(3)],
             Format::Rgba16Snorm => [snorm(0), snorm(1), snorm(2), snorm(3)],
             Format::R16Float => [half(0), 0.0, 0.0, 1.0],
             Format::Rg16Float => [half(0), half(1), 0.0, 1.0],
@@ -59,12 +63,14 @@ impl Pixels {
                     Format::Rg16Float | Format::Rg32Float => [0.5 + v[0], 0.5 + v[1], 0.5],
                     Format::D32Float => [(v[0] / nearest).max(0.0).cbrt(); 3],
                     Format::R32Uint | Format::Rg32Uint => id_colour(v[0] as u32),
-                    Format::R8Unorm | Format::R16Float => [v[0]; 3],
+                    Format::R8Unorm | Format::R16Unorm | Format::R16Float => [v[0]; 3],
                     Format::Rgba16Float | Format::Rgba32Float => {
                         [v[0], v[1], v[2]].map(|x| srgb_encode(x / (1.0 + x.max(0.0))))
                     }
                     Format::R32Float => [srgb_encode(v[0] / (1.0 + v[0].max(0.0))); 3],
-                    Format::Rg8Unorm | Format::Rgba8Unorm => [v[0], v[1], v[2]],
+                    Format::Rg8Unorm | Format::Rgba8Unorm | Format::Rg16Unorm | Format::Rgba16Unorm => {
+                        [v[0], v[1], v[2]]
+                    }
                 };
                 let [r, g, b] = rgb.map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
                 [r, g, b, 255]

@@ -27,7 +27,7 @@ pub fn frame(
     let scene = slots.acceleration.give(g, view, scene)?;
     slots.rays.give(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
     let gbuffer = slots.gbuffer.give(g, view, GBufferIn { scene });
-    let reprojected = slots.reprojection.add(g, view, (scene, gbuffer)); // for denoisers, and culled when there are none
+    let reprojected = slots.reprojection.add(g, view, scene, gbuffer); // culled where no effect reads it
     let shadows = slots.shadows.give(g, view, ShadowIn { scene, gbuffer, reprojected });
     let ao = slots.ao.give(g, view, AoIn { scene, gbuffer, reprojected });
     let direct = slots.direct.give(g, view, DirectIn { scene, gbuffer, reprojected, shadows });

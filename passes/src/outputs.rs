@@ -4,7 +4,7 @@ use magpie::frame::View;
 use magpie::graph::{Contract, Extent, Format, FrameGraph, Handle, Idle, Image};
 use magpie::slot::Implementation;
 
-pub const ONE: &[Format] = &[Format::R8Unorm, Format::R16Float, Format::R32Float];
+pub const ONE: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Float, Format::R32Float];
 /// Two numbers, or four where materials have a reflection of their own.
 pub const MATERIAL: &[Format] =
     &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
@@ -13,6 +13,9 @@ pub const SHARES: &[Format] = &[
     Format::R8Unorm,
     Format::Rg8Unorm,
     Format::Rgba8Unorm,
+    Format::R16Unorm,
+    Format::Rg16Unorm,
+    Format::Rgba16Unorm,
     Format::R16Float,
     Format::Rg16Float,
     Format::Rgba16Float,

@@ -6,7 +6,7 @@ use magpie::slot::{SettingSpec, Settings, SlotError};
 pub fn setting() -> SettingSpec {
     let about = "Bits of each channel of the radiance that the slot writes. 32: as exact as it was computed. 16: half the memory and \
                  its traffic; eleven significant bits, and nothing above 65504.";
-    SettingSpec::among("precision", "bits", about, 32, &[32, 16]).sweep_all()
+    SettingSpec::among("precision", "bits", about, 16, &[32, 16]).sweep_all()
 }
 
 /// The format that it asks for.

@@ -3,8 +3,8 @@
 //! A slot is a line of this table, its contract in [`contracts`], a folder with a function `slot()` that says what can fill it, and a line of
 //! `frame()` that wires it.
 use crate::contracts;
-use crate::denoise::Reprojection;
 use crate::outputs::Gives;
+use crate::parts::reproject::Reprojection;
 use magpie::config::{Catalogue, Config};
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Implementation, Needs, Slot, SlotError, SlotInfo, SlotNeeds};

@@ -14,5 +14,5 @@ void main() {
     vec3 radiance = load(params.direct, pixel).rgb;
     if (params.gi != NO_INPUT) radiance += load(params.gi, pixel).rgb;
     if (params.reflections != NO_INPUT) radiance += load(params.reflections, pixel).rgb;
-    store(params.lit, pixel, vec4(at_most(radiance, params.greatest), 1.0));
+    store(params.lit, pixel, vec4(representable(radiance, params.greatest), 1.0));
 }

@@ -1,10 +1,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
-#include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/noise_width.glsl"
 #include "lib/not_finite.glsl"
-#include "lib/reach.glsl"
+#include "lib/signal.glsl"
 #include "lib/taps.glsl"
 // Temporal accumulation: the mean over the frames in which a surface was seen, and the variance of its samples. Mean and variance rather
 // than two moments, whose difference loses the digits of small variances (Welford 1962; for exponential weights Finch 2009, "Incremental
@@ -15,7 +15,12 @@ layout(push_constant, scalar) uniform Push { AccumulateParams params; };
 // History length, frames, up to which the filtered history is used in full.
 const float FEW = 4.0;
 
-vec4 reprojected_colour(uint image, Taps taps) {
+// Packing of `moments`: of radiance it holds one number.
+uint moments_packing() {
+    return params.packing == SIGNAL_RADIANCE ? SIGNAL_ONE : params.packing;
+}
+
+vec4 reprojected(uint image, Taps taps) {
     vec4 sum = vec4(0.0);
     for (int k = 0; k < 4; k++) {
         if (taps.shares[k] > 0.0) sum += taps.shares[k] * load(image, taps.first + ivec2(k & 1, k >> 1));
@@ -23,10 +28,26 @@ vec4 reprojected_colour(uint image, Taps taps) {
     return sum;
 }
 
-// The same for images that hold one number for all channels of radiance.
-vec4 reprojected(uint image, Taps taps) {
-    vec4 value = reprojected_colour(image, taps);
-    return params.radiance != 0u ? value.xxxx : value;
+// Mean and variance of the samples before this frame; the luminance of radiance in all channels.
+Signal reprojected_moments(Taps taps) {
+    Signal sum = Signal(vec4(0.0), vec4(0.0));
+    for (int k = 0; k < 4; k++) {
+        if (!(taps.shares[k] > 0.0)) continue;
+        ivec2 at = taps.first + ivec2(k & 1, k >> 1);
+        Signal there = load_signal(params.previous_moments, params.previous_moments_deviation, at, moments_packing());
+        sum.value += taps.shares[k] * there.value;
+        sum.variance += taps.shares[k] * there.variance;
+    }
+    return params.packing == SIGNAL_RADIANCE ? Signal(sum.value.xxxx, sum.variance.xxxx) : sum;
+}
+
+// The filtered result of the previous frame: of one and two channels their deviations are in the same image.
+vec4 reprojected_filtered(Taps taps) {
+    vec4 texel = reprojected(params.previous_filtered, taps);
+    if (params.packing == SIGNAL_ONE) return vec4(texel.x, vec3(0.0));
+    if (params.packing == SIGNAL_TWO) return vec4(texel.xy, vec2(0.0));
+    if (params.packing == SIGNAL_RADIANCE) return vec4(texel.rgb, 0.0);
+    return texel;
 }
 
 // Whether the reprojected position lies between pixels of the previous frame.
@@ -73,7 +94,7 @@ void main() {
     vec4 now = load(params.noisy, pixel);
     bool taken = is_taken(params.not_finite, now);
     if (!taken) now = finite_beside(params.noisy, pixel, view.at[0].size);
-    vec4 sampled = params.radiance != 0u ? vec4(luminance(now.rgb)) : now;
+    vec4 sampled = compared(now, params.packing);
 
     vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
     Taps taps = load_taps(params.taps, pixel, was);
@@ -81,6 +102,7 @@ void main() {
     bool between = is_between(was) || taps.beside;
     if (taps.any) {
         frames = round(reprojected(params.previous_frames, taps) * LONGEST);
+        if (params.packing == SIGNAL_RADIANCE) frames = frames.xxxx;
         vec4 forgotten = vec4(0.0);
         if (params.gradient != NO_IMAGE) {
             // The history is shortened where something has changed (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
@@ -89,14 +111,14 @@ void main() {
             frames *= vec4(1.0) - forgotten;
         }
         frames = min(floor(frames) + (taken ? 1.0 : 0.0), params.longest);
-        vec4 before = reprojected(params.previous_mean, taps);
-        vec4 filtered = reprojected_colour(params.previous_filtered, taps);
-        vec4 spread = reprojected(params.previous_variance, taps);
+        Signal moments = reprojected_moments(taps);
+        vec4 before = moments.value, spread = moments.variance;
+        vec4 filtered = reprojected_filtered(taps);
         bool known = is_taken(params.not_finite, before + filtered + spread);
         // Channels that use the sample without its history.
         bvec4 alone = bvec4(false);
-        if (params.reach != NO_IMAGE) {
-            vec4 width = penumbra_around(params.reach, pixel);
+        if (params.noise_width != NO_IMAGE) {
+            vec4 width = noise_width(params.noise_width, pixel);
             bvec4 moves = unsettled(between, forgotten);
             bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))));
             if (any(narrow)) {
@@ -125,21 +147,20 @@ void main() {
         vec4 fed = filtered + share * (now - filtered);
         // The history fed back from the filter is smoother than the mean, and more so with every frame. It helps while the history is
         // short, and fades out. Radiance has no unfiltered mean to fade to.
-        vec4 plain = params.radiance != 0u ? fed : mean;
+        vec4 plain = params.packing == SIGNAL_RADIANCE ? fed : mean;
         vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
         accumulated = mix(plain + helped * (fed - plain), now, alone);
         if (!known) {
             accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
         }
     }
-    store(params.accumulated, pixel, accumulated);
     // The variance of a mean is that of one sample over their number if they are independent, as samples of different pixels are. Points of
     // one pixel's scrambled sequence are stratified: over an edge in two dimensions the variance falls with n^(3/2) (Owen 1997, "Scrambled
     // net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
     bool elsewhere = taps.beside || any(greaterThan(abs(was - vec2(pixel)), vec2(0.01)));
     vec4 independent = elsewhere ? vec4(1.0) : sqrt(frames);
-    store(params.error, pixel, variance / max(frames * independent, vec4(1.0)));
-    store(params.mean, pixel, mean);
-    store(params.variance, pixel, variance);
+    Signal signal = Signal(accumulated, variance / max(frames * independent, vec4(1.0)));
+    store_signal(params.accumulated, params.accumulated_deviation, pixel, params.packing, params.greatest, signal);
+    store_signal(params.moments, params.moments_deviation, pixel, moments_packing(), params.greatest, Signal(mean, variance));
     store(params.frames, pixel, frames / LONGEST);
 }

@@ -2,10 +2,11 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/guide.glsl"
+#include "lib/noise_width.glsl"
 #include "lib/not_finite.glsl"
-#include "lib/reach.glsl"
+#include "lib/precision.glsl"
 // A Gaussian blur along surfaces (Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", with depth and normal as
-// edge-stopping functions in place of colour), no wider than the penumbrae around. No history, no variance: one pass.
+// edge-stopping functions in place of colour), no wider than the source of the noise. No history, no variance: one pass.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BilateralParams params; };
 
@@ -17,14 +18,14 @@ void main() {
     if (!is_taken(params.not_finite, noisy)) noisy = finite_beside(params.noisy, pixel, view.at[0].size);
     Guide here = load_guide(params.guide, params.normals, pixel);
     if (!is_surface(here)) {
-        store(params.filtered, pixel, noisy);
+        store(params.filtered, pixel, vec4(representable(noisy.rgb, params.greatest), noisy.a));
         return;
     }
     vec2 gradient = depth_gradient(view, pixel, here);
     // The radius is two standard deviations.
     float falloff = 2.0 / float(params.radius * params.radius);
     vec4 farthest = vec4(float(params.radius));
-    if (params.reach != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, penumbra_around(params.reach, pixel)));
+    if (params.noise_width != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, noise_width(params.noise_width, pixel)));
     // Truncated: the nearest other pixel is one away.
     int radius = int(max(max(farthest.x, farthest.y), max(farthest.z, farthest.w)));
     // Starting with the pixel itself keeps the sum of weights at 1 or more.
@@ -44,5 +45,5 @@ void main() {
             sum += (weight / weights) * (there - sum);
         }
     }
-    store(params.filtered, pixel, sum);
+    store(params.filtered, pixel, vec4(representable(sum.rgb, params.greatest), sum.a));
 }

@@ -97,5 +97,5 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    store(params.radiance, pixel, vec4(at_most(shade(view, pixel), params.greatest), 1.0));
+    store(params.radiance, pixel, vec4(representable(shade(view, pixel), params.greatest), 1.0));
 }

@@ -1,11 +1,19 @@
 #ifndef LIB_PRECISION_GLSL
 #define LIB_PRECISION_GLSL
-// Storing radiance in formats of less range than 32-bit floats have.
+// Storing radiance in formats of less range and precision than 32-bit floats have.
 
-// Clamps each channel to `greatest`, the greatest number of the target's format; infinite for 32-bit floats, which keeps infinities. By
-// comparison, which keeps NaN for `--check` to find; min and clamp may not.
-vec3 at_most(vec3 x, float greatest) {
-    return mix(x, vec3(greatest), greaterThan(x, vec3(greatest)));
+// The nearest number that the target's format holds, for formats of 16-bit floats: `greatest` is the greatest of them, which larger values
+// become. For 32-bit floats it is infinite, and everything stays as it is, infinities included. Comparisons keep NaN for `--check` to find;
+// min and clamp may not.
+//
+// Vulkan lets a device round stores towards zero, which would darken the picture with each pass, and a mean over frames with each frame.
+vec3 representable(vec3 x, float greatest) {
+    if (greatest > 65504.0) return x;
+    // To 10 bits of mantissa, ties to even.
+    uvec3 bits = floatBitsToUint(x);
+    vec3 nearest = uintBitsToFloat((bits + 0xfffu + ((bits >> 13u) & 1u)) & ~0x1fffu);
+    vec3 kept = mix(x, nearest, lessThan(abs(x), vec3(greatest)));
+    return mix(kept, vec3(greatest), greaterThan(x, vec3(greatest)));
 }
 
 #endif

@@ -4,6 +4,7 @@
 #include "lib/light_sampling.glsl"
 #include "lib/ray.glsl"
 #include "lib/sequence.glsl"
+#include "shared/denoise.glsl"
 #include "shared/shadows.glsl"
 // Shadow rays from a surface to points of up to four lights, uniform over the light's area or over the cone that it subtends. The share of
 // unoccluded rays multiplies the unshadowed light of the whole light source (ratio estimator: Heitz, Hill and McGuire 2018, "Combining
@@ -73,7 +74,7 @@ float light_extent(Light light, LightSample centre) {
 float horizon_penumbra(Surface surface, Light light, LightSample centre) {
     float height = min(dot(surface.normal, centre.direction), dot(surface.geometric_normal, centre.direction));
     float extent = light_extent(light, centre);
-    return abs(height) < extent ? PENUMBRA_MOST * extent : 0.0;
+    return abs(height) < extent ? WIDEST_NOISE * extent : 0.0;
 }
 
 // 1 if this point of the light is unoccluded. 0 without a ray if the surface faces away. `penumbra` is raised to the width at the hit,
@@ -90,7 +91,7 @@ float visibility(SceneBuffer scene, Receiver at, Light light, Incident from, ino
 
 // Encodes widths for the image: 0 stands for no penumbra.
 vec4 encode_penumbra(vec4 pixels) {
-    return mix(vec4(0.0), clamp(pixels / PENUMBRA_MOST, 1.0 / 255.0, 1.0), greaterThan(pixels, vec4(0.0)));
+    return mix(vec4(0.0), clamp(pixels / WIDEST_NOISE, 1.0 / 255.0, 1.0), greaterThan(pixels, vec4(0.0)));
 }
 
 // Visibility of each light, by the points that pixel `drawn_at` used or uses in frame `frame`, and the penumbra width, pixels.

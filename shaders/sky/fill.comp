@@ -18,5 +18,5 @@ void main() {
     if (view.at[0].has_sky != 0u) {
         radiance = sky_radiance_with_sun(view.at[0].sky, normalize(pixel_ray(view, pixel)));
     }
-    store(params.lit, pixel, vec4(at_most(radiance, params.greatest), 1.0));
+    store(params.lit, pixel, vec4(representable(radiance, params.greatest), 1.0));
 }

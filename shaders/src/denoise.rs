@@ -5,29 +5,17 @@ use bytemuck::{Pod, Zeroable};
 /// Side of a tile, pixels: the unit in which filtering is skipped, and a workgroup.
 pub const TILE: u32 = 8;
 
-/// Push constants of `reproject.comp`: writes this frame's guide, and finds the pixels of the previous frame that show the same surface.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ReprojectParams {
-    /// The [`View`](super::view::View).
-    pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 and primitive.
-    pub ids: SampledImage,
-    /// Motion vectors: uv now minus uv one frame ago.
-    pub motion: SampledImage,
-    /// The previous frame's guide.
-    pub previous_guide: SampledImage,
-    /// This frame's guide: RG32 uint, see `lib/guide.glsl`.
-    pub guide: StorageImage,
-    /// Reprojected position and weights, as `lib/taps.glsl` packs them: R32 uint, 0 without history.
-    pub taps: StorageImage,
-    /// 0 in the first frame.
-    pub valid: u32,
-}
+/// Layout of a signal and its standard deviation: one channel in red, its deviation in green.
+pub const SIGNAL_ONE: u32 = 1;
+/// Two channels in red and green, their deviations in blue and alpha.
+pub const SIGNAL_TWO: u32 = 2;
+/// Three or four channels, their deviations in a second image.
+pub const SIGNAL_FOUR: u32 = 4;
+/// Radiance in red, green and blue, the deviation of its luminance in alpha.
+pub const SIGNAL_RADIANCE: u32 = 0;
+
+/// Width of noise that the value 1 stands for, pixels: the widest that is told apart.
+pub const WIDEST_NOISE: f32 = 64.0;
 
 /// Push constants of `accumulate.comp`: temporal mean, its variance, and the history length.
 #[repr(C)]
@@ -41,36 +29,38 @@ pub struct AccumulateParams {
     pub noisy: SampledImage,
     /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
-    /// `taps` of `reproject.comp`.
+    /// `taps` of `reproject/surfaces.comp`.
     pub taps: SampledImage,
-    /// Filtered result that the previous frame fed back.
+    /// Filtered result that the previous frame fed back; its deviation is not read.
     pub previous_filtered: SampledImage,
-    /// `mean` of the previous frame.
-    pub previous_mean: SampledImage,
-    /// `variance` of the previous frame.
-    pub previous_variance: SampledImage,
+    /// `moments` of the previous frame.
+    pub previous_moments: SampledImage,
+    /// Deviations of `previous_moments` for [`SIGNAL_FOUR`]; else [`NO_IMAGE`].
+    pub previous_moments_deviation: u32,
     /// `frames` of the previous frame.
     pub previous_frames: SampledImage,
     /// Share of the history to discard, 0 to 1, at a third of the size; or [`NO_IMAGE`].
     pub gradient: u32,
     /// As in [`LevelParams`].
-    pub reach: u32,
+    pub noise_width: u32,
     /// A bit for each channel whose subject moves by itself, such as a moving light: its history is limited even without motion vectors.
     pub moved: u32,
-    /// Output: temporal mean that includes the fed-back result.
+    /// Output: temporal mean that includes the fed-back result, and its deviation.
     pub accumulated: StorageImage,
-    /// Variance of `accumulated`, for the filter.
-    pub error: StorageImage,
-    /// Temporal mean of the samples alone.
-    pub mean: StorageImage,
-    /// Variance of one sample.
-    pub variance: StorageImage,
+    /// Deviations of `accumulated` for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// Output: temporal mean of the samples alone, of radiance their luminance, and the deviation of one sample.
+    pub moments: StorageImage,
+    /// Deviations of `moments` for [`SIGNAL_FOUR`].
+    pub moments_deviation: u32,
     /// History length, frames over [`LONGEST`].
     pub frames: StorageImage,
     /// Limit of the history length, frames, 1 to [`LONGEST`].
     pub longest: f32,
-    /// 1: three channels of radiance with one variance. 0: up to four channels with a variance each.
-    pub radiance: u32,
+    /// How the signal is laid out: `SIGNAL_ONE` and so on.
+    pub packing: u32,
+    /// Largest finite number of the format of radiance.
+    pub greatest: f32,
 }
 
 /// Side of the squares of which one pixel is retraced for temporal gradients.
@@ -97,85 +87,36 @@ pub const LONGEST: f32 = 255.0;
 /// Value of an optional image that is not there.
 pub const NO_IMAGE: u32 = 4294967295;
 
-/// Push constants of `spatial_variance.comp`: variance from neighbours where the history is short. As the first pass over tiles it also
-/// resets their count.
+/// Push constants of `spatial_variance.comp`: variance from neighbours where the history is short, and which tiles have any.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SpatialVarianceParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// The [`Tiles`] to reset.
-    pub tiles: Address,
-    /// `guide` of `reproject.comp`.
+    /// `guide` of `reproject/surfaces.comp`.
     pub guide: SampledImage,
     /// Normals of the G-buffer for light that depends on the shading normal; or [`NO_IMAGE`].
     pub normals: u32,
     /// `accumulated` of `accumulate.comp`.
     pub accumulated: SampledImage,
-    /// `error` of `accumulate.comp`.
-    pub error: SampledImage,
+    /// Its deviations for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
     /// `frames` of `accumulate.comp`.
     pub frames: SampledImage,
     /// As in [`LevelParams`].
-    pub reach: u32,
-    /// Variance of `accumulated`, also where the history is short.
-    pub variance: StorageImage,
+    pub noise_width: u32,
+    /// Output: `accumulated` with its deviation, also where the history is short.
+    pub signal: StorageImage,
+    /// Deviations of `signal` for [`SIGNAL_FOUR`].
+    pub signal_deviation: u32,
+    /// Output, one pixel per tile: 1 where any pixel of the tile has a variance.
+    pub varied_tiles: StorageImage,
     /// As in [`AccumulateParams`].
-    pub radiance: u32,
-    /// Channels of the variance.
+    pub packing: u32,
+    /// Number of channels that have a variance.
     pub channels: u32,
-}
-
-/// Number of tiles to filter, in the form of an indirect dispatch.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct Tiles {
-    /// Number of tiles: workgroups in x.
-    pub count: u32,
-    /// Always 1: workgroups in y.
-    pub groups_y: u32,
-    /// Always 1: workgroups in z.
-    pub groups_z: u32,
-}
-
-/// Push constants of `classify.comp`: lists the tiles that need filtering, and copies the others to the outputs of the filter.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ClassifyParams {
-    /// The [`Tiles`] to count in.
-    pub tiles: Address,
-    /// Output: the listed tiles, column in the lower, row in the upper 16 bits of each word.
-    pub list: Address,
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// Input of the filter.
-    pub colour: SampledImage,
-    /// Variance of `colour`.
-    pub error: SampledImage,
-    /// Output of the first level.
-    pub first: StorageImage,
-    /// Output of other levels, in alternation with `colour`.
-    pub other: StorageImage,
-    /// Variance of `other`.
-    pub other_error: StorageImage,
-    /// Output of `blur_variance.comp`.
-    pub blurred: StorageImage,
-    /// Channels that have a variance.
-    pub channels: u32,
-}
-
-/// Push constants of `blur_variance.comp`: a 3x3 blur of the variance.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct BlurVarianceParams {
-    /// List of tiles of `classify.comp`.
-    pub list: Address,
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// Variance to blur.
-    pub error: SampledImage,
-    /// Blurred variance.
-    pub blurred: StorageImage,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
 }
 
 /// Push constants of `level.comp`: one level of the edge-avoiding à-trous filter.
@@ -184,32 +125,32 @@ pub struct BlurVarianceParams {
 pub struct LevelParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// List of tiles of `classify.comp`.
-    pub list: Address,
-    /// `guide` of `reproject.comp`.
+    /// `guide` of `reproject/surfaces.comp`.
     pub guide: SampledImage,
     /// As in [`SpatialVarianceParams`].
     pub normals: u32,
     /// Input.
-    pub colour: SampledImage,
-    /// Variance of `colour`.
-    pub error: SampledImage,
-    /// Output of `blur_variance.comp`.
-    pub blurred: SampledImage,
-    /// Penumbra width around each pixel, over [`PENUMBRA_MOST`](super::shadows::PENUMBRA_MOST); or [`NO_IMAGE`].
-    pub reach: u32,
-    /// Output.
-    pub filtered: StorageImage,
-    /// Variance of `filtered`.
-    pub filtered_error: StorageImage,
+    pub signal: SampledImage,
+    /// Deviations of `signal` for [`SIGNAL_FOUR`].
+    pub signal_deviation: u32,
+    /// `varied_tiles` of `spatial_variance.comp`.
+    pub varied_tiles: SampledImage,
+    /// Width of the noise around each pixel, over [`WIDEST_NOISE`]; or [`NO_IMAGE`].
+    pub noise_width: u32,
+    /// Output with its deviation, for the next level or the next frame; or [`NO_IMAGE`].
+    pub filtered: u32,
+    /// Deviations of `filtered` for [`SIGNAL_FOUR`].
+    pub filtered_deviation: u32,
+    /// Output of the last level, without deviation; else [`NO_IMAGE`].
+    pub result: u32,
     /// Distance between taps, pixels: 2 to the power of the level.
     pub step: u32,
     /// As in [`AccumulateParams`].
-    pub radiance: u32,
-    /// Channels that have a variance.
-    pub channels: u32,
+    pub packing: u32,
     /// Difference between two values, in standard deviations, at which their weight is 1/e.
     pub sigma: f32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
 }
 
 /// Push constants of `bilateral.comp`: one edge-aware blur.
@@ -220,7 +161,7 @@ pub struct BilateralParams {
     pub view: Address,
     /// Counter of samples that are not finite.
     pub not_finite: Address,
-    /// `guide` of `reproject.comp`.
+    /// `guide` of `reproject/surfaces.comp`.
     pub guide: SampledImage,
     /// As in [`SpatialVarianceParams`].
     pub normals: u32,
@@ -229,7 +170,9 @@ pub struct BilateralParams {
     /// Output.
     pub filtered: StorageImage,
     /// As in [`LevelParams`].
-    pub reach: u32,
+    pub noise_width: u32,
     /// Radius, pixels.
     pub radius: u32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
 }

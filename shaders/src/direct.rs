@@ -27,10 +27,12 @@ pub struct EmitterParams {
     pub base_colour: SampledImage,
     /// Metalness in red, roughness in green.
     pub material: SampledImage,
-    /// Outgoing radiance over the albedo (`reflectance` of `lib/brdf.glsl`), RGBA32F.
+    /// Outgoing radiance over the albedo (`reflectance` of `lib/brdf.glsl`).
     pub radiance: StorageImage,
     /// Rays per pixel.
     pub samples: u32,
+    /// Largest finite number of the format of `radiance`.
+    pub greatest: f32,
 }
 
 /// Push constants of `shade.comp`: radiance from every light, and emission.

@@ -6,8 +6,8 @@ use bytemuck::{Pod, Zeroable};
 pub const NO_MAP: u32 = 4294967295;
 /// Value of [`TraceParams::penumbra`] if no pass reads it.
 pub const NO_PENUMBRA: u32 = 4294967295;
-/// Penumbra width that is stored as 1, pixels; wider ones are clamped to it.
-pub const PENUMBRA_MOST: f32 = 64.0;
+/// Value of [`TraceParams::surfaces`] if no pass compares the visibility of two frames.
+pub const NO_SURFACES: u32 = 4294967295;
 
 /// Push constants of `trace.ray`: shadow rays towards up to four lights.
 #[repr(C)]
@@ -25,8 +25,10 @@ pub struct TraceParams {
     pub ids: SampledImage,
     /// Output, a light in each channel: 1 fully visible, 0 occluded.
     pub visibility: StorageImage,
-    /// Output: penumbra width at the hits, over [`PENUMBRA_MOST`], 0 where all rays arrived; or [`NO_PENUMBRA`].
+    /// Output: penumbra width at the hits, over [`WIDEST_NOISE`](super::denoise::WIDEST_NOISE), 0 where all rays arrived; or [`NO_PENUMBRA`].
     pub penumbra: u32,
+    /// Output: the surface of one pixel in nine, for `gradient.ray` of the next frame, two texels each; or [`NO_SURFACES`].
+    pub surfaces: u32,
     /// Visibility by shadow maps of the same lights, or [`NO_MAP`].
     pub map_visibility: u32,
     /// `UNSURE_*` bits of [`super::shadow_map`] for `map_visibility`. Only pixels with any are traced.
@@ -49,20 +51,12 @@ pub struct GradientParams {
     pub view: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 and primitive.
-    pub ids: SampledImage,
     /// Motion vectors: uv now minus uv one frame ago.
     pub motion: SampledImage,
-    /// Surfaces stored by the previous frame, one of nine pixels each: RG32 uint, two adjacent texels per surface.
+    /// `surfaces` of `trace.ray` one frame ago: RG32 uint, two adjacent texels for one of nine pixels.
     pub previous: SampledImage,
     /// `visibility` of `trace.ray` one frame ago.
     pub previous_visibility: SampledImage,
-    /// Surfaces stored for the next frame, in the format of `previous`.
-    pub next: StorageImage,
     /// Output: change of each channel, 0 to 1, at a third of the size.
     pub change: StorageImage,
     /// 0 in the first frame.
@@ -75,16 +69,16 @@ pub struct GradientParams {
     pub lights: [u32; 4],
 }
 
-/// Push constants of `reach.comp`: the penumbra width that may apply to each pixel.
+/// Push constants of `penumbra_width.comp`: the penumbra width that may apply to each pixel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ReachParams {
+pub struct PenumbraWidthParams {
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// `penumbra` of `trace.ray`.
     pub penumbra: SampledImage,
-    /// Output: the widest penumbra around that reaches the pixel, over [`PENUMBRA_MOST`].
-    pub reach: StorageImage,
+    /// Output: the widest penumbra around that reaches the pixel, over [`WIDEST_NOISE`](super::denoise::WIDEST_NOISE).
+    pub width: StorageImage,
     /// Pixels per texel of `penumbra`, in each direction: 1 or 2.
     pub step: u32,
 }

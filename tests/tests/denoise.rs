@@ -12,7 +12,7 @@ use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_passes::contracts::{GBuffer, ShadowGroup, ShadowIn, ShadowOut};
 use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
-use magpie_shaders::shadows::PENUMBRA_MOST;
+use magpie_shaders::shadows::WIDEST_NOISE;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::made::{add, camera, material, plane, scene, sun};
@@ -103,7 +103,7 @@ impl Effect for Patterned {
         let params = Params { kind, low, high, frame: view.frame, ..Params::zeroed() };
         let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
         let noisy = self.draw(g, gbuffer, "shadows.pattern", params);
-        let width = reach / PENUMBRA_MOST;
+        let width = reach / WIDEST_NOISE;
         let reach = (reach >= 0.0).then(|| {
             self.draw(g, gbuffer, "shadows.pattern_reach", Params { kind: 0, low: 0.0, high: width, ..params })
         });

@@ -204,6 +204,9 @@ const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
     (Format::D32Float, DEPTH),
     (Format::Rgba32Float, STORAGE),
     (Format::R16Float, STORAGE),
+    (Format::R16Unorm, STORAGE),
+    (Format::Rg16Unorm, STORAGE),
+    (Format::Rgba16Unorm, STORAGE),
     (Format::R8Unorm, STORAGE),
     (Format::Rgba8Unorm, STORAGE),
 ];

@@ -119,15 +119,21 @@ impl Declaration {
     }
 
     /// Bytes of the images and of the frame's own buffers that a pass reads and writes, if it touches each of their pixels once. What the
-    /// caller imports, such as the scene, is not counted: of that, a pass reads some here and there.
+    /// caller imports, such as the scene, is not counted: of that, a pass reads some here and there. Nor is what is kept of a history's
+    /// new half before anything was written to it, since that is undefined.
     pub fn traffic(&self, pass: u32) -> u64 {
         let of = |u: &Use| {
             let resource = &self.resources[u.resource as usize];
-            if matches!(resource.origin, Origin::Imported { key: ImportKey::Caller(_), .. }) {
-                return 0;
-            }
-            let both = u64::from(u.access.reads()) + u64::from(u.access.writes());
-            both * resource.shape.bytes_of(u.part)
+            let key = match resource.origin {
+                Origin::Imported { key, .. } => Some(key),
+                Origin::Transient => None,
+            };
+            let is_undefined = matches!(key, Some(ImportKey::Next(_))) && u.reads == Some(0);
+            let touched = match key {
+                Some(ImportKey::Caller(_)) => 0,
+                _ => u64::from(u.access.reads() && !is_undefined) + u64::from(u.access.writes()),
+            };
+            touched * resource.shape.bytes_of(u.part)
         };
         self.uses_of(pass).iter().map(of).sum()
     }

@@ -15,6 +15,12 @@ pub enum Format {
     Rgba8Unorm,
     /// Four channels, 0 to 1, 8 bits each; rgb is stored in the sRGB curve and read as linear.
     Rgba8Srgb,
+    /// One channel, 0 to 1, 16 bits.
+    R16Unorm,
+    /// Two channels, 0 to 1, 16 bits each.
+    Rg16Unorm,
+    /// Four channels, 0 to 1, 16 bits each.
+    Rgba16Unorm,
     /// Four channels, -1 to 1, 16 bits each.
     Rgba16Snorm,
     /// One 16-bit float.
@@ -42,9 +48,10 @@ impl Format {
     pub fn bytes_per_pixel(self) -> u32 {
         match self {
             Self::R8Unorm => 1,
-            Self::Rg8Unorm | Self::R16Float => 2,
-            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 4,
-            Self::Rgba16Snorm | Self::Rgba16Float | Self::Rg32Float | Self::Rg32Uint => 8,
+            Self::Rg8Unorm | Self::R16Unorm | Self::R16Float => 2,
+            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Unorm | Self::Rg16Float => 4,
+            Self::R32Float | Self::R32Uint | Self::D32Float => 4,
+            Self::Rgba16Unorm | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rg32Float | Self::Rg32Uint => 8,
             Self::Rgba32Float => 16,
         }
     }
@@ -52,9 +59,14 @@ impl Format {
     /// Number of channels, 1 to 4.
     pub fn channels(self) -> u32 {
         match self {
-            Self::R8Unorm | Self::R16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
-            Self::Rg8Unorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => 2,
-            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rgba32Float => 4,
+            Self::R8Unorm | Self::R16Unorm | Self::R16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
+            Self::Rg8Unorm | Self::Rg16Unorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => 2,
+            Self::Rgba8Unorm
+            | Self::Rgba8Srgb
+            | Self::Rgba16Unorm
+            | Self::Rgba16Snorm
+            | Self::Rgba16Float
+            | Self::Rgba32Float => 4,
         }
     }
 
@@ -72,6 +84,9 @@ impl Format {
             | Self::Rg8Unorm
             | Self::Rgba8Unorm
             | Self::Rgba8Srgb
+            | Self::R16Unorm
+            | Self::Rg16Unorm
+            | Self::Rgba16Unorm
             | Self::Rgba16Snorm
             | Self::R32Uint
             | Self::Rg32Uint => false,

@@ -3,7 +3,7 @@
 use super::needs;
 use super::upsample::{OPENNESS, upsample};
 use crate::contracts::{AoIn, AoOut};
-use crate::denoise::{self, Content, DenoiseIn, Denoiser};
+use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -29,6 +29,7 @@ pub fn settings() -> Vec<SettingSpec> {
     let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8])];
     // What hides a surface from ambient light goes with it, mostly: nobody looks for changes.
     settings.extend(denoise::settings());
+    settings.push(denoise::precision());
     settings.push(super::range());
     settings.push(SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all());
     settings
@@ -40,7 +41,7 @@ impl RayTraced {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
         let (samples, range) = (settings.u32("rays")?, settings.f32("range")?);
-        let denoiser = Denoiser::new(build, "ao", settings)?;
+        let denoiser = Denoiser::new(build, "ao", Options::read(settings)?)?;
         Ok(Self { trace: build.ray_kernel(&AO_TRACE_RAY)?, samples, range, upsample, denoiser })
     }
 }
@@ -86,9 +87,11 @@ impl Effect for RayTraced {
             Some(kernel) => upsample(g, view, kernel, i, traced, false).openness.unwrap_or(traced),
             None => traced,
         };
-        let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
-        let content = Content::Channels(1);
-        let i = DenoiseIn { noisy, content, gbuffer, reprojected, shading: true, change: None, reach: None, moved: 0 };
+        let i = DenoiseIn {
+            signal: Signal { image: noisy, content: Content::Occlusion },
+            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
+            hints: Hints::default(),
+        };
         AoOut { openness: Some(self.denoiser.add(g, view, i, "")), bent_normal: None }
     }
 }

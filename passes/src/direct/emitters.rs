@@ -1,6 +1,7 @@
 //! Light of emissive surfaces: rays to points of them, and along the lobes of smooth surfaces. What comes out is noisy, and a denoiser follows.
 use crate::contracts::DirectIn;
-use crate::denoise::{self, Content, DenoiseIn, Denoiser};
+use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
+use crate::precision;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Part, SettingSpec, Settings, SlotError};
@@ -16,6 +17,7 @@ pub struct Emitters {
     /// Where something lets light through.
     tinted: RayKernel,
     samples: u32,
+    format: Format,
     denoiser: Denoiser,
 }
 
@@ -35,9 +37,9 @@ impl Emitters {
         if samples == 0 {
             return Ok(None);
         }
-        let denoiser = Denoiser::new(build, "direct", settings)?;
+        let denoiser = Denoiser::new(build, "direct", Options::read(settings)?)?;
         let (trace, tinted) = (build.ray_kernel(&DIRECT_EMITTERS_RAY)?, build.ray_kernel(&DIRECT_TINTED_EMITTERS_RAY)?);
-        Ok(Some(Self { trace, tinted, samples, denoiser }))
+        Ok(Some(Self { trace, tinted, samples, format: precision::format(settings)?, denoiser }))
     }
 
     /// The table of emissive surfaces, where there are any.
@@ -54,12 +56,12 @@ impl Emitters {
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
         let table = i.scene.emitters?;
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let (samples, block, gbuffer) = (self.samples, view.block, i.gbuffer);
+        let (samples, format, block, gbuffer) = (self.samples, self.format, view.block, i.gbuffer);
         let noisy = g.pass("direct.emitters", Queue::AsyncCompute, |p| {
             let (block, tlas, table) = (p.read(block), i.scene.trace(p), p.read(table));
             let (depth, normal, ids) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal), p.sample(gbuffer.ids));
             let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
-            let (radiance, target) = p.create("radiance", ImageDesc::like(Format::Rgba32Float, gbuffer.depth));
+            let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {
                 let params = EmitterParams {
@@ -73,20 +75,15 @@ impl Emitters {
                     material: c.id(material),
                     radiance: c.id(target),
                     samples,
+                    greatest: format.greatest(),
                 };
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        let content = Content::Radiance;
         let i = DenoiseIn {
-            noisy,
-            content,
-            gbuffer,
-            reprojected: i.reprojected,
-            shading: true,
-            change: None,
-            reach: None,
-            moved: 0,
+            signal: Signal { image: noisy, content: Content::Radiance },
+            surfaces: Surfaces { gbuffer, reprojected: i.reprojected },
+            hints: Hints::default(),
         };
         Some(self.denoiser.add(g, view, i, ""))
     }

@@ -1,18 +1,18 @@
 //! Shadows of the lights that matter most, each found as the configuration says.
 mod choice;
 mod maps;
+mod penumbra_width;
 mod ray_traced;
-mod reach;
 
 use crate::contracts::{ShadowGroup, ShadowIn, ShadowOut};
-use crate::denoise::{self, Content, DenoiseIn, Denoiser, is_adaptive};
+use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces, is_adaptive};
 use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use maps::{MapOut, MapShadows};
+use penumbra_width::PenumbraWidth;
 use ray_traced::{RayTraced, Traced};
-use reach::Reach;
 
 /// From cheap to accurate. Maps have no noise and the wrong penumbrae; rays have the right ones, and noise.
 pub const PRESETS: [Preset; 4] = [
@@ -60,7 +60,7 @@ fn settings(measured: Technique) -> Vec<SettingSpec> {
         spec
     };
     // What trades accuracy for time most comes first: the report crosses that.
-    let denoising = denoise::settings().into_iter().chain([denoise::adaptive()]);
+    let denoising = denoise::settings().into_iter().chain([denoise::precision(), denoise::adaptive()]);
     let rays = std::iter::once(ray_traced::rays()).chain(denoising).chain(ray_traced::settings());
     let rays = rays.map(|s| of(Technique::Rays, s));
     let maps = maps::settings().into_iter().map(|s| of(Technique::Map, s));
@@ -71,7 +71,7 @@ fn settings(measured: Technique) -> Vec<SettingSpec> {
 struct Shadows {
     choice: Choice,
     rays: RayTraced,
-    reach: Reach,
+    penumbra_width: PenumbraWidth,
     maps: MapShadows,
     denoiser: Denoiser,
     adaptive: bool,
@@ -82,9 +82,9 @@ impl Shadows {
         Ok(Self {
             choice: Choice::new(settings, technique)?,
             rays: RayTraced::new(build, settings)?,
-            reach: Reach::new(build)?,
+            penumbra_width: PenumbraWidth::new(build)?,
             maps: MapShadows::new(build, settings)?,
-            denoiser: Denoiser::new(build, "shadows", settings)?,
+            denoiser: Denoiser::new(build, "shadows", Options::read(settings)?)?,
             adaptive: is_adaptive(settings)?,
         })
     }
@@ -102,12 +102,14 @@ impl Shadows {
         if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
-        let content = Content::Channels(group.channels() as u32);
-        let reach = penumbra.map(|penumbra| self.reach.add(g, penumbra, i.gbuffer.depth, name));
-        let (gbuffer, reprojected) = (i.gbuffer, i.reprojected);
+        let content = Content::Visibility { channels: group.channels() as u32 };
+        let width = penumbra.map(|penumbra| self.penumbra_width.add(g, penumbra, i.gbuffer.depth, name));
         let moved = if self.adaptive { self.rays.moved(group) } else { 0 };
-        let shading = false;
-        let noisy = DenoiseIn { noisy: visibility, content, gbuffer, reprojected, shading, change, reach, moved };
+        let noisy = DenoiseIn {
+            signal: Signal { image: visibility, content },
+            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
+            hints: Hints::default().change(change).width(width).moved(moved),
+        };
         self.denoiser.add(g, view, noisy, name)
     }
 }

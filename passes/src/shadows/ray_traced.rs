@@ -2,15 +2,15 @@
 use super::choice::Group;
 use super::maps::MapOut;
 use crate::contracts::ShadowIn;
-use crate::denoise::{filters, is_adaptive};
+use crate::parts::denoise::{Method, Options, is_adaptive};
 use magpie::gpu::Kernel;
-use magpie::graph::{Extent, History, HistoryScope};
+use magpie::graph::{Extent, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::{Caster, SceneFacts};
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
-use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, TraceParams, UpsampleParams};
+use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, NO_SURFACES, TraceParams, UpsampleParams};
 use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{
     SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
@@ -118,7 +118,7 @@ impl RayTraced {
             gradient,
             tinted,
             scope: HistoryScope::new(),
-            filtered: filters(settings)?,
+            filtered: Options::read(settings)?.method != Method::None,
         })
     }
 
@@ -165,9 +165,8 @@ impl RayTraced {
         let wanted = self.is_noisy(lights) && maps.is_none();
         let (change, next) = match gradient.filter(|_| wanted) {
             Some(kernel) => {
-                let desc = ImageDesc::like(format(group.channels()), i.gbuffer.depth);
-                let History { previous, next, valid } = g.history(&self.scope, format!("visibility{name}"), desc);
-                (Some(self.changes(g, view, kernel, i, (previous, valid), group, name)), Some(next))
+                let changes = self.changes(g, view, kernel, i, group, name);
+                (Some(changes.change), Some((changes.visibility, changes.surfaces)))
             }
             None => (None, None),
         };
@@ -183,9 +182,15 @@ impl RayTraced {
             let ids = p.sample(i.gbuffer.ids);
             let maps = maps.and_then(|m| Some((p.sample(m.visibility), p.sample(m.unsure?))));
             let desc = if step == 1 { ImageDesc::like(format, i.gbuffer.depth) } else { ImageDesc::half(format) };
-            let (visibility, target) = match next {
-                Some(next) => p.write(next),
-                None => p.create("visibility", desc),
+            let (visibility, target, surfaces) = match next {
+                Some((visibility, surfaces)) => {
+                    let (visibility, target) = p.write(visibility);
+                    (visibility, target, Some(p.write(surfaces).1))
+                }
+                None => {
+                    let (visibility, target) = p.create("visibility", desc);
+                    (visibility, target, None)
+                }
             };
             let (penumbra, penumbra_target) = filtered.then(|| p.create("penumbra", desc)).unzip();
             let extent = p.extent_of(desc);
@@ -199,6 +204,7 @@ impl RayTraced {
                     ids: c.id(ids),
                     visibility: c.id(target),
                     penumbra: penumbra_target.map_or(NO_PENUMBRA, |t| c.id(t).index()),
+                    surfaces: surfaces.map_or(NO_SURFACES, |t| c.id(t).index()),
                     map_visibility: maps.map_or(NO_MAP, |(seen, _)| c.id(seen).index()),
                     unsure: maps.map_or(NO_MAP, |(_, unsure)| c.id(unsure).index()),
                     step,
@@ -216,44 +222,38 @@ impl RayTraced {
         Traced { visibility, change, penumbra }
     }
 
-    /// Rays to where those of the frame before went, from where its surfaces are.
-    #[allow(clippy::too_many_arguments, reason = "what a pass reads")]
+    /// The previous frame's rays again, from where its surfaces are now.
     fn changes(
         &self,
         g: &mut FrameGraph,
         view: &View,
         kernel: RayKernel,
         i: ShadowIn,
-        (visibility, valid): (Handle<Image>, bool),
         group: &Group,
         name: &str,
-    ) -> Handle<Image> {
+    ) -> Changes {
         let (samples, block) = (self.samples, view.block);
         let (count, lights) = (group.lights.len() as u32, indices(&group.lights));
         let format = format(group.channels());
+        let desc = ImageDesc::like(format, i.gbuffer.depth);
+        let visibility = g.history(&self.scope, format!("visibility{name}"), desc);
         let Extent { width, height } = g.extent(i.gbuffer.depth);
         let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
         let surfaces = ImageDesc::fixed(Format::Rg32Uint, Extent::new(2 * extent.width, extent.height));
         let surfaces = g.history(&self.scope, format!("gradient_surfaces{name}"), surfaces);
-        let valid = valid && surfaces.valid;
-        g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
+        let valid = visibility.valid && surfaces.valid;
+        let change = g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
-            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
-            let (ids, motion) = (p.sample(i.gbuffer.ids), p.sample(i.gbuffer.motion));
-            let (visibility, previous) = (p.sample(visibility), p.sample(surfaces.previous));
-            let (_, next) = p.write(surfaces.next);
+            let motion = p.sample(i.gbuffer.motion);
+            let (visibility, previous) = (p.sample(visibility.previous), p.sample(surfaces.previous));
             let (change, target) = p.create("change", ImageDesc::fixed(format, extent));
             (change.read(), move |c: &mut Record<'_>| {
                 let params = GradientParams {
                     view: c.id(block),
                     rays: c.rays(),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    ids: c.id(ids),
                     motion: c.id(motion),
                     previous: c.id(previous),
                     previous_visibility: c.id(visibility),
-                    next: c.id(next),
                     change: c.id(target),
                     valid: valid.into(),
                     samples,
@@ -262,8 +262,18 @@ impl RayTraced {
                 };
                 c.trace(kernel, tlas, &params, extent);
             })
-        })
+        });
+        Changes { change, visibility: visibility.next, surfaces: surfaces.next }
     }
+}
+
+/// What has changed since the previous frame, and what `shadows.trace` writes for the next one to find out.
+struct Changes {
+    /// Change of each channel in one pixel of nine.
+    change: Handle<Image>,
+    visibility: WriteHandle<Image>,
+    /// The surface of one pixel in nine.
+    surfaces: WriteHandle<Image>,
 }
 
 /// From half resolution to full.

@@ -118,6 +118,9 @@ impl Bad {
             Format::R16Float | Format::Rg16Float | Format::Rgba16Float => Some(half()),
             Format::R32Float | Format::Rg32Float | Format::Rgba32Float | Format::D32Float => Some(self.float()),
             Format::R8Unorm
+            | Format::R16Unorm
+            | Format::Rg16Unorm
+            | Format::Rgba16Unorm
             | Format::Rg8Unorm
             | Format::Rgba8Unorm
             | Format::Rgba8Srgb

@@ -4,32 +4,28 @@ use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::DENOISE_REPROJECT_COMP;
-use magpie_shaders::denoise::ReprojectParams;
+use magpie_shaders::REPROJECT_SURFACES_COMP;
+use magpie_shaders::reproject::ReprojectParams;
 
-/// The effect: one for all denoisers of a frame, left out where none is at work.
+/// One for all effects of a frame; culled where none reads it.
 pub struct Reprojection {
     kernel: Kernel,
     scope: HistoryScope,
 }
 
 impl Reprojection {
-    /// Makes its pipeline.
+    /// Describes its pipeline.
     pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
-        let kernel = build.kernel(&DENOISE_REPROJECT_COMP)?;
+        let kernel = build.kernel(&REPROJECT_SURFACES_COMP)?;
         Ok(Self { kernel, scope: HistoryScope::new() })
     }
-}
 
-impl Effect for Reprojection {
-    type In = (SceneHandles, GBuffer);
-    type Out = Reprojected;
-
-    fn add(&mut self, g: &mut FrameGraph, view: &View, (scene, i): (SceneHandles, GBuffer)) -> Reprojected {
+    /// Adds the pass `reproject.surfaces`.
+    pub fn add(&mut self, g: &mut FrameGraph, view: &View, scene: SceneHandles, i: GBuffer) -> Reprojected {
         let (kernel, block) = (self.kernel, view.block);
         let History { previous, next, valid } =
             g.history(&self.scope, "guide", ImageDesc::like(Format::Rg32Uint, i.depth));
-        g.pass("denoise.reproject", Queue::AsyncCompute, |p| {
+        g.pass("reproject.surfaces", Queue::AsyncCompute, |p| {
             scene.read(p);
             let block = p.read(block);
             let (depth, normal) = (p.sample(i.depth), p.sample(i.normal));

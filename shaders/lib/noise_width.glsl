@@ -1,10 +1,9 @@
-#ifndef LIB_REACH_GLSL
-#define LIB_REACH_GLSL
+#ifndef LIB_NOISE_WIDTH_GLSL
+#define LIB_NOISE_WIDTH_GLSL
 #include "lib/bindless.glsl"
 #include "shared/denoise.glsl"
-#include "shared/shadows.glsl"
 #include "shared/view.glsl"
-// Extent of shadow noise, as `shadows/reach.comp` found it: the width of the penumbrae around a pixel.
+// How wide the source of each pixel's noise is on the screen, such as the penumbra around it: no filter averages over more.
 
 // Jitter moves each frame's samples within their pixels: to another part of a penumbra two pixels wide, or to where a surface turns away
 // from the light. Anti-aliasing needs them unaveraged, as the mean of visibility times the mean of unshadowed light is not the mean of the
@@ -15,9 +14,9 @@ bool is_jittered(ViewBuffer view) {
     return view.at[0].jitter != view.at[0].previous_jitter;
 }
 
-// Widths of the penumbrae around, pixels, a light in each channel; 0 outside of penumbrae.
-vec4 penumbra_around(uint reach, ivec2 pixel) {
-    return PENUMBRA_MOST * load(reach, pixel);
+// Width around a pixel, pixels, a channel each; 0 where there is no noise.
+vec4 noise_width(uint image, ivec2 pixel) {
+    return WIDEST_NOISE * load(image, pixel);
 }
 
 // Width over which neighbours and earlier frames may be averaged; 0 where each sample must be used as it is.

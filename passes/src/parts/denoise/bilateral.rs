@@ -1,8 +1,8 @@
 //! One blur along surfaces: the cheap denoiser.
-use super::DenoiseIn;
+use super::{DenoiseIn, Options, Precision};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::slot::{Build, Settings, SlotError};
+use magpie::slot::{Build, SlotError};
 use magpie_shaders::DENOISE_BILATERAL_COMP;
 use magpie_shaders::denoise::{BilateralParams, NO_IMAGE};
 
@@ -11,24 +11,26 @@ pub struct Bilateral {
     effect: &'static str,
     kernel: Kernel,
     radius: u32,
+    precision: Precision,
 }
 
 impl Bilateral {
-    /// Makes its pipeline.
-    pub fn new(build: &Build<'_>, effect: &'static str, settings: &Settings) -> Result<Self, SlotError> {
+    /// Describes its pipeline.
+    pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let kernel = build.kernel(&DENOISE_BILATERAL_COMP)?;
-        Ok(Self { effect, kernel, radius: settings.u32("radius")? })
+        Ok(Self { effect, kernel, radius: options.radius, precision: options.precision })
     }
 
     /// Denoises an image.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
         let (kernel, radius, block) = (self.kernel, self.radius, view.block);
+        let (noisy, format) = (i.signal.image, i.signal.content.result(self.precision));
         g.pass(&format!("{}.bilateral{name}", self.effect), Queue::AsyncCompute, |p| {
-            let (block, guide, noisy) = (p.read(block), p.sample(i.reprojected.guide), p.sample(i.noisy));
-            let reach = i.reach.map(|h| p.sample(h));
+            let (block, guide) = (p.read(block), p.sample(i.surfaces.reprojected.guide));
+            let noise_width = i.hints.width.map(|h| p.sample(h));
             let normals = i.normals().map(|h| p.sample(h));
-            let (filtered, target) = p.create("filtered", ImageDesc::like(i.content.colour(), i.noisy));
-            let extent = p.extent(i.noisy);
+            let (filtered, target) = p.create("filtered", ImageDesc::like(format, noisy));
+            let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
             (filtered.read(), move |c: &mut Record<'_>| {
                 let params = BilateralParams {
                     view: c.id(block),
@@ -37,8 +39,9 @@ impl Bilateral {
                     normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
-                    reach: reach.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
                     radius,
+                    greatest: format.greatest(),
                 };
                 c.dispatch(kernel, &params, extent);
             })

@@ -4,6 +4,7 @@
 #include "lib/guide.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/taps.glsl"
+#include "shared/reproject.glsl"
 // Backward reprojection: the four pixels of the previous frame around a surface's position in it, without those that showed another
 // surface, by depth, normal or instance. All denoisers share the result.
 layout(local_size_x = 8, local_size_y = 8) in;

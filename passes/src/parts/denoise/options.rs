@@ -1,0 +1,117 @@
+//! Options of a denoiser, and the settings of an effect that they are read from.
+use super::signal::Precision;
+use magpie::slot::{SettingSpec, Settings, SlotError};
+
+/// How a signal is denoised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// The noise stays.
+    None,
+    /// One edge-aware blur.
+    Bilateral,
+    /// Spatiotemporal variance-guided filtering.
+    Svgf,
+}
+
+/// Options of one denoiser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The algorithm.
+    pub method: Method,
+    /// Of `svgf`: limit of the history length, frames, 1 to 255.
+    pub history: u32,
+    /// Of `svgf`: levels of the à-trous filter, 1 to 6.
+    pub levels: u32,
+    /// Of `svgf`: difference in standard deviations at which the weight of a neighbour is 1/e.
+    pub sigma: f32,
+    /// Of `bilateral`: radius, pixels.
+    pub radius: u32,
+    /// Bits per channel of all its images.
+    pub precision: Precision,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { method: Method::Svgf, history: 32, levels: 4, sigma: 2.0, radius: 4, precision: Precision::Sixteen }
+    }
+}
+
+impl Options {
+    /// Reads the [`settings`] of an effect.
+    ///
+    /// # Errors
+    /// [`SlotError`] if the effect lacks one of them.
+    pub fn read(settings: &Settings) -> Result<Self, SlotError> {
+        let method = match settings.choice("denoiser")? {
+            "svgf" => Method::Svgf,
+            "bilateral" => Method::Bilateral,
+            _ => Method::None,
+        };
+        Ok(Self {
+            method,
+            history: settings.u32("history")?,
+            levels: settings.u32("levels")?,
+            sigma: settings.f32("sigma")?,
+            radius: settings.u32("radius")?,
+            precision: if settings.u32("precision")? < 32 { Precision::Sixteen } else { Precision::ThirtyTwo },
+        })
+    }
+}
+
+/// Settings of an effect that has a denoiser. With them goes a setting `precision`, [`precision`] or the effect's own.
+pub fn settings() -> Vec<SettingSpec> {
+    vec![
+        SettingSpec::choice(
+            "denoiser",
+            "`svgf`: the mean over frames, filtered as far as its variance asks for. `bilateral`: one blur along surfaces, cheap, blurs \
+             penumbrae and noise alike. `none`: noise stays.",
+            "svgf",
+            &["svgf", "bilateral", "none"],
+        )
+        .sweep_all(),
+        SettingSpec::integer(
+            "history",
+            "frames",
+            "Of `svgf`: over how many frames the mean goes. Higher: less noise; what changes without moving is seen later.",
+            32,
+            (1, 255),
+        ),
+        SettingSpec::integer(
+            "levels",
+            "",
+            "Of `svgf`: how often the filter doubles its reach, from 1 pixel on. Higher: smoother wide penumbrae, more time.",
+            4,
+            (1, 6),
+        ),
+        SettingSpec::float(
+            "sigma",
+            "standard deviations",
+            "Of `svgf`: how far two values may be apart to be averaged with a weight of 1/e. Higher: smoother, and shadows lose detail.",
+            2.0,
+            (0.1, 16.0),
+        ),
+        SettingSpec::integer("radius", "pixels", "Of `bilateral`: how far it blurs to each side.", 4, (1, 16)),
+    ]
+}
+
+/// The setting `precision` of effects whose only images of more than 8 bits are the denoiser's.
+pub fn precision() -> SettingSpec {
+    let about = "Bits of each channel of the denoiser's images. 32: as exact as they were computed. 16: half the memory and its traffic.";
+    SettingSpec::among("precision", "bits", about, 16, &[32, 16])
+}
+
+/// The setting `adaptive`, of effects that find changes.
+pub fn adaptive() -> SettingSpec {
+    SettingSpec::switch(
+        "adaptive",
+        "Of `svgf` at full resolution: rays in one pixel of nine find what has changed since the frame before, where history is \
+         forgotten: moved shadows and switched lights are seen at once, for a ninth of a ray a pixel and some noise.",
+        true,
+    )
+    .sweep_all()
+}
+
+/// Whether the denoiser wants to know what has changed.
+pub fn is_adaptive(settings: &Settings) -> Result<bool, SlotError> {
+    Ok(settings.choice("denoiser")? == "svgf" && settings.switch("adaptive")?)
+}

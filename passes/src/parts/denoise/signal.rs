@@ -1,0 +1,206 @@
+//! What is denoised, and the formats of its images.
+use magpie::graph::{HistoryScope, PassBuilder, SampleToken, StorageToken};
+use magpie::prelude::*;
+use magpie_shaders::denoise::{NO_IMAGE, SIGNAL_FOUR, SIGNAL_ONE, SIGNAL_RADIANCE, SIGNAL_TWO};
+use magpie_shaders::{SampledImage, StorageImage};
+
+/// A noisy image.
+#[derive(Clone, Copy, Debug)]
+pub struct Signal {
+    /// The image, of any float or normalised format that has the channels.
+    pub image: Handle<Image>,
+    /// What is in it.
+    pub content: Content,
+}
+
+/// What is in an image that is denoised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Visibility of 1 to 4 lights, or of one light in 3 colours, 0 to 1: each channel on its own. It depends on the plane of a surface
+    /// only, not on its shading normal.
+    Visibility {
+        /// Number of channels.
+        channels: u32,
+    },
+    /// Ambient occlusion or anything else in one channel that depends on the shading normal, 0 to 1.
+    Occlusion,
+    /// Radiance in three channels, compared by luminance. It depends on the shading normal.
+    Radiance,
+}
+
+/// Bits per channel of a denoiser's images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Values from 0 to 1 in 16-bit fixed point, radiance in 16-bit floats, which end at 65504.
+    Sixteen,
+    /// 32-bit floats.
+    ThirtyTwo,
+}
+
+/// Formats of a signal with its standard deviations: of one image, or of two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Packing {
+    /// One of the `SIGNAL_*` constants of the shaders.
+    pub layout: u32,
+    /// Format of values, and of deviations if there is no image for these.
+    pub values: Format,
+    /// Format of deviations in an image of their own.
+    pub deviations: Option<Format>,
+}
+
+impl Content {
+    /// Number of channels.
+    pub fn channels(self) -> u32 {
+        match self {
+            Self::Visibility { channels } => channels,
+            Self::Occlusion => 1,
+            Self::Radiance => 3,
+        }
+    }
+
+    pub(super) fn depends_on_shading_normal(self) -> bool {
+        !matches!(self, Self::Visibility { .. })
+    }
+
+    /// Number of channels that have a variance each.
+    pub(super) fn variances(self) -> u32 {
+        if self == Self::Radiance { 1 } else { self.channels() }
+    }
+
+    /// Format of history lengths.
+    pub(super) fn frames(self) -> Format {
+        match self.variances() {
+            1 => Format::R8Unorm,
+            2 => Format::Rg8Unorm,
+            _ => Format::Rgba8Unorm,
+        }
+    }
+
+    /// Formats of the signal with its deviations.
+    pub(super) fn packing(self, precision: Precision) -> Packing {
+        let fixed = precision == Precision::Sixteen;
+        let (two, four) =
+            if fixed { (Format::Rg16Unorm, Format::Rgba16Unorm) } else { (Format::Rg32Float, Format::Rgba32Float) };
+        match (self, self.channels()) {
+            (Self::Radiance, _) => {
+                let values = if fixed { Format::Rgba16Float } else { Format::Rgba32Float };
+                Packing { layout: SIGNAL_RADIANCE, values, deviations: None }
+            }
+            (_, 1) => Packing { layout: SIGNAL_ONE, values: two, deviations: None },
+            (_, 2) => Packing { layout: SIGNAL_TWO, values: four, deviations: None },
+            _ => Packing { layout: SIGNAL_FOUR, values: four, deviations: Some(four) },
+        }
+    }
+
+    /// Formats of the mean and deviation of the samples alone; of radiance they are those of the luminance. That mean is never shown, so
+    /// it is kept in 32 bits: floats of 16 bits would stop short of it by up to a hundredth.
+    pub(super) fn moments(self, precision: Precision) -> Packing {
+        match self {
+            Self::Radiance => Packing { layout: SIGNAL_ONE, values: Format::Rg32Float, deviations: None },
+            _ => self.packing(precision),
+        }
+    }
+
+    /// Format of the result.
+    pub(super) fn result(self, precision: Precision) -> Format {
+        match (self, self.channels(), precision) {
+            (Self::Radiance, _, Precision::Sixteen) => Format::Rgba16Float,
+            (Self::Radiance, _, Precision::ThirtyTwo) => Format::Rgba32Float,
+            (_, 1, Precision::Sixteen) => Format::R16Unorm,
+            (_, 2, Precision::Sixteen) => Format::Rg16Unorm,
+            (_, _, Precision::Sixteen) => Format::Rgba16Unorm,
+            (_, 1, Precision::ThirtyTwo) => Format::R32Float,
+            (_, 2, Precision::ThirtyTwo) => Format::Rg32Float,
+            (_, _, Precision::ThirtyTwo) => Format::Rgba32Float,
+        }
+    }
+}
+
+/// A signal with its deviations in the graph.
+#[derive(Clone, Copy, Debug)]
+pub struct Packed {
+    /// Values, and deviations if they have no image of their own.
+    pub values: Handle<Image>,
+    /// Deviations.
+    pub deviations: Option<Handle<Image>>,
+}
+
+/// The right to write one.
+#[derive(Debug)]
+pub struct PackedWrite {
+    values: WriteHandle<Image>,
+    deviations: Option<WriteHandle<Image>>,
+}
+
+/// One that a pass reads.
+#[derive(Clone, Copy, Debug)]
+pub struct PackedSample {
+    values: SampleToken,
+    deviations: Option<SampleToken>,
+}
+
+/// One that a pass writes.
+#[derive(Clone, Copy, Debug)]
+pub struct PackedStore {
+    values: StorageToken,
+    deviations: Option<StorageToken>,
+}
+
+impl Packing {
+    /// Images of these formats, each of the size of `like`, that are passed from frame to frame.
+    pub fn history(
+        self,
+        g: &mut FrameGraph,
+        scope: &HistoryScope,
+        name: &str,
+        like: Handle<Image>,
+    ) -> (Packed, PackedWrite) {
+        let values = g.history(scope, name.to_owned(), ImageDesc::like(self.values, like));
+        let deviations =
+            self.deviations.map(|format| g.history(scope, format!("{name}_deviation"), ImageDesc::like(format, like)));
+        let (previous, next) = deviations.map_or((None, None), |h| (Some(h.previous), Some(h.next)));
+        let previous = Packed { values: values.previous, deviations: previous };
+        (previous, PackedWrite { values: values.next, deviations: next })
+    }
+
+    /// New images of these formats, each of the size of `like`.
+    pub fn create(self, p: &mut PassBuilder<'_>, name: &str, like: Handle<Image>) -> (Packed, PackedStore) {
+        let (values, store) = p.create(name, ImageDesc::like(self.values, like));
+        let deviations =
+            self.deviations.map(|format| p.create(&format!("{name}_deviation"), ImageDesc::like(format, like)));
+        let (deviations, store_deviations) = deviations.unzip();
+        let packed = Packed { values: values.read(), deviations: deviations.map(|d| d.read()) };
+        (packed, PackedStore { values: store, deviations: store_deviations })
+    }
+}
+
+impl PackedWrite {
+    /// Declares that the pass writes it.
+    pub fn write(self, p: &mut PassBuilder<'_>) -> (Packed, PackedStore) {
+        let (values, store) = p.write(self.values);
+        let (deviations, store_deviations) = self.deviations.map(|d| p.write(d)).unzip();
+        let packed = Packed { values: values.read(), deviations: deviations.map(|d| d.read()) };
+        (packed, PackedStore { values: store, deviations: store_deviations })
+    }
+}
+
+impl Packed {
+    /// Declares that the pass reads it.
+    pub fn sample(self, p: &mut PassBuilder<'_>) -> PackedSample {
+        PackedSample { values: p.sample(self.values), deviations: self.deviations.map(|d| p.sample(d)) }
+    }
+}
+
+impl PackedSample {
+    /// Indices of values and deviations for the shader.
+    pub fn ids(self, c: &Record<'_>) -> (SampledImage, u32) {
+        (c.id(self.values), self.deviations.map_or(NO_IMAGE, |d| c.id(d).index()))
+    }
+}
+
+impl PackedStore {
+    /// Indices of values and deviations for the shader.
+    pub fn ids(self, c: &Record<'_>) -> (StorageImage, u32) {
+        (c.id(self.values), self.deviations.map_or(NO_IMAGE, |d| c.id(d).index()))
+    }
+}

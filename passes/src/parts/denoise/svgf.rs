@@ -1,0 +1,251 @@
+//! Spatiotemporal variance-guided filtering (Schied et al. 2017), every stage a pass of its own.
+//!
+//! (`blur_gradient_N` →) `accumulate` → `spatial_variance` → `level_N`. The result of the first level is what the next frame accumulates
+//! on. Between passes, values travel packed with their standard deviations.
+use super::signal::{Packed, PackedWrite};
+use super::{DenoiseIn, Options};
+use magpie::gpu::Kernel;
+use magpie::graph::{Extent, History, HistoryScope};
+use magpie::prelude::*;
+use magpie::slot::{Build, SlotError};
+use magpie_shaders::denoise::{
+    AccumulateParams, BlurGradientParams, LevelParams, NO_IMAGE, SpatialVarianceParams, TILE,
+};
+use magpie_shaders::{
+    DENOISE_ACCUMULATE_COMP, DENOISE_BLUR_GRADIENT_COMP, DENOISE_LEVEL_COMP, DENOISE_SPATIAL_VARIANCE_COMP,
+};
+
+/// Number of blurs of the changes: over 5x5, then 9x9 of their pixels, which are a third as many on each side.
+const GRADIENT_BLURS: u32 = 2;
+
+/// The denoiser.
+pub struct Svgf {
+    effect: &'static str,
+    scope: HistoryScope,
+    kernels: Kernels,
+    options: Options,
+}
+
+#[derive(Clone, Copy)]
+struct Kernels {
+    blur_gradient: Kernel,
+    accumulate: Kernel,
+    spatial_variance: Kernel,
+    level: Kernel,
+}
+
+/// A mean over frames.
+#[derive(Clone, Copy)]
+struct Accumulated {
+    signal: Packed,
+    frames: Handle<Image>,
+}
+
+/// What a level filters.
+#[derive(Clone, Copy)]
+struct Filtered {
+    signal: Packed,
+    /// One pixel per tile: whether anything in it has a variance.
+    varied_tiles: Handle<Image>,
+}
+
+/// What the previous frame left for [`Svgf::accumulate`].
+#[derive(Clone, Copy)]
+struct Previous {
+    filtered: Packed,
+    /// How much of it is out of date.
+    gradient: Option<Handle<Image>>,
+}
+
+impl Svgf {
+    /// Describes its pipelines.
+    pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
+        let kernels = Kernels {
+            blur_gradient: build.kernel(&DENOISE_BLUR_GRADIENT_COMP)?,
+            accumulate: build.kernel(&DENOISE_ACCUMULATE_COMP)?,
+            spatial_variance: build.kernel(&DENOISE_SPATIAL_VARIANCE_COMP)?,
+            level: build.kernel(&DENOISE_LEVEL_COMP)?,
+        };
+        Ok(Self { effect, scope: HistoryScope::new(), kernels, options })
+    }
+
+    /// Denoises an image.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
+        let pass = |step: &str| format!("{}.{step}{name}", self.effect);
+        let packing = i.signal.content.packing(self.options.precision);
+        let (filtered, next) = packing.history(g, &self.scope, &format!("filtered{name}"), i.signal.image);
+        let gradient = i.hints.change.map(|change| {
+            (0..GRADIENT_BLURS).fold(change, |change, blur| {
+                self.blur_gradient(g, change, blur, &pass(&format!("blur_gradient_{blur}")))
+            })
+        });
+        let accumulated = self.accumulate(g, view, i, Previous { filtered, gradient }, name);
+        let mut filtered = self.spatial_variance(g, view, i, accumulated, &pass("spatial_variance"));
+        let (mut next, mut result) = (Some(next), i.signal.image);
+        for level in 0..self.options.levels {
+            let name = pass(&format!("level_{level}"));
+            (filtered.signal, result) = self.level(g, view, i, (filtered, next.take()), level, &name);
+        }
+        result
+    }
+
+    fn blur_gradient(&self, g: &mut FrameGraph, change: Handle<Image>, blur: u32, pass: &str) -> Handle<Image> {
+        let kernel = self.kernels.blur_gradient;
+        g.pass(pass, Queue::AsyncCompute, |p| {
+            let change_read = p.sample(change);
+            let (blurred, target) = p.create("blurred", p.desc(change));
+            let extent = p.extent(change);
+            (blurred.read(), move |c: &mut Record<'_>| {
+                let params = BlurGradientParams {
+                    size: [extent.width, extent.height],
+                    change: c.id(change_read),
+                    blurred: c.id(target),
+                    step: 1 << blur,
+                    is_last: (blur + 1 == GRADIENT_BLURS).into(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+
+    fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, previous: Previous, name: &str) -> Accumulated {
+        let (kernel, longest, block) = (self.kernels.accumulate, self.options.history as f32, view.block);
+        let (content, noisy) = (i.signal.content, i.signal.image);
+        let packing = content.packing(self.options.precision);
+        let moments = content.moments(self.options.precision);
+        let (previous_moments, next_moments) = moments.history(g, &self.scope, &format!("moments{name}"), noisy);
+        let History { previous: previous_frames, next: next_frames, .. } =
+            g.history(&self.scope, format!("frames{name}"), ImageDesc::like(content.frames(), noisy));
+        g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
+            let (block, motion) = (p.read(block), p.sample(i.surfaces.gbuffer.motion));
+            let (taps, gradient) = (p.sample(i.surfaces.reprojected.taps), previous.gradient.map(|h| p.sample(h)));
+            let noise_width = i.hints.width.map(|h| p.sample(h));
+            let (previous_filtered, previous_frames) = (p.sample(previous.filtered.values), p.sample(previous_frames));
+            let previous_moments = previous_moments.sample(p);
+            let (signal, signal_target) = packing.create(p, "accumulated", noisy);
+            let (_, moments) = next_moments.write(p);
+            let (counted, frames) = p.write(next_frames);
+            let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
+            (Accumulated { signal, frames: counted.read() }, move |c: &mut Record<'_>| {
+                let (accumulated, accumulated_deviation) = signal_target.ids(c);
+                let (previous_moments, previous_moments_deviation) = previous_moments.ids(c);
+                let (moments, moments_deviation) = moments.ids(c);
+                let params = AccumulateParams {
+                    view: c.id(block),
+                    not_finite: c.not_finite(),
+                    noisy: c.id(noisy),
+                    motion: c.id(motion),
+                    taps: c.id(taps),
+                    previous_filtered: c.id(previous_filtered),
+                    previous_moments,
+                    previous_moments_deviation,
+                    previous_frames: c.id(previous_frames),
+                    gradient: gradient.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    moved: i.hints.moved,
+                    accumulated,
+                    accumulated_deviation,
+                    moments,
+                    moments_deviation,
+                    frames: c.id(frames),
+                    longest,
+                    packing: packing.layout,
+                    greatest: packing.values.greatest(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+
+    fn spatial_variance(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: DenoiseIn,
+        from: Accumulated,
+        pass: &str,
+    ) -> Filtered {
+        let (kernel, block, content) = (self.kernels.spatial_variance, view.block, i.signal.content);
+        let packing = content.packing(self.options.precision);
+        let extent = g.extent(i.signal.image);
+        let tiles = Extent::new(extent.width.div_ceil(TILE), extent.height.div_ceil(TILE));
+        g.pass(pass, Queue::AsyncCompute, |p| {
+            let (block, guide) = (p.read(block), p.sample(i.surfaces.reprojected.guide));
+            let (accumulated, frames) = (from.signal.sample(p), p.sample(from.frames));
+            let (noise_width, normals) = (i.hints.width.map(|h| p.sample(h)), i.normals().map(|h| p.sample(h)));
+            let (signal, signal_target) = packing.create(p, "signal", i.signal.image);
+            let (varied_tiles, varied_target) = p.create("varied_tiles", ImageDesc::fixed(Format::R8Unorm, tiles));
+            (Filtered { signal, varied_tiles: varied_tiles.read() }, move |c: &mut Record<'_>| {
+                let (accumulated, accumulated_deviation) = accumulated.ids(c);
+                let (signal, signal_deviation) = signal_target.ids(c);
+                let params = SpatialVarianceParams {
+                    view: c.id(block),
+                    guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    accumulated,
+                    accumulated_deviation,
+                    frames: c.id(frames),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    signal,
+                    signal_deviation,
+                    varied_tiles: c.id(varied_target),
+                    packing: packing.layout,
+                    channels: content.variances(),
+                    greatest: packing.values.greatest(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+
+    /// The first level writes `history`, the last one the result; those between hand on the signal with its deviations.
+    fn level(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: DenoiseIn,
+        (from, history): (Filtered, Option<PackedWrite>),
+        level: u32,
+        pass: &str,
+    ) -> (Packed, Handle<Image>) {
+        let (kernel, block, content) = (self.kernels.level, view.block, i.signal.content);
+        let (sigma, is_last) = (self.options.sigma, level + 1 == self.options.levels);
+        let packing = content.packing(self.options.precision);
+        let result = content.result(self.options.precision);
+        g.pass(pass, Queue::AsyncCompute, |p| {
+            let (block, guide) = (p.read(block), p.sample(i.surfaces.reprojected.guide));
+            let (noise_width, normals) = (i.hints.width.map(|h| p.sample(h)), i.normals().map(|h| p.sample(h)));
+            let (signal, varied_tiles) = (from.signal.sample(p), p.sample(from.varied_tiles));
+            let filtered = match history {
+                Some(history) => Some(history.write(p)),
+                None => (!is_last).then(|| packing.create(p, "filtered", i.signal.image)),
+            };
+            let (filtered, filtered_target) = filtered.unzip();
+            let (result, result_target) =
+                is_last.then(|| p.create("result", ImageDesc::like(result, i.signal.image))).unzip();
+            let extent = p.extent(i.signal.image);
+            let out = filtered.unwrap_or(from.signal);
+            ((out, result.map_or(out.values, |r| r.read())), move |c: &mut Record<'_>| {
+                let (signal, signal_deviation) = signal.ids(c);
+                let filtered = filtered_target.map(|t| t.ids(c));
+                let params = LevelParams {
+                    view: c.id(block),
+                    guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    signal,
+                    signal_deviation,
+                    varied_tiles: c.id(varied_tiles),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    filtered: filtered.map_or(NO_IMAGE, |(values, _)| values.index()),
+                    filtered_deviation: filtered.map_or(NO_IMAGE, |(_, deviations)| deviations),
+                    result: result_target.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    step: 1 << level,
+                    packing: packing.layout,
+                    sigma,
+                    greatest: packing.values.greatest(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+}
