@@ -34,6 +34,7 @@ impl Pixels {
             Format::R16Unorm => [unorm16(0), 0.0, 0.0, 1.0],
             Format::Rg16Unorm => [unorm16(0), unorm16(1), 0.0, 1.0],
             Format::Rgba16Unorm => [unorm16(0), unorm16(1), unorm16(2), unorm16(3)],
+            Format::Rg16Snorm => [snorm(0), snorm(1), 0.0, 1.0],
             Format::Rgba16Snorm => [snorm(0), snorm(1), snorm(2), snorm(3)],
             Format::R16Float => [half(0), 0.0, 0.0, 1.0],
             Format::Rg16Float => [half(0), half(1), 0.0, 1.0],
@@ -59,6 +60,7 @@ impl Pixels {
             .flat_map(|v| {
                 let rgb = match self.format {
                     Format::Rgba8Srgb => [v[0], v[1], v[2]].map(srgb_encode),
+                    Format::Rg16Snorm => [0.5 + 0.5 * v[0], 0.5 + 0.5 * v[1], 0.5],
                     Format::Rgba16Snorm => [v[0], v[1], v[2]].map(|x| 0.5 + 0.5 * x),
                     Format::Rg16Float | Format::Rg32Float => [0.5 + v[0], 0.5 + v[1], 0.5],
                     Format::D32Float => [(v[0] / nearest).max(0.0).cbrt(); 3],

@@ -2,7 +2,10 @@
 //!
 //! Every image that comes out is as large as the frame, that of `post` as large as the picture. Where one has another format or size than its
 //! contract says, the frame is refused with both, and with the names of slot and implementation.
-use crate::outputs::{COLOUR, DIRECTION, Gives, MATERIAL, NORMAL, ONE, RADIANCE, SHARES};
+mod gbuffer;
+
+use crate::outputs::{DIRECTION, Gives, ONE, RADIANCE, SHARES};
+pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
 use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, WriteHandle};
@@ -36,42 +39,6 @@ impl Gives for AccelerationOut {
 
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
         Vec::new()
-    }
-}
-
-/// What the camera sees first, one value per pixel.
-#[derive(Clone, Copy, Debug)]
-pub struct GBuffer {
-    /// Reversed depth: 1 at the near plane, 0 where nothing was drawn. D32F.
-    pub depth: Handle<Image>,
-    /// Linear base colour; occlusion in alpha. RGBA8 with or without the sRGB curve, RGBA16F or RGBA32F.
-    pub base_colour: Handle<Image>,
-    /// Octahedral normals: shading in xy, geometric in zw, both facing the viewer. RGBA16 signed normalised, RGBA16F or RGBA32F.
-    pub normal: Handle<Image>,
-    /// Metalness in red, perceptual roughness in green; where materials of the scene have a reflection of their own, that in blue and alpha
-    /// (`lib/gbuffer_specular.glsl`). An image without the two stands for an index of refraction of 1.5. RG8, RG16F or RG32F; RGBA16 signed normalised or RGBA32F.
-    pub material: Handle<Image>,
-    /// Emitted radiance. RGBA16F or RGBA32F.
-    pub emission: Handle<Image>,
-    /// Texture coordinates now minus one frame ago. RG16F or RG32F.
-    pub motion: Handle<Image>,
-    /// Instance + 1 in red, triangle in green. RG32 unsigned.
-    pub ids: Handle<Image>,
-}
-
-impl Gives for GBuffer {
-    const SHOWN: bool = false;
-
-    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        vec![
-            ("depth", self.depth, &[Format::D32Float]),
-            ("base_colour", self.base_colour, COLOUR),
-            ("normal", self.normal, NORMAL),
-            ("material", self.material, MATERIAL),
-            ("emission", self.emission, RADIANCE),
-            ("motion", self.motion, DIRECTION),
-            ("ids", self.ids, &[Format::Rg32Uint]),
-        ]
     }
 }
 

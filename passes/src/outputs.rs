@@ -24,8 +24,10 @@ pub const SHARES: &[Format] = &[
     Format::Rgba32Float,
 ];
 pub const COLOUR: &[Format] = &[Format::Rgba8Srgb, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba32Float];
-pub const NORMAL: &[Format] = &[Format::Rgba16Snorm, Format::Rgba16Float, Format::Rgba32Float];
+pub const NORMAL: &[Format] = &[Format::Rg16Snorm, Format::Rg16Float, Format::Rg32Float];
 pub const DIRECTION: &[Format] = &[Format::Rg16Float, Format::Rg32Float];
+pub const DEPTH: &[Format] = &[Format::D32Float];
+pub const IDS: &[Format] = &[Format::Rg32Uint];
 pub const RADIANCE: &[Format] = &[Format::Rgba32Float, Format::Rgba16Float];
 
 /// What a slot gives.

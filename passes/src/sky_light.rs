@@ -1,5 +1,5 @@
 //! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
-use crate::contracts::{IndirectIn, IndirectOut};
+use crate::contracts::{Channel, IndirectIn, IndirectOut};
 use crate::precision;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -7,6 +7,12 @@ use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::Shader;
 use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
+
+/// What diffuse light needs of the surfaces.
+const DIFFUSE: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material];
+/// What specular light needs: its lobe may be cut off by the surface's own plane.
+const SPECULAR: &[Channel] =
+    &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::BaseColour, Channel::Material];
 
 /// No indirect light: no pass.
 pub struct Off;
@@ -62,8 +68,7 @@ impl Effect for SkyLight {
         let IndirectIn { gbuffer, ao } = i;
         let radiance = g.pass(self.pass, Queue::AsyncCompute, |p| {
             let block = p.read(block);
-            let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
-            let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
+            let surfaces = gbuffer.read(p, if bends { DIFFUSE } else { SPECULAR });
             let openness = ao.openness.map(|h| p.sample(h));
             let bent_normal = ao.bent_normal.filter(|_| bends).map(|h| p.sample(h));
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
@@ -71,10 +76,7 @@ impl Effect for SkyLight {
             (radiance.read(), move |c: &mut Record<'_>| {
                 let params = SkyLightParams {
                     view: c.id(block),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    base_colour: c.id(base_colour),
-                    material: c.id(material),
+                    gbuffer: surfaces.images(c),
                     openness: openness.map_or(NO_IMAGE, |t| c.id(t).index()),
                     bent_normal: bent_normal.map_or(NO_IMAGE, |t| c.id(t).index()),
                     radiance: c.id(target),

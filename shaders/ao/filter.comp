@@ -17,10 +17,11 @@ vec4 mean(ViewBuffer view, ivec2 target, Surface here) {
         for (int x = -2; x <= 2; x++) {
             ivec2 at = target + ivec2(x, y);
             if (!inside(at * step_size, view.at[0].size)) continue;
-            Surface there = load_geometry(view, at * step_size, params.depth, params.normal);
+            Surface there = load_geometry(view, at * step_size, params.gbuffer);
             if (!there.exists) continue;
             float weight = (abs(x) == 2 ? 0.5 : 1.0) * (abs(y) == 2 ? 0.5 : 1.0) * surface_weight(here, there, width);
-            sum += weight * load(params.found, at);
+            vec4 found = load(params.found, at);
+            sum += weight * vec4(2.0 * found.xyz - 1.0, found.w);
             weights += weight;
         }
     }
@@ -33,7 +34,7 @@ void main() {
     ivec2 target = ivec2(gl_GlobalInvocationID.xy);
     ivec2 pixel = target * int(params.step);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface here = load_geometry(view, pixel, params.depth, params.normal);
+    Surface here = load_geometry(view, pixel, params.gbuffer);
     vec4 value = here.exists ? mean(view, target, here) : vec4(vec3(0.0), 1.0);
     if (params.bent_normal == NO_BENT_NORMAL) {
         store(params.filtered, target, vec4(safe_normalize(value.rgb, here.normal), value.a));

@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/sampling.glsl"
 #include "shared/ao.glsl"
 // Openness and bent normals from the depth image: Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate
@@ -65,7 +66,7 @@ float horizon(ViewBuffer view, ivec2 pixel, Surface s, vec3 here, Slice slice, f
         vec2 at = vec2(pixel) + 0.5 + side * slice.pixel_step * (1.0 + share * share * radius);
         ivec2 seen = ivec2(floor(at));
         if (!inside(seen, view.at[0].size)) break;
-        float depth = load(params.depth, seen).r;
+        float depth = load(params.gbuffer.depth, seen).r;
         if (depth <= 0.0) {
             away_before = 2.0 * params.range;
             continue;
@@ -142,8 +143,10 @@ void main() {
     ivec2 target = ivec2(gl_GlobalInvocationID.xy);
     ivec2 pixel = target * int(params.step);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface surface = load_geometry(view, pixel, params.depth, params.normal);
+    Surface surface = load_geometry(view, pixel, params.gbuffer);
     vec4 found = vec4(vec3(0.0), 1.0);
-    if (surface.exists) found = search(view, pixel, surface, load(params.depth, pixel).r);
-    store(params.found, target, found);
+    if (surface.exists) found = search(view, pixel, surface, load(params.gbuffer.depth, pixel).r);
+    // The image cannot hold what is not finite: counted, and taken for open.
+    if (!is_taken(params.not_finite, found)) found = vec4(surface.normal, 1.0);
+    store(params.found, target, vec4(0.5 + 0.5 * found.xyz, found.w));
 }

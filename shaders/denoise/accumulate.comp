@@ -96,7 +96,7 @@ void main() {
     if (!taken) now = finite_beside(params.noisy, pixel, view.at[0].size);
     vec4 sampled = compared(now, params.packing);
 
-    vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
+    vec2 was = vec2(pixel) - load(params.gbuffer.motion, pixel).xy * vec2(view.at[0].size);
     Taps taps = load_taps(params.taps, pixel, was);
     vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
     bool between = is_between(was) || taps.beside;

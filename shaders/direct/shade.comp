@@ -23,8 +23,8 @@ Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
             uint caster = (params.casters[group] >> (8u * channel)) & 255u;
             if (caster == NO_CASTER || view.at[0].casters[caster] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
-            vec3 share = (params.coloured & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
-            return Seen(share, (params.raw & (1u << group)) != 0u);
+            vec3 share = (params.group_flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
+            return Seen(share, (params.group_flags & (256u << group)) != 0u);
         }
     }
     return Seen(vec3(1.0), false);
@@ -72,12 +72,12 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
 }
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
-    Surface s = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
+    Surface s = load_surface(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     LightBuffer lights = LightBuffer(scene.at[0].lights);
 
-    vec3 radiance = load(params.emission, pixel).rgb;
+    vec3 radiance = load(params.gbuffer.emission, pixel).rgb;
     if (params.emitters != NO_EMITTERS) {
         float n_v = max(dot(s.normal, s.to_eye), 0.0);
         radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, s.fresnel, n_v);

@@ -110,7 +110,7 @@ vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which,
 
 // Radiance over albedo for one pixel.
 vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
-    Surface surface = load_surface(view, pixel, params.depth, params.normal, params.base_colour, params.material);
+    Surface surface = load_surface(view, pixel, params.gbuffer);
     if (!surface.exists) return vec3(0.0);
     Seen s;
     s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
@@ -119,7 +119,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
-    s.start = seen_start(scene, load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
+    s.start = seen_start(scene, load_uint(params.gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     s.around = frame_of(surface.normal);
     s.v = surface.to_eye * s.around;
     // A viewer on or below the horizon is treated as grazing.

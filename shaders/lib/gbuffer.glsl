@@ -5,6 +5,7 @@
 #include "lib/gbuffer_specular.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/vector.glsl"
+#include "shared/gbuffer.glsl"
 #include "shared/view.glsl"
 // The G-buffer, decoded. Layout: README.md.
 
@@ -68,28 +69,25 @@ Surface no_surface() {
     return s;
 }
 
-// Position and normals.
-Surface load_geometry(ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image) {
+// Position and normals. A pass that uses one normal only need not declare the other.
+Surface load_geometry(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     Surface s = no_surface();
-    float depth = load(depth_image, pixel).r;
+    float depth = load(gbuffer.depth, pixel).r;
     s.exists = depth > 0.0;
     if (!s.exists) return s;
     s.position = world_position(view, pixel, depth);
     s.to_eye = -normalize(pixel_ray(view, pixel));
-    vec4 normals = load(normal_image, pixel);
-    s.normal = octahedral_decode(normals.xy);
-    s.geometric_normal = octahedral_decode(normals.zw);
+    s.normal = octahedral_decode(load(gbuffer.normal, pixel).xy);
+    s.geometric_normal = octahedral_decode(load(gbuffer.geometric_normal, pixel).xy);
     return s;
 }
 
 // Position, normals and material.
-Surface load_surface(
-    ViewBuffer view, ivec2 pixel, uint depth_image, uint normal_image, uint base_colour_image, uint material_image
-) {
-    Surface s = load_geometry(view, pixel, depth_image, normal_image);
+Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
+    Surface s = load_geometry(view, pixel, gbuffer);
     if (!s.exists) return s;
-    vec4 base_colour = load(base_colour_image, pixel);
-    vec4 material = load(material_image, pixel);
+    vec4 base_colour = load(gbuffer.base_colour, pixel);
+    vec4 material = load(gbuffer.material, pixel);
     s.base_colour = base_colour.rgb;
     s.occlusion = base_colour.a;
     s.metalness = material.r;

@@ -32,11 +32,13 @@ vec2 motion_between(vec3 clip_now, vec3 clip_before) {
 
 #ifdef WRITES_GBUFFER
 layout(location = 0) out vec4 out_base_colour;
-layout(location = 1) out vec4 out_normal;
-layout(location = 2) out vec4 out_material;
-layout(location = 3) out vec4 out_emission;
+layout(location = 1) out vec2 out_normal;
+layout(location = 2) out vec2 out_geometric_normal;
+layout(location = 3) out vec4 out_material;
 layout(location = 4) out vec2 out_motion;
 layout(location = 5) out uvec2 out_ids;
+// Last, so that scenes in which nothing emits can leave it out.
+layout(location = 6) out vec4 out_emission;
 
 void write_gbuffer(Fragment f, uint material_flags) {
     if ((material_flags & MATERIAL_UNLIT) != 0u) {
@@ -46,8 +48,8 @@ void write_gbuffer(Fragment f, uint material_flags) {
         f.metalness_roughness = vec2(1.0);
     }
     out_base_colour = vec4(f.base_colour, f.occlusion);
-    out_normal.xy = octahedral_encode(turn_to_viewer(f.normal, f.to_eye));
-    out_normal.zw = octahedral_encode(f.geometric_normal);
+    out_normal = octahedral_encode(turn_to_viewer(f.normal, f.to_eye));
+    out_geometric_normal = octahedral_encode(f.geometric_normal);
     out_material = vec4(f.metalness_roughness, f.specular);
     out_emission = vec4(mix(f.emission, vec3(GREATEST), greaterThan(f.emission, vec3(GREATEST))), 1.0);
     out_motion = f.motion;

@@ -17,12 +17,12 @@ ivec2 gradient_pixel(ViewBuffer view, ivec2 square, uint frame) {
 
 // Stores what a pixel shows, if it is the one of its square that is stored in this frame, in two texels of two words: reversed depth and
 // shading normal, instance + 1 and primitive. Zeros for the background.
-void remember(ViewBuffer view, ivec2 pixel, uint kept, uint depth, uint normal, uint ids) {
+void remember(ViewBuffer view, ivec2 pixel, uint kept, GBufferImages gbuffer) {
     ivec2 square = pixel / int(GRADIENT_STRATUM);
     if (pixel != gradient_pixel(view, square, view.at[0].frame)) return;
-    uvec2 surface = uvec2(floatBitsToUint(load(depth, pixel).r), packSnorm2x16(load(normal, pixel).xy));
+    uvec2 surface = uvec2(floatBitsToUint(load(gbuffer.depth, pixel).r), packSnorm2x16(load(gbuffer.normal, pixel).xy));
     store_uint(kept, ivec2(2 * square.x, square.y), surface.xyyy);
-    store_uint(kept, ivec2(2 * square.x + 1, square.y), load_uint(ids, pixel).xyyy);
+    store_uint(kept, ivec2(2 * square.x + 1, square.y), load_uint(gbuffer.ids, pixel).xyyy);
 }
 
 // A point, a direction and a normal of an instance, moved from the previous frame to this one.

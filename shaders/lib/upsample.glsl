@@ -23,9 +23,7 @@ ivec2 full_pixel(ivec2 coarse) {
 
 // The value of `coarse_image` at a full-resolution pixel with a surface. Pixels that have a half-resolution sample of their own use it;
 // others blend the two or four around by distance, by distance from the pixel's plane, and by the angle between normals.
-vec4 joint_bilateral(
-    ViewBuffer view, ivec2 pixel, Surface here, uint depth_image, uint normal_image, uint coarse_image
-) {
+vec4 joint_bilateral(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, uint coarse_image) {
     ivec2 first = pixel / 2;
     if (pixel == full_pixel(first)) return load(coarse_image, first);
 
@@ -40,7 +38,7 @@ vec4 joint_bilateral(
         for (int x = 0; x <= odd.x; x++) {
             ivec2 coarse = first + ivec2(x, y);
             if (!inside(full_pixel(coarse), view.at[0].size)) continue;
-            Surface there = load_geometry(view, full_pixel(coarse), depth_image, normal_image);
+            Surface there = load_geometry(view, full_pixel(coarse), gbuffer);
             if (!there.exists) continue;
             vec4 value = load(coarse_image, coarse);
             float off = abs(dot(here.geometric_normal, there.position - here.position));

@@ -89,8 +89,8 @@ Around look_around(ViewBuffer view, vec2 at) {
                 smooth_sum += weight * colour;
                 smooth_weights += weight;
             }
-            float depth = load(params.depth, pixel).r;
-            uint instance = load_uint(params.ids, pixel).r;
+            float depth = load(params.gbuffer.depth, pixel).r;
+            uint instance = load_uint(params.gbuffer.ids, pixel).r;
             if (depth > closest_depth) {
                 closest_depth = depth;
                 around.closest = pixel;
@@ -165,8 +165,8 @@ void main() {
     }
 
     // Reprojection. Edges move with the foreground.
-    float closest_depth = load(params.depth, around.closest).r;
-    vec2 motion = motion_of(view, around.closest, closest_depth, load(params.motion, around.closest).xy);
+    float closest_depth = load(params.gbuffer.depth, around.closest).r;
+    vec2 motion = motion_of(view, around.closest, closest_depth, load(params.gbuffer.motion, around.closest).xy);
     if (!is_taken(params.not_finite, vec3(motion, 0.0))) motion = vec2(2.0);  // off the screen: no history
     vec2 before = (vec2(pixel) + 0.5) / size - motion;
     float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);

@@ -55,11 +55,11 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface surface = load_geometry(view, pixel, params.depth, params.normal);
-    uint instance = load_uint(params.ids, pixel).x;
+    Surface surface = load_geometry(view, pixel, params.gbuffer);
+    uint instance = load_uint(params.gbuffer.ids, pixel).x;
     Guide here = Guide(0.0, vec3(0.0, 0.0, 1.0), vec3(0.0, 0.0, 1.0), instance & 0xffu);
     if (surface.exists) {
-        here.depth = view_depth(view, load(params.depth, pixel).r);
+        here.depth = view_depth(view, load(params.gbuffer.depth, pixel).r);
         here.plane = surface.geometric_normal;
     }
     store_uint(params.guide, pixel, uvec4(pack_guide(here), 0u, 0u));
@@ -68,7 +68,7 @@ void main() {
     if (params.valid != 0u && surface.exists) {
         // Motion vectors contain no jitter, so that static points stay at their pixel. The two frames' samples are offset by their own
         // jitter: a point of a silhouette may have been sampled by the neighbouring pixel, where this pixel showed what is behind.
-        vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
+        vec2 was = vec2(pixel) - load(params.gbuffer.motion, pixel).xy * vec2(view.at[0].size);
         vec2 sampled = was + view.at[0].jitter - view.at[0].previous_jitter;
         Before before = Before(view_depth_before(view, instance - 1u, surface.position), depth_gradient(view, pixel, here), sampled);
         vec4 shares = shares_of(view, before, here, was);

@@ -24,7 +24,7 @@ bool meets(ViewBuffer view, vec3 from, vec3 direction, float reach, float start)
         if (clip.w <= near) return false;
         ivec2 pixel = ivec2(floor((clip.xy / clip.w * 0.5 + 0.5) * vec2(view.at[0].size)));
         if (!inside(pixel, view.at[0].size)) return false;
-        float depth = load(params.depth, pixel).r;
+        float depth = load(params.gbuffer.depth, pixel).r;
         if (depth <= 0.0) continue;
         float behind = clip.w - near / depth;
         if (behind > TOLERANCE * pixel_spread(view) * clip.w && behind < params.reach) return true;
@@ -36,7 +36,7 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface surface = load_geometry(view, pixel, params.depth, params.normal);
+    Surface surface = load_geometry(view, pixel, params.gbuffer);
     if (!surface.exists) return;
     vec4 visibility = imageLoad(storage_images[params.visibility], pixel);
     LightBuffer lights = LightBuffer(SceneBuffer(view.at[0].scene).at[0].lights);

@@ -170,7 +170,7 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface surface = load_geometry(view, pixel, params.depth, params.normal);
+    Surface surface = load_geometry(view, pixel, params.gbuffer);
     map_not_finite = params.not_finite;
     vec4 visibility = vec4(0.0);
     uint unsure = 0u;

@@ -11,8 +11,8 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    Surface here = load_geometry(view, pixel, params.depth, params.normal);
+    Surface here = load_geometry(view, pixel, params.gbuffer);
     vec4 visibility = vec4(0.0);
-    if (here.exists) visibility = joint_bilateral(view, pixel, here, params.depth, params.normal, params.half_visibility);
+    if (here.exists) visibility = joint_bilateral(view, pixel, here, params.gbuffer, params.half_visibility);
     store(params.visibility, pixel, visibility);
 }

@@ -1,4 +1,5 @@
 //! Parameters of `shaders/ao`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -13,12 +14,8 @@ pub struct TraceParams {
     pub view: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 and primitive.
-    pub ids: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// R16F: share of the rays that met nothing.
     pub openness: StorageImage,
     /// Spacing of the pixels that are traced: 1, or 2 for half resolution.
@@ -35,11 +32,11 @@ pub struct TraceParams {
 pub struct SearchParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// RGBA16F: unit bent normal in the world, openness in alpha.
+    /// Counter of results that are not finite.
+    pub not_finite: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// Unit bent normal in the world, -1 to 1 as 0 to 1, and openness in alpha: RGBA8.
     pub found: StorageImage,
     /// Spacing of the pixels that are searched: 1, or 2 for half resolution.
     pub step: u32,
@@ -61,10 +58,8 @@ pub struct SearchParams {
 pub struct FilterParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// `found` of `search.comp`.
     pub found: SampledImage,
     /// At full size R16F, openness; at half size as `found`.
@@ -81,11 +76,9 @@ pub struct FilterParams {
 pub struct UpsampleParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Half resolution, a texel for the upper left one of four pixels: RGBA16F with bent normal and openness, or R16F with openness alone.
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// Half resolution, a texel for the upper left one of four pixels: RGBA8 or RGBA16F with bent normal and openness, or R16F with openness alone.
     pub half_size: SampledImage,
     /// R16F, full size.
     pub openness: StorageImage,

@@ -1,4 +1,5 @@
 //! Parameters of `shaders/denoise`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -27,8 +28,8 @@ pub struct AccumulateParams {
     pub not_finite: Address,
     /// Input: this frame's samples.
     pub noisy: SampledImage,
-    /// Motion vectors: uv now minus uv one frame ago.
-    pub motion: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// `taps` of `reproject/surfaces.comp`.
     pub taps: SampledImage,
     /// Filtered result that the previous frame fed back; its deviation is not read.

@@ -1,5 +1,6 @@
 //! Parameters of `shaders/direct`.
-use super::types::{Address, SampledImage, StorageImage};
+use super::gbuffer::GBufferImages;
+use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
 /// A byte of [`ShadeParams::casters`] for a channel without a light.
@@ -17,16 +18,8 @@ pub struct EmitterParams {
     pub rays: Address,
     /// The [`LightTables`](super::reference::LightTables), of which only `near` and `emitters` are set.
     pub lights: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 in red, triangle in green.
-    pub ids: SampledImage,
-    /// Linear base colour; occlusion in alpha.
-    pub base_colour: SampledImage,
-    /// Metalness in red, roughness in green.
-    pub material: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Outgoing radiance over the albedo (`reflectance` of `lib/brdf.glsl`).
     pub radiance: StorageImage,
     /// Rays per pixel.
@@ -41,16 +34,8 @@ pub struct EmitterParams {
 pub struct ShadeParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Linear base colour; occlusion in alpha.
-    pub base_colour: SampledImage,
-    /// Metalness in red, roughness in green.
-    pub material: SampledImage,
-    /// Emitted radiance.
-    pub emission: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`; infinite for 32-bit floats.
@@ -66,8 +51,6 @@ pub struct ShadeParams {
     /// Lights of each image: a byte per channel, the first channel lowest, with an index in [`View::casters`](super::view::View::casters)
     /// or [`NO_CASTER`].
     pub casters: [u32; 8],
-    /// A bit for each image whose first three channels hold the coloured visibility of its first light.
-    pub coloured: u32,
-    /// A bit for each image of unfiltered rays.
-    pub raw: u32,
+    /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
+    pub group_flags: u32,
 }

@@ -1,4 +1,5 @@
 //! Parameters of `shaders/post`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, SamplerId, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -37,12 +38,8 @@ pub struct TaaParams {
     pub not_finite: Address,
     /// Linear radiance of this frame.
     pub colour: SampledImage,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Motion vectors: uv now minus uv one frame ago.
-    pub motion: SampledImage,
-    /// Instance + 1.
-    pub ids: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// History: the previous output, linear radiance.
     pub picture: SampledImage,
     /// History: slow mean, variance and fast mean over time of the tone-weighted luma of the 3x3, and the weight of the history in samples.

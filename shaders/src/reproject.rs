@@ -1,4 +1,5 @@
 //! Parameters of `shaders/reproject`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -8,14 +9,8 @@ use bytemuck::{Pod, Zeroable};
 pub struct ReprojectParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 and primitive.
-    pub ids: SampledImage,
-    /// Motion vectors: uv now minus uv one frame ago.
-    pub motion: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// The previous frame's guide.
     pub previous_guide: SampledImage,
     /// This frame's guide: RG32 uint, see `lib/guide.glsl`.

@@ -1,4 +1,5 @@
 //! Parameters and tables of shadow maps, `shaders/shadows/map_*` and `contact.comp`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -92,10 +93,8 @@ pub struct MapParams {
     pub maps: [SampledImage; 4],
     /// Number of lights.
     pub light_count: u32,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Output, one light in each channel: 1 visible, 0 occluded.
     pub visibility: StorageImage,
     /// Output: `UNSURE_*` bits; only with `classify`.
@@ -126,10 +125,8 @@ pub struct ContactParams {
     pub lights: Address,
     /// Number of lights.
     pub light_count: u32,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// One light in each channel; set to 0 where occluded.
     pub visibility: StorageImage,
     /// Length of the march, metres.

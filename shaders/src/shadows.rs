@@ -1,4 +1,5 @@
 //! Parameters of `shaders/shadows`.
+use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -17,12 +18,8 @@ pub struct TraceParams {
     pub view: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Instance + 1 and primitive.
-    pub ids: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Output, a light in each channel: 1 fully visible, 0 occluded.
     pub visibility: StorageImage,
     /// Output: penumbra width at the hits, over [`WIDEST_NOISE`](super::denoise::WIDEST_NOISE), 0 where all rays arrived; or [`NO_PENUMBRA`].
@@ -51,8 +48,8 @@ pub struct GradientParams {
     pub view: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// Motion vectors: uv now minus uv one frame ago.
-    pub motion: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// `surfaces` of `trace.ray` one frame ago: RG32 uint, two adjacent texels for one of nine pixels.
     pub previous: SampledImage,
     /// `visibility` of `trace.ray` one frame ago.
@@ -89,10 +86,8 @@ pub struct PenumbraWidthParams {
 pub struct UpsampleParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Half resolution: visibility of the upper left one of four pixels.
     pub half_visibility: SampledImage,
     /// Output at full resolution.

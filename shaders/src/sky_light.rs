@@ -1,5 +1,6 @@
 //! Parameters of `shaders/gi/sky.comp` and `shaders/reflections/sky.comp`: sky light on visible surfaces.
-use super::types::{Address, SampledImage, StorageImage};
+use super::gbuffer::GBufferImages;
+use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
 /// Value of an optional image that is not there.
@@ -11,14 +12,8 @@ pub const NO_IMAGE: u32 = 4294967295;
 pub struct SkyLightParams {
     /// The [`View`](super::view::View).
     pub view: Address,
-    /// Reversed depth.
-    pub depth: SampledImage,
-    /// Octahedral normals: shading in xy, geometric in zw.
-    pub normal: SampledImage,
-    /// Linear base colour; occlusion in alpha.
-    pub base_colour: SampledImage,
-    /// Metalness in red, roughness in green.
-    pub material: SampledImage,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
     /// Openness, 0 to 1; [`NO_IMAGE`] for no ambient occlusion.
     pub openness: u32,
     /// Octahedral bent normal, the mean unoccluded direction; [`NO_IMAGE`] where there is none.

@@ -107,6 +107,7 @@ fn formats_mips_and_layers() -> Result<()> {
             Format::R16Unorm,
             Format::Rg16Unorm,
             Format::Rgba16Unorm,
+            Format::Rg16Snorm,
             Format::Rgba16Snorm,
             Format::Rg16Float,
             Format::Rgba16Float,

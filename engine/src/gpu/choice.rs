@@ -195,6 +195,7 @@ const COLOUR_ATTACHMENTS: u32 = 6;
 
 /// Features that the frame needs of each format, beyond those that Vulkan guarantees.
 const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[
+    (Format::Rg16Snorm, ATTACHMENT),
     (Format::Rgba16Snorm, ATTACHMENT),
     (Format::Rgba16Float, ATTACHMENT),
     (Format::Rg16Float, ATTACHMENT),

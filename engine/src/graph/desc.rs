@@ -21,6 +21,8 @@ pub enum Format {
     Rg16Unorm,
     /// Four channels, 0 to 1, 16 bits each.
     Rgba16Unorm,
+    /// Two channels, -1 to 1, 16 bits each.
+    Rg16Snorm,
     /// Four channels, -1 to 1, 16 bits each.
     Rgba16Snorm,
     /// One 16-bit float.
@@ -49,7 +51,7 @@ impl Format {
         match self {
             Self::R8Unorm => 1,
             Self::Rg8Unorm | Self::R16Unorm | Self::R16Float => 2,
-            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Unorm | Self::Rg16Float => 4,
+            Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Unorm | Self::Rg16Snorm | Self::Rg16Float => 4,
             Self::R32Float | Self::R32Uint | Self::D32Float => 4,
             Self::Rgba16Unorm | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rg32Float | Self::Rg32Uint => 8,
             Self::Rgba32Float => 16,
@@ -60,7 +62,9 @@ impl Format {
     pub fn channels(self) -> u32 {
         match self {
             Self::R8Unorm | Self::R16Unorm | Self::R16Float | Self::R32Float | Self::R32Uint | Self::D32Float => 1,
-            Self::Rg8Unorm | Self::Rg16Unorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => 2,
+            Self::Rg8Unorm | Self::Rg16Unorm | Self::Rg16Snorm | Self::Rg16Float | Self::Rg32Float | Self::Rg32Uint => {
+                2
+            }
             Self::Rgba8Unorm
             | Self::Rgba8Srgb
             | Self::Rgba16Unorm
@@ -87,6 +91,7 @@ impl Format {
             | Self::R16Unorm
             | Self::Rg16Unorm
             | Self::Rgba16Unorm
+            | Self::Rg16Snorm
             | Self::Rgba16Snorm
             | Self::R32Uint
             | Self::Rg32Uint => false,

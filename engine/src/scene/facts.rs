@@ -73,6 +73,8 @@ pub struct SceneFacts {
     pub lights_move: bool,
     /// Surface of all instances, m².
     pub area: f64,
+    /// A surface looks brighter than what lights it: its material emits, or shows its base colour without lighting.
+    pub shows_emission: bool,
     /// Surface that lights others by its emission, m²: emissive texels alone, less what alpha takes.
     pub emissive_area: f64,
     /// Its luminous flux over 683 lm/W, by a few look-ups of textures per triangle: 0 does not prove that nothing shines.
@@ -125,6 +127,7 @@ impl SceneFacts {
             has_sky: scene.environment.as_ref().map_or(scene.daylight.is_some(), |e| !e.is_black()),
             instances: scene.instances.len() as u32,
             lets_light_through: scene.instances.iter().any(|i| lets_light_through(scene, i)),
+            shows_emission: scene.instances.iter().any(|i| shows_emission(&scene.materials[i.material as usize])),
             has_own_specular: scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular()),
             ..Self::default()
         };
@@ -202,6 +205,10 @@ impl LightFacts {
         };
         Self { kind, power: full_power, full_power, has_extent }
     }
+}
+
+fn shows_emission(material: &Material) -> bool {
+    material.emission != Vec3::ZERO || material.unlit
 }
 
 /// What one instance adds.

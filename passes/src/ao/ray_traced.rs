@@ -2,7 +2,7 @@
 //! pixel says no more than open or hidden, and a denoiser follows.
 use super::needs;
 use super::upsample::{OPENNESS, upsample};
-use crate::contracts::{AoIn, AoOut};
+use crate::contracts::{AoIn, AoOut, RAY_START};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -62,8 +62,7 @@ impl Effect for RayTraced {
         let step = if self.upsample.is_some() { 2 } else { 1 };
         let traced = g.pass("ao.trace", Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
-            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
-            let ids = p.sample(i.gbuffer.ids);
+            let gbuffer = i.gbuffer.read(p, RAY_START);
             let like = ImageDesc::like(OPENNESS, i.gbuffer.depth);
             let desc = if step == 1 { like } else { ImageDesc::half(OPENNESS) };
             let (openness, target) = p.create("openness", desc);
@@ -72,9 +71,7 @@ impl Effect for RayTraced {
                 let params = TraceParams {
                     view: c.id(block),
                     rays: c.rays(),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    ids: c.id(ids),
+                    gbuffer: gbuffer.images(c),
                     openness: c.id(target),
                     step,
                     samples,

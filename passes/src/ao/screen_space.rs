@@ -2,7 +2,7 @@
 //! Occlusion" (GTAO): a search for horizons in the depth image, and a filter for its noise.
 use super::needs;
 use super::upsample::{BENT_NORMAL, OPENNESS, upsample};
-use crate::contracts::{AoIn, AoOut};
+use crate::contracts::{AoIn, AoOut, GEOMETRY};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -15,8 +15,10 @@ use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP, AO_UPSAMPLE_COMP};
 const TURNS: [f32; 6] = [60.0 / 360.0, 300.0 / 360.0, 180.0 / 360.0, 240.0 / 360.0, 120.0 / 360.0, 0.0];
 const STARTS: [f32; 4] = [0.0, 0.5, 0.25, 0.75];
 
-/// Bent normals and openness in one image.
-const FOUND: Format = Format::Rgba16Float;
+/// Bent normals, -1 to 1 stored as 0 to 1, and openness: noisy, so 8 bits are enough for the mean of 25 that the filter takes.
+const FOUND: Format = Format::Rgba8Unorm;
+/// The same after the filter at half resolution.
+const FILTERED: Format = Format::Rgba16Float;
 
 /// The effect.
 pub struct ScreenSpace {
@@ -86,14 +88,14 @@ impl ScreenSpace {
         let frame = if self.moving_noise { view.frame as usize } else { 0 };
         let noise = [TURNS[(frame + 5) % TURNS.len()], STARTS[frame / TURNS.len() % STARTS.len()]];
         g.pass("ao.search", Queue::AsyncCompute, |p| {
-            let (block, depth, normal) = (p.read(block), p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let (block, gbuffer) = (p.read(block), i.gbuffer.read(p, GEOMETRY));
             let (found, target) = p.create("found", desc);
             let extent = p.extent_of(desc);
             (found.read(), move |c: &mut Record<'_>| {
                 let params = SearchParams {
                     view: c.id(block),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
+                    gbuffer: gbuffer.images(c),
+                    not_finite: c.not_finite(),
                     found: c.id(target),
                     step,
                     slices,
@@ -110,10 +112,10 @@ impl ScreenSpace {
     /// The noise filtered away. At half resolution what comes out is still to be brought to full, in one image.
     fn filter(&self, g: &mut FrameGraph, view: &View, i: AoIn, found: Handle<Image>) -> AoOut {
         let (kernel, block, is_whole) = (self.filter, view.block, self.upsample.is_none());
-        let (desc, step) = self.size(i, if is_whole { OPENNESS } else { FOUND });
+        let (desc, step) = self.size(i, if is_whole { OPENNESS } else { FILTERED });
         g.pass("ao.filter", Queue::AsyncCompute, |p| {
             let (block, found) = (p.read(block), p.sample(found));
-            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let (filtered, target) = p.create(if is_whole { "openness" } else { "filtered" }, desc);
             let bent = is_whole.then(|| p.create("bent_normal", ImageDesc { format: BENT_NORMAL, ..desc }));
             let (bent_normal, bent_target) =
@@ -122,8 +124,7 @@ impl ScreenSpace {
             (AoOut { openness: Some(filtered.read()), bent_normal }, move |c: &mut Record<'_>| {
                 let params = FilterParams {
                     view: c.id(block),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
+                    gbuffer: gbuffer.images(c),
                     found: c.id(found),
                     filtered: c.id(target),
                     bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).index()),

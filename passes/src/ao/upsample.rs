@@ -1,5 +1,5 @@
 //! From half resolution to full, along surfaces.
-use crate::contracts::{AoIn, AoOut};
+use crate::contracts::{AoIn, AoOut, GEOMETRY};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie_shaders::ao::{NO_BENT_NORMAL, UpsampleParams};
@@ -21,7 +21,7 @@ pub fn upsample(
     let block = view.block;
     g.pass("ao.upsample", Queue::AsyncCompute, |p| {
         let (block, half_size) = (p.read(block), p.sample(half_size));
-        let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+        let gbuffer = i.gbuffer.read(p, GEOMETRY);
         let like = |format| ImageDesc::like(format, i.gbuffer.depth);
         let (openness, target) = p.create("openness", like(OPENNESS));
         let bent = is_bent.then(|| p.create("bent_normal", like(BENT_NORMAL)));
@@ -31,8 +31,7 @@ pub fn upsample(
         (AoOut { openness: Some(openness.read()), bent_normal }, move |c: &mut Record<'_>| {
             let params = UpsampleParams {
                 view: c.id(block),
-                depth: c.id(depth),
-                normal: c.id(normal),
+                gbuffer: gbuffer.images(c),
                 half_size: c.id(half_size),
                 openness: c.id(target),
                 bent_normal: bent_target.map_or(NO_BENT_NORMAL, |t| c.id(t).index()),

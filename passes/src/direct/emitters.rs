@@ -1,5 +1,5 @@
 //! Light of emissive surfaces: rays to points of them, and along the lobes of smooth surfaces. What comes out is noisy, and a denoiser follows.
-use crate::contracts::DirectIn;
+use crate::contracts::{Channel, DirectIn};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::precision;
 use magpie::prelude::*;
@@ -10,6 +10,9 @@ use magpie_shaders::{DIRECT_EMITTERS_RAY, DIRECT_TINTED_EMITTERS_RAY};
 use std::borrow::Cow;
 
 const RAYS: &str = "emitter_rays";
+/// What the rays start from and are weighted with.
+const CHANNELS: &[Channel] =
+    &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::Ids, Channel::BaseColour, Channel::Material];
 
 /// Traces and denoises.
 pub struct Emitters {
@@ -59,8 +62,7 @@ impl Emitters {
         let (samples, format, block, gbuffer) = (self.samples, self.format, view.block, i.gbuffer);
         let noisy = g.pass("direct.emitters", Queue::AsyncCompute, |p| {
             let (block, tlas, table) = (p.read(block), i.scene.trace(p), p.read(table));
-            let (depth, normal, ids) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal), p.sample(gbuffer.ids));
-            let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
+            let surfaces = gbuffer.read(p, CHANNELS);
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {
@@ -68,11 +70,7 @@ impl Emitters {
                     view: c.id(block),
                     rays: c.rays(),
                     lights: c.id(table),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    ids: c.id(ids),
-                    base_colour: c.id(base_colour),
-                    material: c.id(material),
+                    gbuffer: surfaces.images(c),
                     radiance: c.id(target),
                     samples,
                     greatest: format.greatest(),

@@ -1,7 +1,7 @@
 //! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it; and light of emissive surfaces.
 mod emitters;
 
-use crate::contracts::{DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
+use crate::contracts::{Channel, DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
 use crate::precision;
 use emitters::Emitters;
 use magpie::gpu::Kernel;
@@ -73,27 +73,23 @@ impl Effect for AllLights {
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
             let block = p.read(block);
             i.scene.read(p);
-            let (depth, normal) = (p.sample(gbuffer.depth), p.sample(gbuffer.normal));
-            let (base_colour, material) = (p.sample(gbuffer.base_colour), p.sample(gbuffer.material));
-            let (emission, emitters) = (p.sample(gbuffer.emission), emitters.map(|image| p.sample(image)));
+            let surfaces = gbuffer
+                .read(p, &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Emission]);
+            let emitters = emitters.map(|image| p.sample(image));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
             let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
             let bits = |is: fn(&ShadowGroup) -> bool| {
                 let is = |k: usize| i.shadows.groups[k].as_ref().is_some_and(is);
-                (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum()
+                (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
             };
-            let (coloured, raw) = (bits(|group| group.coloured), bits(|group| group.raw));
+            let group_flags = bits(|group| group.coloured) | bits(|group| group.raw) << 8;
             // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance, move |c: &mut Record<'_>| {
                 let params = ShadeParams {
                     view: c.id(block),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    base_colour: c.id(base_colour),
-                    material: c.id(material),
-                    emission: c.id(emission),
+                    gbuffer: surfaces.images(c),
                     radiance: c.id(target),
                     greatest: format.greatest(),
                     emitters: emitters.map_or(NO_EMITTERS, |token| c.id(token).index()),
@@ -101,8 +97,7 @@ impl Effect for AllLights {
                     group_count: groups.iter().flatten().count() as u32,
                     visibility: groups.map(|group| group.map_or(0, |token| c.id(token).index())),
                     casters: channels,
-                    coloured,
-                    raw,
+                    group_flags,
                 };
                 c.dispatch(kernel, &params, extent);
             })

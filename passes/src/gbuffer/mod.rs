@@ -6,25 +6,40 @@ use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::gbuffer::DrawParams;
 use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
-/// Base colour (occlusion in alpha), normals, metalness and roughness, emission, motion, ids: 42 bytes a pixel with depth.
-const COMPACT: [(&str, Format); 6] = [
-    ("base_colour", Format::Rgba8Srgb),
-    ("normal", Format::Rgba16Snorm),
-    ("material", Format::Rg8Unorm),
-    ("emission", Format::Rgba16Float),
-    ("motion", Format::Rg32Float),
-    ("ids", Format::Rg32Uint),
-];
+/// Formats of the colour attachments, with their names.
+#[derive(Clone, Copy)]
+struct Colours {
+    /// In the order of the fragment shader's outputs.
+    always: [(&'static str, Format); 6],
+    /// The last, only where something emits.
+    emission: (&'static str, Format),
+}
 
-/// The same as it was computed: 76 bytes a pixel with depth.
-const FULL: [(&str, Format); 6] = [
-    ("base_colour", Format::Rgba32Float),
-    ("normal", Format::Rgba32Float),
-    ("material", Format::Rg32Float),
-    ("emission", Format::Rgba32Float),
-    ("motion", Format::Rg32Float),
-    ("ids", Format::Rg32Uint),
-];
+/// 30 bytes per pixel with depth, and 8 for emission.
+const COMPACT: Colours = Colours {
+    always: [
+        ("base_colour", Format::Rgba8Srgb),
+        ("normal", Format::Rg16Snorm),
+        ("geometric_normal", Format::Rg16Snorm),
+        ("material", Format::Rg8Unorm),
+        ("motion", Format::Rg16Float),
+        ("ids", Format::Rg32Uint),
+    ],
+    emission: ("emission", Format::Rgba16Float),
+};
+
+/// As computed: 60 bytes per pixel with depth, and 16 for emission.
+const FULL: Colours = Colours {
+    always: [
+        ("base_colour", Format::Rgba32Float),
+        ("normal", Format::Rg32Float),
+        ("geometric_normal", Format::Rg32Float),
+        ("material", Format::Rg32Float),
+        ("motion", Format::Rg32Float),
+        ("ids", Format::Rg32Uint),
+    ],
+    emission: ("emission", Format::Rgba32Float),
+};
 
 /// The slot.
 pub fn slot() -> Slot<GBufferIn, GBuffer> {
@@ -44,28 +59,20 @@ fn precision() -> SettingSpec {
     SettingSpec::choice("precision", about, "compact", &["compact", "full"]).sweep_all()
 }
 
-/// Where the material is among them.
-const MATERIAL: usize = 2;
+/// Place of the material among the attachments.
+const MATERIAL: usize = 3;
 
-/// With the reflection of the dielectric part in blue and alpha of the material, for scenes where it is not the same everywhere: 6 or 8
-/// bytes a pixel more.
-fn with_specular(mut colours: [(&'static str, Format); 6]) -> [(&'static str, Format); 6] {
-    let (_, material) = &mut colours[MATERIAL];
-    *material = if *material == Format::Rg8Unorm { Format::Rgba16Snorm } else { Format::Rgba32Float };
-    colours
-}
-
-/// Both ways to draw.
+/// Pipelines and attachments for what scenes may have.
 struct Raster {
-    plain: Drawing,
-    /// For scenes whose dielectrics do not all reflect alike.
-    with_specular: Drawing,
+    /// By whether dielectrics have a specular reflectance of their own, and by whether anything emits.
+    drawings: [[Drawing; 2]; 2],
 }
 
 /// Attachments, and the pipelines that draw into them.
 #[derive(Clone, Copy)]
 struct Drawing {
     colours: [(&'static str, Format); 6],
+    emission: Option<(&'static str, Format)>,
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
     spheres: RasterKernel,
@@ -73,28 +80,43 @@ struct Drawing {
 
 impl Raster {
     fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let colours = if settings.choice("precision")? == "full" { FULL } else { COMPACT };
-        let with_specular = Drawing::new(build, with_specular(colours))?;
-        Ok(Self { plain: Drawing::new(build, colours)?, with_specular })
+        let plain = if settings.choice("precision")? == "full" { FULL } else { COMPACT };
+        let with_specular = plain.with_specular();
+        let of = |colours: Colours| -> Result<[Drawing; 2], SlotError> {
+            Ok([Drawing::new(build, colours, false)?, Drawing::new(build, colours, true)?])
+        };
+        Ok(Self { drawings: [of(plain)?, of(with_specular)?] })
+    }
+}
+
+impl Colours {
+    /// With the specular reflectance of dielectrics in blue and alpha of the material, 6 or 8 bytes per pixel more.
+    fn with_specular(mut self) -> Self {
+        let (_, material) = &mut self.always[MATERIAL];
+        *material = if *material == Format::Rg8Unorm { Format::Rgba16Snorm } else { Format::Rgba32Float };
+        self
     }
 }
 
 impl Drawing {
-    fn new(build: &Build<'_>, colours: [(&'static str, Format); 6]) -> Result<Self, SlotError> {
-        let [_, _, _, (_, emission), ..] = colours;
-        let most = emission.greatest().to_bits();
+    fn new(build: &Build<'_>, colours: Colours, emits: bool) -> Result<Self, SlotError> {
+        let Colours { always, emission } = colours;
+        let greatest = emission.1.greatest().to_bits();
+        let emission = emits.then_some(emission);
+        let formats: Vec<Format> = always.iter().chain(&emission).map(|(_, format)| *format).collect();
         let kernel = |name, vertex, fragment, constants: &[u32]| {
-            let colours = &colours.map(|(_, format)| format);
-            let desc = RasterDesc { name, vertex, fragment, constants, colours, depth: Some(Format::D32Float) };
-            build.raster_kernel(&desc)
+            let depth = Some(Format::D32Float);
+            build.raster_kernel(&RasterDesc { name, vertex, fragment, constants, colours: &formats, depth })
         };
-        let triangles =
-            |name, alpha_test: bool| kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into(), most]);
+        let triangles = |name, alpha_test: bool| {
+            kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into(), greatest])
+        };
         Ok(Self {
-            colours,
+            colours: always,
+            emission,
             opaque: triangles("gbuffer.opaque", false)?,
             alpha_tested: triangles("gbuffer.alpha_tested", true)?,
-            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[0, most])?,
+            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[0, greatest])?,
         })
     }
 }
@@ -104,16 +126,18 @@ impl Effect for Raster {
     type Out = GBuffer;
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
-        let drawing = if view.facts.has_own_specular { self.with_specular } else { self.plain };
-        let (Drawing { colours, opaque, alpha_tested, spheres }, block) = (drawing, view.block);
-        let draws = view.draws.clone();
+        let (specular, emits) = (view.facts.has_own_specular, view.facts.shows_emission);
+        let drawing = self.drawings[usize::from(specular)][usize::from(emits)];
+        let Drawing { colours, emission, opaque, alpha_tested, spheres } = drawing;
+        let (block, draws) = (view.block, view.draws.clone());
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
             let (block, indices) = (p.read(block), p.index(i.scene.indices));
             i.scene.read(p);
-            let [base_colour, normal, material, emission, motion, ids] =
-                colours.map(|(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read());
+            let mut attach = |(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read();
+            let [base_colour, normal, geometric_normal, material, motion, ids] = colours.map(&mut attach);
+            let emission = emission.map(attach);
             let depth = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0.read();
-            let out = GBuffer { depth, base_colour, normal, material, emission, motion, ids };
+            let out = GBuffer { depth, base_colour, normal, geometric_normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {
                 let params = DrawParams { view: c.id(block) };
                 let (triangles, round) = draws.split_at(draws.partition_point(|d| !d.spheres));

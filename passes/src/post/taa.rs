@@ -1,6 +1,6 @@
 //! Temporal anti-aliasing and upsampling: every frame looks at another point of each pixel, and the picture is their mean, moved along.
 use super::filters::bilinear;
-use crate::contracts::Seen;
+use crate::contracts::{Channel, Seen};
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
@@ -36,8 +36,7 @@ impl Taa {
         g.pass("post.taa", Queue::Graphics, |p| {
             seen.scene.read(p);
             let (block, colour) = (p.read(block), p.sample(colour));
-            let (depth, motion, ids) =
-                (p.sample(seen.gbuffer.depth), p.sample(seen.gbuffer.motion), p.sample(seen.gbuffer.ids));
+            let gbuffer = seen.gbuffer.read(p, &[Channel::Depth, Channel::Motion, Channel::Ids]);
             let before = [p.sample(picture.previous), p.sample(moments.previous), p.sample(surfaces.previous)];
             let (picture, target) = p.write(picture.next);
             let (_, next_moments) = p.write(moments.next);
@@ -47,9 +46,7 @@ impl Taa {
                     view: c.id(block),
                     not_finite: c.not_finite(),
                     colour: c.id(colour),
-                    depth: c.id(depth),
-                    motion: c.id(motion),
-                    ids: c.id(ids),
+                    gbuffer: gbuffer.images(c),
                     picture: c.id(before[0]),
                     moments: c.id(before[1]),
                     surfaces: c.id(before[2]),

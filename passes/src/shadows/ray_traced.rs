@@ -1,7 +1,7 @@
 //! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
 use super::choice::Group;
 use super::maps::MapOut;
-use crate::contracts::ShadowIn;
+use crate::contracts::{Channel, GEOMETRY, RAY_START, ShadowIn};
 use crate::parts::denoise::{Method, Options, is_adaptive};
 use magpie::gpu::Kernel;
 use magpie::graph::{Extent, HistoryScope};
@@ -178,8 +178,7 @@ impl RayTraced {
         let filtered = self.filtered && self.is_noisy(&group.lights);
         let (traced, penumbra) = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
-            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
-            let ids = p.sample(i.gbuffer.ids);
+            let gbuffer = i.gbuffer.read(p, RAY_START);
             let maps = maps.and_then(|m| Some((p.sample(m.visibility), p.sample(m.unsure?))));
             let desc = if step == 1 { ImageDesc::like(format, i.gbuffer.depth) } else { ImageDesc::half(format) };
             let (visibility, target, surfaces) = match next {
@@ -199,9 +198,7 @@ impl RayTraced {
                 let params = TraceParams {
                     view: c.id(block),
                     rays: c.rays(),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    ids: c.id(ids),
+                    gbuffer: gbuffer.images(c),
                     visibility: c.id(target),
                     penumbra: penumbra_target.map_or(NO_PENUMBRA, |t| c.id(t).index()),
                     surfaces: surfaces.map_or(NO_SURFACES, |t| c.id(t).index()),
@@ -244,14 +241,14 @@ impl RayTraced {
         let valid = visibility.valid && surfaces.valid;
         let change = g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
             let (block, tlas) = (p.read(block), i.scene.trace(p));
-            let motion = p.sample(i.gbuffer.motion);
+            let gbuffer = i.gbuffer.read(p, &[Channel::Motion]);
             let (visibility, previous) = (p.sample(visibility.previous), p.sample(surfaces.previous));
             let (change, target) = p.create("change", ImageDesc::fixed(format, extent));
             (change.read(), move |c: &mut Record<'_>| {
                 let params = GradientParams {
                     view: c.id(block),
                     rays: c.rays(),
-                    motion: c.id(motion),
+                    gbuffer: gbuffer.images(c),
                     previous: c.id(previous),
                     previous_visibility: c.id(visibility),
                     change: c.id(target),
@@ -289,14 +286,13 @@ fn upsample(
     let format = g.desc(traced).format;
     g.pass(&format!("shadows.upsample{name}"), Queue::AsyncCompute, |p| {
         let (block, traced) = (p.read(block), p.sample(traced));
-        let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+        let gbuffer = i.gbuffer.read(p, GEOMETRY);
         let (visibility, target) = p.create("visibility", ImageDesc::like(format, i.gbuffer.depth));
         let extent = p.extent(i.gbuffer.depth);
         (visibility.read(), move |c: &mut Record<'_>| {
             let params = UpsampleParams {
                 view: c.id(block),
-                depth: c.id(depth),
-                normal: c.id(normal),
+                gbuffer: gbuffer.images(c),
                 half_visibility: c.id(traced),
                 visibility: c.id(target),
             };

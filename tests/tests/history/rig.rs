@@ -182,7 +182,7 @@ impl Accumulate {
         match self.desc.format {
             Format::R8Unorm | Format::Rg8Unorm | Format::Rgba8Unorm => 1.0 / 255.0,
             Format::R16Unorm | Format::Rg16Unorm | Format::Rgba16Unorm => 1.0 / 65535.0,
-            Format::Rgba16Snorm => 1.0 / 32767.0,
+            Format::Rg16Snorm | Format::Rgba16Snorm => 1.0 / 32767.0,
             _ => 1.0,
         }
     }

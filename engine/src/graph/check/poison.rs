@@ -124,6 +124,7 @@ impl Bad {
             | Format::Rg8Unorm
             | Format::Rgba8Unorm
             | Format::Rgba8Srgb
+            | Format::Rg16Snorm
             | Format::Rgba16Snorm
             | Format::R32Uint
             | Format::Rg32Uint => None,

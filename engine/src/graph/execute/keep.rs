@@ -124,16 +124,15 @@ impl Kept {
         book.open().end(|slot| written.contains(&slot));
     }
 
-    /// Marks kept images as stale if a pass that read them met non-finite values: otherwise one bad value would stay until what
-    /// the image shows changes. `passes` are by position, and empty if nothing was measured.
-    pub fn distrust(&self, book: &Book, declaration: &Declaration, plan: &Plan, passes: &[PassTime]) {
-        for (&pass, _) in plan.order.iter().zip(passes).filter(|(_, counted)| counted.not_finite > 0) {
-            for u in declaration.uses_of(pass).iter().filter(|u| u.reads.is_some()) {
-                if let Origin::Imported { key: ImportKey::Kept(slot), .. } =
-                    declaration.resources[u.resource as usize].origin
-                {
-                    book.open().distrust(slot);
-                }
+    /// Marks all kept images as stale if any pass met non-finite values: where one value was bad, others that no pass has read yet may
+    /// have reached what is kept, and would stay there until what the image shows changes. `passes` is empty if nothing was measured.
+    pub fn distrust(&self, book: &Book, declaration: &Declaration, passes: &[PassTime]) {
+        if passes.iter().all(|counted| counted.not_finite == 0) {
+            return;
+        }
+        for resource in &declaration.resources {
+            if let Origin::Imported { key: ImportKey::Kept(slot), .. } = resource.origin {
+                book.open().distrust(slot);
             }
         }
     }

@@ -344,7 +344,7 @@ impl Executor {
         }
         if own {
             self.kept.end(&self.book, &declaration, &plan);
-            self.kept.distrust(&self.book, &declaration, &plan, &sample.passes);
+            self.kept.distrust(&self.book, &declaration, &sample.passes);
         }
         sample.memory = Memory {
             transient_bytes: self.pool.bytes(),

@@ -4,6 +4,7 @@
 //! on. Between passes, values travel packed with their standard deviations.
 use super::signal::{Packed, PackedWrite};
 use super::{DenoiseIn, Options};
+use crate::contracts::Channel;
 use magpie::gpu::Kernel;
 use magpie::graph::{Extent, History, HistoryScope};
 use magpie::prelude::*;
@@ -117,7 +118,7 @@ impl Svgf {
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(content.frames(), noisy));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
-            let (block, motion) = (p.read(block), p.sample(i.surfaces.gbuffer.motion));
+            let (block, gbuffer) = (p.read(block), i.surfaces.gbuffer.read(p, &[Channel::Motion]));
             let (taps, gradient) = (p.sample(i.surfaces.reprojected.taps), previous.gradient.map(|h| p.sample(h)));
             let noise_width = i.hints.width.map(|h| p.sample(h));
             let (previous_filtered, previous_frames) = (p.sample(previous.filtered.values), p.sample(previous_frames));
@@ -134,7 +135,7 @@ impl Svgf {
                     view: c.id(block),
                     not_finite: c.not_finite(),
                     noisy: c.id(noisy),
-                    motion: c.id(motion),
+                    gbuffer: gbuffer.images(c),
                     taps: c.id(taps),
                     previous_filtered: c.id(previous_filtered),
                     previous_moments,

@@ -1,5 +1,5 @@
 //! Where the surfaces that are seen were one frame ago.
-use crate::contracts::{GBuffer, Reprojected, SceneHandles};
+use crate::contracts::{Channel, GBuffer, Reprojected, SceneHandles};
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
@@ -28,8 +28,7 @@ impl Reprojection {
         g.pass("reproject.surfaces", Queue::AsyncCompute, |p| {
             scene.read(p);
             let block = p.read(block);
-            let (depth, normal) = (p.sample(i.depth), p.sample(i.normal));
-            let (ids, motion) = (p.sample(i.ids), p.sample(i.motion));
+            let gbuffer = i.read(p, &[Channel::Depth, Channel::GeometricNormal, Channel::Motion, Channel::Ids]);
             let previous = p.sample(previous);
             let (next, guide) = p.write(next);
             let (taps, target) = p.create("taps", ImageDesc::like(Format::R32Uint, i.depth));
@@ -37,10 +36,7 @@ impl Reprojection {
             (Reprojected { guide: next.read(), taps: taps.read() }, move |c: &mut Record<'_>| {
                 let params = ReprojectParams {
                     view: c.id(block),
-                    depth: c.id(depth),
-                    normal: c.id(normal),
-                    ids: c.id(ids),
-                    motion: c.id(motion),
+                    gbuffer: gbuffer.images(c),
                     previous_guide: c.id(previous),
                     guide: c.id(guide),
                     taps: c.id(target),

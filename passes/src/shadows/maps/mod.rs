@@ -6,7 +6,7 @@ mod settings;
 
 pub use settings::settings;
 
-use crate::contracts::ShadowIn;
+use crate::contracts::{GEOMETRY, ShadowIn};
 use crate::shadows::ray_traced::format;
 use glam::{DVec3, Vec3};
 use layer::Layer;
@@ -205,7 +205,7 @@ impl MapShadows {
         let out = g.pass(&format!("shadows.map_look{name}"), Queue::AsyncCompute, |p| {
             let (block, tables) = (p.read(block), p.read(tables));
             i.scene.read(p);
-            let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+            let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
             let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
             let unsure = (classify || chosen.doubts)
@@ -221,8 +221,7 @@ impl MapShadows {
                     layers: tables.offset(first),
                     maps: std::array::from_fn(|k| images.get(k).map_or(SampledImage::default(), |m| c.id(*m))),
                     light_count: count as u32,
-                    depth: c.id(depth),
-                    normal: c.id(normal),
+                    gbuffer: gbuffer.images(c),
                     visibility: c.id(target),
                     unsure: mask.map_or(StorageImage::default(), |m| c.id(m)),
                     classify: mask.is_some().into(),
@@ -241,7 +240,7 @@ impl MapShadows {
             visibility = g.pass(&format!("shadows.contact{name}"), Queue::AsyncCompute, |p| {
                 let (block, tables) = (p.read(block), p.read(tables));
                 i.scene.read(p);
-                let (depth, normal) = (p.sample(i.gbuffer.depth), p.sample(i.gbuffer.normal));
+                let gbuffer = i.gbuffer.read(p, GEOMETRY);
                 let (visibility, target) = p.write(visibility);
                 let extent = p.extent(i.gbuffer.depth);
                 (visibility, move |c: &mut Record<'_>| {
@@ -249,8 +248,7 @@ impl MapShadows {
                         view: c.id(block),
                         lights: c.id(tables),
                         light_count: count as u32,
-                        depth: c.id(depth),
-                        normal: c.id(normal),
+                        gbuffer: gbuffer.images(c),
                         visibility: c.id(target),
                         reach: chosen.contact,
                         steps: chosen.contact_steps,
