@@ -3,7 +3,7 @@ use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use magpie::gpu::Gpu;
 use magpie::scene::{
-    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, odds::Emitters,
+    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, light_sampling::Emitters,
 };
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_tests::against::{Shown, mean, relmse, truth};
@@ -202,12 +202,12 @@ fn the_frame_finds_the_same() -> Result<()> {
 
 /// Selection probabilities follow coverage. Others would be unbiased too, but noisier.
 #[test]
-fn odds_know_alpha() {
+fn probabilities_follow_alpha() {
     let both = |alpha: [f32; 2]| {
         let mut s = under("two panels", glowing(AlphaMode::Blend, alpha[0]), |_| ());
         add(&mut s, plane(0.5), glowing(AlphaMode::Blend, alpha[1]), at(-1.0, 1.0, 0.0));
-        let odds = Emitters::new(&s).map(|e| e.choices.iter().map(|c| c.probability).collect::<Vec<_>>());
-        odds.unwrap_or_default()
+        let probabilities = Emitters::new(&s).map(|e| e.choices.iter().map(|c| c.probability).collect::<Vec<_>>());
+        probabilities.unwrap_or_default()
     };
     assert_eq!(both([1.0, 1.0]).len(), 4);
     assert_eq!(both([1.0, 0.0]).len(), 2, "what is nowhere is not in the table");

@@ -18,7 +18,7 @@ pub use policy::{Culling, Policy};
 pub use sketch::SceneSketch;
 pub use state::Moment;
 
-use super::odds::emits;
+use super::light_sampling::emits;
 use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene, SceneFacts};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
