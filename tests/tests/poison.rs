@@ -1,10 +1,10 @@
-//! Bad values do not persist: every output of every pass is overwritten with NaN and infinity in one frame, and 30 frames later no image
+//! PoisonValue values do not persist: every output of every pass is overwritten with NaN and infinity in one frame, and 30 frames later no image
 //! contains any, for any implementation of the slots. Values that histories reject are counted, and `--check` still names the origin.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DMat3, DVec3, Vec3};
 use magpie::config::{Config, Value};
 use magpie::gpu::Gpu;
-use magpie::graph::check::{Bad, Place, Poison};
+use magpie::graph::check::{Place, Poison, PoisonValue};
 use magpie::graph::{Format, Shape};
 use magpie::measure::Recorder;
 use magpie::scene::{AlphaMode, Light, Material, Scene, Sphere};
@@ -185,7 +185,7 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
             };
             for [x, y] in places {
                 let across = (x + width / 2) % width;
-                found.push([poison(x, y, Bad::Nan), poison(across, y, Bad::Infinity)]);
+                found.push([poison(x, y, PoisonValue::Nan), poison(across, y, PoisonValue::Infinity)]);
             }
         }
     }
@@ -332,7 +332,7 @@ fn what_is_made_once_is_made_anew() -> Result<()> {
             if frame == 1 {
                 renderer.dim(0, 0.9);
                 let (pass, output) = ("scene.update".to_owned(), "scene.state".to_owned());
-                renderer.poison(Poison { pass, output, place: Place::Element(sun), value: Bad::Nan });
+                renderer.poison(Poison { pass, output, place: Place::Element(sun), value: PoisonValue::Nan });
             }
             let camera = &scene.cameras[0];
             let result = renderer.frame(FrameRequest { camera, time: 0.0, view: None, read_back: false })?;

@@ -19,9 +19,9 @@ pub(super) fn draw(dump: &Dump<'_>, sheet: &mut Sheet) {
     let Dump { declaration, plan, .. } = *dump;
     let words = Words(declaration);
     let rank = |o: Origin| match o {
-        Origin::Imported { key: ImportKey::Previous(slot), .. } => (0, slot, 0),
-        Origin::Imported { key: ImportKey::Next(slot), .. } => (0, slot, 1),
-        Origin::Imported { key: ImportKey::Kept(slot), .. } => (1, slot, 0),
+        Origin::Imported { key: ImportKey::Previous(index), .. } => (0, index, 0),
+        Origin::Imported { key: ImportKey::Next(index), .. } => (0, index, 1),
+        Origin::Imported { key: ImportKey::Kept(index), .. } => (1, index, 0),
         Origin::Imported { key: ImportKey::Caller(key), .. } => (2, key, 0),
         Origin::Transient => (3, 0, 0),
     };
