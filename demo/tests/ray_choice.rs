@@ -1,4 +1,4 @@
-//! Devices are honest about rays: what is not there is refused by name, and a choice is told with its reason. Needs a device.
+//! Devices are honest about rays: what is not there is refused by name, and a choice is lines with its reason. Needs a device.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 
 use std::{
@@ -57,8 +57,8 @@ fn a_choice_is_told_with_its_reason() {
     let Some(output) = magpie(&[&SMALL[..], &["--rays", "auto"]].concat()) else { return };
     let text = said(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
-    let told: Vec<&str> = text.lines().filter(|l| l.contains("rays:")).collect();
-    assert!(told.len() == 1 && told[0].contains("since"), "{text}");
+    let lines: Vec<&str> = text.lines().filter(|l| l.contains("rays:")).collect();
+    assert!(lines.len() == 1 && lines[0].contains("since"), "{text}");
 
     // Where the driver traces none, the walk is taken, whatever the device is.
     let Some(output) = magpie(&[&SMALL[..], &["--without-rays", "query,pipeline"]].concat()) else { return };

@@ -6,8 +6,8 @@ use magpie::scene::{
     Camera, FloatingOrigin, Light, Material, Mesh, Moment, ResidentOptions, ResidentScene, Scene, supply_missing,
 };
 use magpie_tests::bench::{Bench, Ran, Shot};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::harness::{builtin, config, gpu};
-use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::oracle::gbuffer::{Eye, octahedral};
 
 const EXTENT: Extent = Extent { width: 160, height: 90 };

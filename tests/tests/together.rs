@@ -10,8 +10,8 @@ use magpie::scene::{
     Sampler, Scene, Texture, TextureUse,
 };
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{builtin, config, gpu, render};
-use magpie_tests::made::{add, block, camera, material, plane, scene};
 
 const SIZE: [u32; 2] = [160, 90];
 /// Large enough that most pixels of the courtyard show a single surface.

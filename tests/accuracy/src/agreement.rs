@@ -186,7 +186,7 @@ fn compare((first, a): (&Report, &Effect), (second, b): (&Report, &Effect)) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::made_up::report;
+    use crate::fixture::report;
 
     #[test]
     fn tau_is_that_of_the_paper() {

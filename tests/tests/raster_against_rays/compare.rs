@@ -208,8 +208,8 @@ pub fn compare(scene: &Scene, kinds: &Kinds, camera: &Camera, both: &Both, label
                 && shown < 8
             {
                 shown += 1;
-                let tell = |s: &Seen| format!("{} {} {} {:.4}", s.instance, s.primitive, s.depth, s.normal);
-                println!("{label} ({x}, {y}) {what}: raster {}, ray {}", tell(raster), tell(ray));
+                let describe = |s: &Seen| format!("{} {} {} {:.4}", s.instance, s.primitive, s.depth, s.normal);
+                println!("{label} ({x}, {y}) {what}: raster {}, ray {}", describe(raster), describe(ray));
             }
         }
     }

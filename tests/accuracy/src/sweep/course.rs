@@ -90,7 +90,7 @@ struct Course<'a> {
 }
 
 impl Course<'_> {
-    fn tell(&mut self, what: String) {
+    fn report(&mut self, what: String) {
         self.at.done = (self.by.seconds() as u64).min(self.at.all);
         self.at.what = what;
         (self.progress)(self.at);
@@ -110,7 +110,7 @@ impl Course<'_> {
             if at > 0 && begin + longest > self.limit * ERRORS_UNTIL {
                 break;
             }
-            self.tell(format!("errors, {} of {all}: {}", at + 1, setup.label));
+            self.report(format!("errors, {} of {all}: {}", at + 1, setup.label));
             let measurement = self.by.measure(setup, 0)?;
             self.results.push(measurement)?;
             // The first measurement includes loading the scene.
@@ -137,14 +137,14 @@ impl Course<'_> {
                     if begin + longest > self.limit {
                         return Ok(());
                     }
-                    self.tell(format!("times, round {round}, undecided in {slot}: {}", setup.label));
+                    self.report(format!("times, round {round}, undecided in {slot}: {}", setup.label));
                     let measurement = self.by.measure(setup, round)?;
                     self.results.push(measurement)?;
                     longest = longest.max(self.by.seconds() - begin);
                 }
             }
             if is_decided {
-                self.tell("every place is clear".to_owned());
+                self.report("every place is clear".to_owned());
                 return Ok(());
             }
         }

@@ -118,7 +118,7 @@ pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Resul
             return Ok(choice);
         }
         let found = render(&tuner.config(&choice))?;
-        tuner.learn(&choice, found);
+        tuner.record_result(&choice, found);
     }
     // Out of attempts: the best of those that were rendered.
     tuner.choose_rendered(goal)
