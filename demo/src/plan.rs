@@ -131,8 +131,8 @@ fn measure(
     log::info!("device: {}", gpu.report().name);
     let rays = session::choose_rays(&gpu, arguments.device.rays)?;
     let render = RenderOptions { width: size.width, height: size.height, rays, ..RenderOptions::default() };
-    let options = ProbeOptions { render, frames: FRAMES };
-    Ok(worth(&gpu, scene, camera, config, (options, arguments.worth))?)
+    let options = ProbeOptions { render, frames: FRAMES, min_flip: arguments.worth };
+    Ok(worth(&gpu, scene, camera, config, options)?)
 }
 
 /// Shares of the slots in the time of the frame, of a run.

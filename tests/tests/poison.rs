@@ -231,7 +231,7 @@ fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Le
 
 /// Poisons every output of every pass in one frame; with `full` for all frames after it, with `singly` also each output alone. Returns the
 /// names of the poisoned passes.
-fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) -> Result<BTreeSet<String>> {
+fn heals(gpu: &Gpu, scene: &Scene, case: &Case, full: bool, singly: bool) -> Result<BTreeSet<String>> {
     let start = Instant::now();
     let changes: Vec<&str> = case.changes.iter().map(String::as_str).collect();
     let config: Config = config(&changes)?;
@@ -294,7 +294,7 @@ fn no_bad_value_outlives_its_frame_for_long() -> Result<()> {
     let cases = if full { all() } else { few() };
     for (number, case) in part(&cases).context("MAGPIE_PART: wanted I/N, such as 2/3")? {
         let singly = full && number < 2;
-        match heals(&gpu, &scene, case, (full, singly)) {
+        match heals(&gpu, &scene, case, full, singly) {
             Ok(spoilt) => passes.extend(spoilt),
             Err(error) => failed.push(format!("{:?}: {error:#}", case.changes)),
         }

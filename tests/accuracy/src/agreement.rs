@@ -95,7 +95,7 @@ impl Agreement {
         let (mut slots, mut errors, mut prices) = (Vec::new(), Pairs::default(), Pairs::default());
         for a in &first.effects {
             let Some(b) = second.effect(&a.slot) else { continue };
-            let (found, [error, price]) = compare((first, a), (second, b));
+            let (found, [error, price]) = compare(first, a, second, b);
             slots.push(found);
             (errors, prices) = (errors.and(error), prices.and(price));
         }
@@ -151,7 +151,8 @@ fn error(effect: &Effect, row: &Row) -> f64 {
     row.error(effect.judged_by).map_or(f64::NAN, |c| effect.metric.of(c))
 }
 
-fn compare((first, a): (&Report, &Effect), (second, b): (&Report, &Effect)) -> (SlotAgreement, [Pairs; 2]) {
+/// Compares the results of a slot in two reports.
+fn compare(first: &Report, a: &Effect, second: &Report, b: &Effect) -> (SlotAgreement, [Pairs; 2]) {
     let has = |effect: &Effect, row: &Row| effect.rows.iter().any(|r| r.variant.label == row.variant.label);
     let rows: Vec<(&Row, &Row)> =
         a.rows.iter().filter_map(|r| Some((r, b.rows.iter().find(|o| o.variant.label == r.variant.label)?))).collect();

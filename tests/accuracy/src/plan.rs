@@ -127,7 +127,7 @@ impl Plan {
         let turns = !moving && slot.implementations.iter().any(has_history);
         for Row { implementation, settings, preset, config, label } in rows {
             let is_default = config == *base;
-            let setup = self.setup(slot, config, base, &label, (moving, turns));
+            let setup = self.setup(slot, config, base, &label, moving, turns);
             let known = self.variants.iter().position(|v| v.slot == slot.name && v.setup == setup);
             let at = known.unwrap_or_else(|| {
                 let (slot, implementation, presets) = (slot.name.clone(), implementation.name.clone(), Vec::new());
@@ -149,7 +149,8 @@ impl Plan {
         config: Config,
         base: &Config,
         label: &str,
-        (moving, turns): (bool, bool),
+        moving: bool,
+        turns: bool,
     ) -> String {
         let text = format!("{config:?}");
         let id = short(&[&text, if moving { "moving" } else { "still" }]);

@@ -297,11 +297,11 @@ impl ScanObserver {
                 for (subject, offset, own) in &subjects {
                     let (counted, mut seen) =
                         (c.id(table).offset(*offset), c.id(table).offset(offset + subject.counts()));
-                    subject.probe(c, kernels.probe, own, (counted, seen), true);
+                    subject.probe(c, kernels.probe, own, counted, seen, true);
                     for source in &read {
                         seen = seen.offset(size_of::<SeenBits>() as u64);
                         if let Some(source) = source {
-                            subject.probe(c, kernels.probe, source, (counted, seen), false);
+                            subject.probe(c, kernels.probe, source, counted, seen, false);
                         }
                     }
                 }
@@ -400,7 +400,8 @@ impl Subject {
         c: &mut Record<'_>,
         kernel: Kernel,
         (kind, tokens): &(Scannable, Tokens),
-        (counted, seen): (Address, Address),
+        counted: Address,
+        seen: Address,
         own: bool,
     ) {
         let mut params =

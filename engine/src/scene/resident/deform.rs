@@ -150,7 +150,8 @@ impl Deformation {
         g: &mut FrameGraph,
         imports: &mut Imports,
         pose: &Pose,
-        (animated, cut): (bool, bool),
+        animated: bool,
+        cut: bool,
         vertices: Handle<GraphBuffer>,
     ) -> Result<(Handle<GraphBuffer>, bool), GpuError> {
         let desc = BufferDesc::new(self.memory.bytes());

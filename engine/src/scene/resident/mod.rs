@@ -412,8 +412,8 @@ impl ResidentScene {
         // Vertices that move.
         let (mut deformed, mut changed) = (None, None);
         if let Some(deformation) = &mut self.deformation {
-            let how = (self.state.is_animated(), self.cut);
-            let (made, anew) = deformation.declare(g, imports, &self.state.pose, how, vertices)?;
+            let (made, anew) =
+                deformation.declare(g, imports, &self.state.pose, self.state.is_animated(), self.cut, vertices)?;
             deformed = Some(made);
             changed = deformed.filter(|_| anew);
         }

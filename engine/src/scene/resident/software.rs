@@ -42,7 +42,9 @@ impl Software {
     ) -> Result<Self, ResidentError> {
         let start = Instant::now();
         let scene = geometry.scene;
-        let trees: Vec<MeshBvh> = scene.meshes.par_iter().zip(geometry.reduced).map(tree).collect::<Result<_, _>>()?;
+        let meshes = scene.meshes.par_iter().zip(geometry.reduced);
+        let trees: Vec<MeshBvh> =
+            meshes.map(|(mesh, reduced)| tree(mesh, reduced.as_ref())).collect::<Result<_, _>>()?;
         let deforming = deformation.map(|(d, pose)| Trees::new(gpu, executor, scene, &d.meshes, pose)).transpose()?;
         report.bottom_ms = start.elapsed().as_secs_f64() * 1e3;
 
@@ -112,9 +114,9 @@ impl Software {
 }
 
 /// The bottom level of a mesh, simplified if it has less detail for rays.
-fn tree((mesh, reduced): (&Mesh, &Option<Reduced>)) -> Result<MeshBvh, crate::ray::RayError> {
+fn tree(mesh: &Mesh, reduced: Option<&Reduced>) -> Result<MeshBvh, crate::ray::RayError> {
     let built = if mesh.spheres.is_empty() {
-        MeshBvh::build(&mesh.positions, reduced.as_ref().map_or(&mesh.indices, |r| &r.indices))
+        MeshBvh::build(&mesh.positions, reduced.map_or(&mesh.indices, |r| &r.indices))
     } else {
         MeshBvh::build_spheres(&mesh.spheres.iter().map(|s| (s.centre, s.radius)).collect::<Vec<_>>())
     };

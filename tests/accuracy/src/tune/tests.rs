@@ -100,7 +100,7 @@ fn sky_or_none(metric: Metric) -> String {
     };
     let whole = crate::compose::Parts::of_whole;
     let parts = [(id("gi", "off"), whole(off)), (id("gi", "sky, precision 16"), whole(default.clone()))];
-    let composer = Composer::new(truth, Display::PLAIN, (default, None), parts.into());
+    let composer = Composer::new(truth, Display::PLAIN, default, None, parts.into());
     let tuner = Tuner::with(&report, Path::new("made up"), composer, metric).unwrap();
     let best = tuner.choose(Goal::Budget(1000.0)).unwrap();
     tuner.config(&best).stages["gi"].clone()
