@@ -135,7 +135,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     }
     let mut findings = session.origins();
     findings.extend(session.close()?);
-    tell_findings(&findings)
+    print_findings(&findings)
 }
 
 fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, config: Config) -> Run {
@@ -192,7 +192,7 @@ fn write_outputs(
 }
 
 /// Prints the findings of `--check` and fails if there are any.
-fn tell_findings(findings: &[String]) -> Result<(), Failure> {
+fn print_findings(findings: &[String]) -> Result<(), Failure> {
     for finding in findings.iter().take(FINDINGS_SHOWN) {
         console::complain(finding);
     }

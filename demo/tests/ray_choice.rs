@@ -1,4 +1,4 @@
-//! Devices are honest about rays: what is not there is refused by name, and a choice is lines with its reason. Needs a device.
+//! Devices are honest about rays: what is not there is refused by name, and a choice is told with its reason. Needs a device.
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 
 use std::{

@@ -264,8 +264,8 @@ impl Renderer {
     }
 
     /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off.
-    pub fn dim(&mut self, light: u32, factor: f32) {
-        self.scene.borrow_mut().dim(light, factor);
+    pub fn scale_light(&mut self, light: u32, factor: f32) {
+        self.scene.borrow_mut().scale_light(light, factor);
     }
 
     /// Spoils an output of the next frame, to test what finds NaN.
@@ -326,7 +326,7 @@ impl Renderer {
             previous: self.previous.as_ref().map(Previous::view),
         };
         let (cut, origin) = (self.previous.is_none(), self.origin.follow(request.camera));
-        self.scene.borrow_mut().go(&Moment { time: request.time, origin, cut });
+        self.scene.borrow_mut().set_moment(&Moment { time: request.time, origin, cut });
         let view = desc.declare(&mut self.view, &self.scene.borrow(), &mut g, &mut imports.borrow_mut())?;
         let (scene, camera) = (self.scene.clone(), request.camera.clone());
         let scene = AccelerationIn::Resident { scene, imports: imports.clone(), camera };

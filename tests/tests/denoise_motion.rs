@@ -54,7 +54,7 @@ impl Run {
 
     /// Visibility of the first light.
     fn frame(&mut self, moment: &Moment) -> Result<Vec<f64>> {
-        self.renderer.dim(0, moment.factor);
+        self.renderer.scale_light(0, moment.factor);
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
         let result = self.renderer.frame(request)?.context("no frame")?;
         ensure!(result.findings.is_empty(), "{:?}", result.findings);

@@ -68,7 +68,7 @@ fn facts_follow_the_scene() -> Result<()> {
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &Config::default(), options)?;
     for (factor, runs) in [(1.0, true), (0.0, false), (0.5, true)] {
-        renderer.dim(0, factor);
+        renderer.scale_light(0, factor);
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
         let frame = renderer.frame(request)?.context("a frame")?;
         let reports = frame.what_runs();

@@ -330,7 +330,7 @@ fn what_is_made_once_is_made_anew() -> Result<()> {
         let (mut written, mut bad) = (Vec::new(), Vec::new());
         for frame in 0..6 {
             if frame == 1 {
-                renderer.dim(0, 0.9);
+                renderer.scale_light(0, 0.9);
                 let (pass, output) = ("scene.update".to_owned(), "scene.state".to_owned());
                 renderer.poison(Poison { pass, output, place: Place::Element(sun), value: PoisonValue::Nan });
             }

@@ -127,7 +127,7 @@ fn carousel() -> Result<()> {
         let resident = resident(&gpu, &scene, rays)?;
         let mut sum = Counts::new();
         for time in TIMES {
-            resident.borrow_mut().go(&Moment { time, cut: true, ..Moment::default() });
+            resident.borrow_mut().set_moment(&Moment { time, cut: true, ..Moment::default() });
             for camera in &scene.cameras[..2] {
                 let both = picture(&mut bench, &resident, camera, rays, &Policy::default())?;
                 let label = format!("carousel, {}, {time} s, {rays}", camera.name);
@@ -228,7 +228,7 @@ fn silhouettes_after_600_frames() -> Result<()> {
             for frame in 1..=FRAMES {
                 let (mut g, mut imports) = (bench.executor.begin(Extent::new(1, 1)), Imports::default());
                 let mut resident = resident.borrow_mut();
-                resident.go(&Moment { time: f64::from(frame) * STEP, ..Moment::default() });
+                resident.set_moment(&Moment { time: f64::from(frame) * STEP, ..Moment::default() });
                 resident.declare(&mut g, &mut imports, None, &policy)?;
                 bench.executor.run(g, &imports)?;
             }

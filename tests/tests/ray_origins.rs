@@ -320,7 +320,7 @@ impl Rig {
         let origin = FloatingOrigin::default().follow(camera);
         let options = ResidentOptions { rays, ..ResidentOptions::default() };
         let resident = ResidentScene::new(&gpu, scene, options)?.shared();
-        resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
+        resident.borrow_mut().set_moment(&Moment { origin, cut: true, ..Moment::default() });
         let build = Build::new(&gpu, rays);
         let (slots, config) = (Slots::default(), Config::default());
         let mut gbuffer = slots.gbuffer.from_config(&build, &config)?;

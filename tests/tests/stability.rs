@@ -21,7 +21,7 @@ fn run(scene: &Scene, wanted: &[&str]) -> Result<Option<Ran>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let origin = FloatingOrigin::default().follow(&scene.cameras[0]);
-    resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
+    resident.borrow_mut().set_moment(&Moment { origin, cut: true, ..Moment::default() });
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: EXTENT };
     Bench::new(&gpu)?.frame(shot, &config(&[])?, wanted)?.clean().map(Some)
 }

@@ -452,7 +452,7 @@ mod tests {
         assert_eq!(frame(8, [1, 2, 3], true, false), [0, 1, 2], "nobody wrote them");
         assert_eq!(frame(8, [1, 2, 3], false, true), [0; 0], "a cut of the camera changes nothing");
         assert_eq!(frame(8, [1, 5, 3], false, false), [1]);
-        assert_eq!(frame(8, [1, 2, 3], false, false), [0; 0], "what was wanted_layer_keys and not written never came");
+        assert_eq!(frame(8, [1, 2, 3], false, false), [0; 0], "what was wanted and not written never came");
         assert_eq!(frame(8, [4, 2, 6], true, false), [0, 2]);
         assert_eq!(frame(8, [4, 2, 6], false, false), [0; 0]);
         assert_eq!(frame(16, [4, 2, 6], false, false), [0, 1, 2], "another size");

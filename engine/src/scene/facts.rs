@@ -171,7 +171,7 @@ impl SceneFacts {
     }
 
     /// Multiplies the power of a light with a factor. Nothing where there is no such light.
-    pub(crate) fn dim(&mut self, light: usize, factor: f32) {
+    pub(crate) fn scale_light(&mut self, light: usize, factor: f32) {
         if let Some(light) = self.lights.get_mut(light) {
             light.power = light.full_power * f64::from(factor);
         }
@@ -430,11 +430,11 @@ mod tests {
         let mut facts = SceneFacts::new(&builtin("cornell").unwrap());
         let full = facts.lights[0].power;
         for (factor, shine) in [(0.0, 0), (0.25, 1), (1.0, 1)] {
-            facts.dim(0, factor);
+            facts.scale_light(0, factor);
             assert_eq!(facts.shining().count(), shine);
             close(facts.lights[0].power, full * f64::from(factor));
         }
-        facts.dim(99, 0.0);
+        facts.scale_light(99, 0.0);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Agreement of two reports: the ranking of the rows of each slot, and their fronts.
-use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
-use crate::race::CLEAR;
+use crate::front::{MIN_FRAME_SHARE, Point, Standing, front};
+use crate::race::MIN_CERTAINTY;
 use crate::report::{Effect, Report, Row};
 use serde::Serialize;
 use std::fmt::Write;
@@ -143,7 +143,7 @@ impl Agreement {
 fn fronts(report: &Report, effect: &Effect, rows: &[&Row]) -> Vec<bool> {
     let points: Vec<Point> = rows.iter().map(|row| row.point(error(effect, row))).collect();
     let floor = effect.floor(&report.truths, effect.judged_by, effect.metric);
-    let least_ms = LEAST_OF_FRAME * effect.rows.first().map_or(0.0, |r| r.frame_ms);
+    let least_ms = MIN_FRAME_SHARE * effect.rows.first().map_or(0.0, |r| r.frame_ms);
     front(&points, floor, least_ms).into_iter().map(Standing::is_front).collect()
 }
 
@@ -166,7 +166,9 @@ fn compare(first: &Report, a: &Effect, second: &Report, b: &Effect) -> (SlotAgre
         placed().filter(|(_, fronts)| *fronts == wanted).map(|((x, _), _)| label(x)).collect::<Vec<_>>()
     };
     let clear = placed()
-        .filter(|((x, y), (on_first, on_second))| on_first != on_second && x.sure >= CLEAR && y.sure >= CLEAR)
+        .filter(|((x, y), (on_first, on_second))| {
+            on_first != on_second && x.sure >= MIN_CERTAINTY && y.sure >= MIN_CERTAINTY
+        })
         .map(|((x, _), _)| label(x))
         .collect();
     let lacks = a.rows.iter().filter(|r| !has(b, r)).chain(b.rows.iter().filter(|r| !has(a, r)));

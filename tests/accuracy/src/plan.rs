@@ -17,7 +17,7 @@ const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
 
 /// Limit on the number of setting combinations per implementation. Settings are combined in their order up to this limit; the rest are
 /// varied one at a time.
-const MOST_COMBINATIONS: usize = 12;
+const MAX_COMBINATIONS: usize = 12;
 
 /// One row of the report: a slot with an implementation and settings, everything else at its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -275,7 +275,7 @@ fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, 
     set.cloned().or_else(default)
 }
 
-/// The swept settings of every row of an implementation: the base, each step of one setting, and combinations up to [`MOST_COMBINATIONS`].
+/// The swept settings of every row of an implementation: the base, each step of one setting, and combinations up to [`MAX_COMBINATIONS`].
 fn steps(
     slot: &SlotInfo,
     implementation: &ImplementationInfo,
@@ -295,7 +295,7 @@ fn steps(
     }
     let mut all = vec![around];
     for spec in &specs {
-        if all.len() * spec.sweep.len() > MOST_COMBINATIONS {
+        if all.len() * spec.sweep.len() > MAX_COMBINATIONS {
             break;
         }
         let with = |row: &BTreeMap<String, Value>, step: &Value| {

@@ -143,7 +143,7 @@ fn check_switches(d: &Declaration, plan: &Plan, request: &PlanRequest<'_>) -> Ch
     }
     let queues = Queues { async_compute: compute, transfer };
     if plan.queues != queues || plan.serial != switches.serial {
-        return wrong(format!("planned for {:?} (serial: {}), request for {queues:?}", plan.queues, plan.serial));
+        return wrong(format!("planned for {:?} (serial: {}), asked for {queues:?}", plan.queues, plan.serial));
     }
     for batch in &plan.batches {
         for &pass in &plan.order[batch.passes.range()] {

@@ -85,7 +85,7 @@ struct Frame<'a> {
     declaration: &'a Declaration,
     writers: Writers,
     ran: Vec<bool>,
-    /// The bad versions, by resource and version, with their finding and where it carried_into from.
+    /// The bad versions, by resource and version, with their finding and where it came from.
     bad: HashMap<(u32, u32), (&'a Finding, Node)>,
 }
 
@@ -319,7 +319,7 @@ impl fmt::Display for Report {
         let Self { frame, origin, path, arose, last_frame, outputs } = self;
         writeln!(f, "frame {frame}, pass {}, output {}: {}", origin.pass, origin.output, origin.counts())?;
         if origin.pass_index.is_none() {
-            writeln!(f, "  it carried_into into the frame from outside")?;
+            writeln!(f, "  it came into the frame from outside")?;
         }
         for input in &origin.inputs {
             writeln!(f, "  read {input}")?;

@@ -340,9 +340,9 @@ impl ResidentScene {
     }
 
     /// Goes to a moment: the next frame that is declared shows it.
-    pub fn go(&mut self, moment: &Moment) {
+    pub fn set_moment(&mut self, moment: &Moment) {
         let shifted = self.state.origin != moment.origin;
-        self.changed |= self.state.go(moment);
+        self.changed |= self.state.set_moment(moment);
         self.cut = moment.cut;
         if shifted || self.state.is_animated() {
             self.place();
@@ -360,9 +360,9 @@ impl ResidentScene {
 
     /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off. Without such a light
     /// nothing happens.
-    pub fn dim(&mut self, light: u32, factor: f32) {
-        self.state.dim(light as usize, factor);
-        Arc::make_mut(&mut self.facts).dim(light as usize, factor);
+    pub fn scale_light(&mut self, light: u32, factor: f32) {
+        self.state.scale_light(light as usize, factor);
+        Arc::make_mut(&mut self.facts).scale_light(light as usize, factor);
     }
 
     /// What the scene is made of, with lights as they are dimmed now.

@@ -232,7 +232,7 @@ struct Tree {
 }
 
 /// Limit on the levels of a BVH; one that deep would be refused earlier because of its stack.
-const MOST_LEVELS: usize = 256;
+const MAX_LEVELS: usize = 256;
 
 impl Trees {
     fn new(
@@ -387,6 +387,6 @@ impl Piece {
         let boxes = primitives_at + align(primitives * size_of::<magpie_shaders::scene::BvhPrimitive>());
         let order = boxes + align(nodes * size_of::<NodeBox>());
         let levels = order + align(nodes * 4);
-        Self { primitives: primitives_at, boxes, order, levels, bytes: levels + align(MOST_LEVELS * 4) }
+        Self { primitives: primitives_at, boxes, order, levels, bytes: levels + align(MAX_LEVELS * 4) }
     }
 }

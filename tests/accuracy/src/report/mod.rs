@@ -9,7 +9,7 @@ pub use combination::Combination;
 pub use crate::metric::{Image, Judge, Metric};
 
 use crate::AccuracyError;
-use crate::front::{LEAST_OF_FRAME, Point, Standing, interval, middle, quantile};
+use crate::front::{MIN_FRAME_SHARE, Point, Standing, interval, middle, quantile};
 use crate::measure::AREA;
 use crate::metrics::Comparison;
 use crate::plan::Variant;
@@ -245,7 +245,7 @@ fn rank(effect: &mut Effect, image: Image, metric: Metric, floor: f64) {
     let Some(errors) = errors else { return };
     let points: Vec<Point> = errors.iter().zip(&effect.rows).map(|(error, row)| row.point(*error)).collect();
     // The default of a slot comes first.
-    let least_ms = LEAST_OF_FRAME * effect.rows.first().map_or(0.0, |r| r.frame_ms);
+    let least_ms = MIN_FRAME_SHARE * effect.rows.first().map_or(0.0, |r| r.frame_ms);
     let (standings, sure) = certainties(&points, floor, least_ms);
     for (((row, standing), error), sure) in effect.rows.iter_mut().zip(standings).zip(errors).zip(sure) {
         row.standing.entry(image).or_default().insert(metric, standing);

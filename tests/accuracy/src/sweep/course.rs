@@ -4,7 +4,7 @@ use super::truths::SAMPLE_UNITS;
 use crate::AccuracyError;
 use crate::metric::Judge;
 use crate::plan::Setup;
-use crate::race::{MOST_ROUNDS, Runner, next};
+use crate::race::{MAX_ROUNDS, Runner, next};
 use crate::report::{Effect, effect};
 use crate::results::{Measurement, Results, Run};
 use crate::truth::{Truth, TruthInfo};
@@ -155,7 +155,7 @@ impl Course<'_> {
     fn mine<'s>(&self, setups: &[&'s Setup], runners: &[String]) -> Vec<&'s Setup> {
         let default = self.run.plan.default_setup().map_or("", |s| s.id.as_str());
         let rounds = |id: &str| self.results.measurements.iter().filter(|m| m.setup == id).count();
-        let goes_on = |id: &str| id == default || rounds(id) < 2 * MOST_ROUNDS;
+        let goes_on = |id: &str| id == default || rounds(id) < 2 * MAX_ROUNDS;
         let known = runners.iter().filter_map(|id| setups.iter().copied().find(|s| s.id == *id));
         let mine: Vec<&Setup> = known.filter(|s| goes_on(&s.id)).collect();
         if mine.iter().all(|s| s.id == default) { Vec::new() } else { mine }

@@ -112,7 +112,7 @@ impl Bench {
     }
 
     fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, FrameBenchError> {
-        (0..self.lights).for_each(|light| self.renderer.dim(light, moment.light));
+        (0..self.lights).for_each(|light| self.renderer.scale_light(light, moment.light));
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
         let failed = FrameBenchError::render(&self.label);
         let result = self.renderer.frame(request).map_err(failed)?;

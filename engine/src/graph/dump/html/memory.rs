@@ -16,7 +16,7 @@ use super::{
 
 /// Height of all heaps together, and least height of each, pixels.
 const HEIGHT: f64 = 380.0;
-const LEAST: f64 = 90.0;
+const MIN_HEIGHT: f64 = 90.0;
 /// Average width of a letter in a rectangle, pixels.
 const LETTER: f64 = 6.4;
 
@@ -63,7 +63,7 @@ fn draw_heap(dump: &Dump<'_>, sheet: &mut Sheet, heap: u32, all: u64) {
         ),
     );
 
-    let height = (HEIGHT * size.bytes as f64 / all as f64).max(LEAST);
+    let height = (HEIGHT * size.bytes as f64 / all as f64).max(MIN_HEIGHT);
     sheet.y += 4.0;
     let (top, floor) = (sheet.y, sheet.y + height);
     let up = |offset: u64| floor - height * (offset as f64 / size.bytes.max(1) as f64);

@@ -15,7 +15,7 @@ const COLUMN: (f64, f64) = (32.0, 126.0);
 /// Average width of a letter of the passes' names, pixels.
 const LETTER: f64 = 6.1;
 /// Letters of a pass's name that are shown; the tooltip has all of it.
-const LONGEST: usize = 40;
+const MAX_LETTERS: usize = 40;
 
 /// A rectangle, pixels.
 #[derive(Clone, Copy)]
@@ -53,7 +53,7 @@ impl Sheet {
         let plan = dump.plan;
         let count = plan.order.len() + 1;
         let column = (ROOM / count as f64).clamp(COLUMN.0, COLUMN.1);
-        let name = |index: &u32| shortened(dump.declaration.pass_name(*index), LONGEST);
+        let name = |index: &u32| shortened(dump.declaration.pass_name(*index), MAX_LETTERS);
         let names: Vec<String> = plan.order.iter().map(name).chain(["end".to_owned()]).collect();
         let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(0) as f64 * LETTER;
         // Names that do not fit side by side are drawn diagonally.
