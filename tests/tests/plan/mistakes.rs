@@ -305,7 +305,7 @@ pub const MISTAKES: &[Mistake] = &[
         harmless: None,
     },
     Mistake {
-        name: "an import is not left as it was request for",
+        name: "an import is not left as it was asked for",
         places: |d, plan| certain(d, plan).into_iter().filter(|(b, _)| plan.end.range().contains(b)).collect(),
         plant: |_, plan, at, _| take_out(plan, at.0),
         harmless: None,

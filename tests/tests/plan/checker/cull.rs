@@ -103,9 +103,9 @@ fn kept(d: &Declaration, v: &Versions<'_>) -> BTreeSet<u32> {
 /// Adds the passes that `more` returns for members, until nothing changes.
 fn grow(set: &mut BTreeSet<u32>, more: impl Fn(u32) -> Vec<u32>) {
     loop {
-        let request: Vec<u32> = set.iter().flat_map(|&p| more(p)).collect();
+        let added: Vec<u32> = set.iter().flat_map(|&p| more(p)).collect();
         let before = set.len();
-        set.extend(request);
+        set.extend(added);
         if set.len() == before {
             return;
         }
