@@ -65,12 +65,12 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
     let scene_name = arguments.scene.as_ref().ok_or_else(|| missing("SCENE"))?;
     let out = arguments.out.clone().ok_or_else(|| missing("--out DIR"))?;
     let slots = Slots::default();
-    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(scene_name, Some(&arguments.environment), arguments.supply)?;
-    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    let config = input::configure(&session::catalogue(), arguments.frame.config.as_deref(), &arguments.frame.set)?;
+    let scene = session::load_scene(scene_name, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
+    let camera = session::camera(&scene, arguments.frame.camera.as_deref())?;
     // Two runs at once would disturb each other's timings and both append rows.
     let _lock = Lock::take("--out", &out, &format!("accuracy {}", scene_name.display()))?;
-    let gpu = open(arguments.device.as_ref())?;
+    let gpu = open(arguments.device.device.as_ref())?;
     let options = Options {
         out: out.clone(),
         truths: arguments.truths.clone(),
@@ -82,7 +82,7 @@ pub(crate) fn accuracy(arguments: &AccuracyArguments, loudness: &Loudness) -> Re
         samples: arguments.samples,
         shard: arguments.shard,
         seed: arguments.seed,
-        rays: session::choose_rays(&gpu, arguments.rays)?,
+        rays: session::choose_rays(&gpu, arguments.device.rays)?,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &camera, slots: &slots, config: &config };
@@ -140,13 +140,14 @@ pub(crate) fn tune(arguments: &TuneArguments) -> Result<(), Failure> {
     if arguments.no_render {
         return choose(arguments, &mut tuner, goal.zip(output), None);
     }
-    let scene: Scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
+    let scene: Scene =
+        session::load_scene(&arguments.scene, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
-    let gpu = open(arguments.device.as_ref())?;
+    let gpu = open(arguments.device.device.as_ref())?;
     if !is_same_device(&report.run, &gpu.report().name) {
         log::warn!("{} is not {}, on which the report was made", gpu.report().name, report.run.device.name);
     }
-    let rays = session::choose_rays(&gpu, arguments.rays)?;
+    let rays = session::choose_rays(&gpu, arguments.device.rays)?;
     let (none, slots) = (Config::default(), Slots::default());
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &camera, slots: &slots, config: &none };
     let mut confirmer = Confirmer::new(&subject, &report, &tuner, &arguments.report, rays)?;

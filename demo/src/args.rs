@@ -11,7 +11,10 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use magpie::graph::Switches;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
-pub use bench::{Bench, BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRays, BenchRaysArguments};
+pub use bench::{
+    Bench, BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRays, BenchRaysArguments,
+    BenchRenderArguments, BenchSceneArguments,
+};
 pub use plan::PlanArguments;
 pub use reference::ReferenceArguments;
 
@@ -105,12 +108,9 @@ pub struct RenderArguments {
     /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map
     #[arg(long, value_name = "F.png|F.exr")]
     pub out: Option<PathBuf>,
-    /// Light from all around.
+    /// Light from all around, and what is supplied.
     #[command(flatten)]
-    pub environment: EnvironmentArguments,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    pub lighting: LightingArguments,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,
@@ -128,21 +128,12 @@ pub struct RenderArguments {
     /// Scene time from frame to frame, seconds
     #[arg(long, value_name = "SECONDS", default_value = "0.0166667", allow_negative_numbers = true, value_parser = time_step)]
     pub time_step: f32,
-    /// A camera of the scene by name, or a camera file
-    #[arg(long, value_name = "NAME|F.toml")]
-    pub camera: Option<PathBuf>,
-    /// Which implementation sits in each stage, and its settings
-    #[arg(long, value_name = "F.toml")]
-    pub config: Option<PathBuf>,
-    /// One value of the configuration: `stages.shadows=off`, `SLOT.SETTING=VALUE`; repeatable
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// How rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
+    /// The camera and the configuration.
+    #[command(flatten)]
+    pub frame: FrameArguments,
+    /// The device, and how it traces rays.
+    #[command(flatten)]
+    pub device: DeviceArguments,
     /// Treat these ways to trace rays as missing, even if the device has them: to try what happens elsewhere
     #[arg(long, value_enum, value_name = "WAYS", value_delimiter = ',')]
     pub without_rays: Vec<DriverRays>,
@@ -196,6 +187,42 @@ impl Supply {
             Self::All => magpie::scene::Supply::All,
         }
     }
+}
+
+/// What lights a scene, and what it is given where it lacks a camera or light, for every command that renders one.
+#[derive(Args, Clone, Debug)]
+pub struct LightingArguments {
+    /// Light from all around.
+    #[command(flatten)]
+    pub environment: EnvironmentArguments,
+    /// What to add to a scene without a camera or light of its own
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
+}
+
+/// What is rendered of a scene: the camera and the configuration.
+#[derive(Args, Clone, Debug)]
+pub struct FrameArguments {
+    /// A camera of the scene by name, or a camera file
+    #[arg(long, value_name = "NAME|F.toml")]
+    pub camera: Option<PathBuf>,
+    /// Which implementation sits in each stage, and its settings
+    #[arg(long, value_name = "F.toml")]
+    pub config: Option<PathBuf>,
+    /// One value of the configuration: `stages.shadows=off`, `SLOT.SETTING=VALUE`; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+/// What renders: the device, and how it traces rays.
+#[derive(Args, Clone, Debug)]
+pub struct DeviceArguments {
+    /// The device by part of its name or by its index in `magpie devices`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub device: Option<String>,
+    /// How rays are traced
+    #[arg(long, value_enum, default_value_t = Rays::Auto)]
+    pub rays: Rays,
 }
 
 /// Light from all around, for every command that renders a scene.
@@ -399,7 +426,7 @@ mod tests {
         let arguments = Arguments::try_parse_from(["magpie", "render", "builtin:cornell"]).unwrap();
         let Command::Render(render) = arguments.command else { panic!("another command") };
         assert_eq!(render.size, Extent { width: 1280, height: 720 });
-        assert_eq!((render.frames, render.warmup, render.seed, render.rays), (32, 0, 0, Rays::Auto));
+        assert_eq!((render.frames, render.warmup, render.seed, render.device.rays), (32, 0, 0, Rays::Auto));
         assert!((render.time_step - 1.0 / 60.0).abs() < 1e-6);
     }
 }

@@ -2,17 +2,25 @@
 
 use std::path::{Path, PathBuf};
 
-use magpie::gpu::{Gpu, GpuOptions};
+use magpie::{
+    config::Config,
+    gpu::{Gpu, GpuOptions},
+    prelude::Rays,
+    scene::Scene,
+};
 use magpie_bench::{
-    BenchError, Options,
-    motion::{self, MotionError, MotionOptions},
-    pairs::{self, PairsError, PairsOptions},
+    BenchError, FrameBenchError, Options,
+    motion::{self, MotionOptions},
+    pairs::{self, PairsOptions},
     rays::{self, RayBenchError, RayOptions},
     run,
 };
 
 use crate::{
-    args::{BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRaysArguments},
+    args::{
+        BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRaysArguments, BenchRenderArguments,
+        BenchSceneArguments,
+    },
     console,
     exit::Failure,
     input,
@@ -38,8 +46,9 @@ fn json_file(wanted: Option<&Option<PathBuf>>) -> Result<Option<Output>, Failure
 }
 
 /// Prints the table and writes JSON to the file; `--json` without a file prints JSON in place of the table.
-fn tell(
-    (file, wants_json): (Option<Output>, bool),
+fn print_report(
+    file: Option<Output>,
+    wants_json: bool,
     table: &str,
     json: impl Fn() -> Result<String, Failure>,
 ) -> Result<(), Failure> {
@@ -50,6 +59,11 @@ fn tell(
     file.map_or(Ok(()), |file| file.write_text(&json()?))
 }
 
+/// Opens a device without validation layers, which would be measured too.
+fn open_gpu(device: Option<&String>) -> Result<Gpu, Failure> {
+    Ok(Gpu::new(&GpuOptions { device: device.cloned(), validation: false, ..GpuOptions::default() })?)
+}
+
 /// `magpie bench graph`.
 pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
     let file = json_file(arguments.json.as_ref())?;
@@ -58,9 +72,9 @@ pub(crate) fn graph(arguments: &BenchGraphArguments) -> Result<(), Failure> {
     } else {
         Options { passes: arguments.passes.clone(), repeat: arguments.repeat }
     };
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let gpu = open_gpu(arguments.device.as_ref())?;
     let report = run(&gpu, &options, |next| log::info!("{next}"))?;
-    tell((file, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
+    print_report(file, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
 impl From<RayBenchError> for Failure {
@@ -89,7 +103,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     for scene in &scenes {
         session::first_camera(scene, NO_CAMERA)?;
     }
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let gpu = open_gpu(arguments.device.as_ref())?;
     let mut ways: Vec<_> = arguments.rays.iter().map(|r| r.way()).collect();
     for &way in &ways {
         gpu.check_rays(way).map_err(|e| Failure::from(e).context(format!("--rays {way}")))?;
@@ -109,7 +123,7 @@ pub(crate) fn rays(arguments: &BenchRaysArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &rays::charts(&report).map_err(Failure::running)?)?;
     }
-    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
+    print_report(json, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
 /// Creates the folder of `--charts`.
@@ -122,30 +136,56 @@ fn write_charts(folder: &Path, charts: &[(String, String)]) -> Result<(), Failur
     charts.iter().try_for_each(|(name, svg)| Output::plan("--charts", &folder.join(name), &["svg"])?.write_text(svg))
 }
 
-impl From<MotionError> for Failure {
-    fn from(error: MotionError) -> Self {
+impl From<FrameBenchError> for Failure {
+    fn from(error: FrameBenchError) -> Self {
         match error {
-            MotionError::Config(error) => Self::input(*error),
+            FrameBenchError::Config(error) => Self::input(*error),
+            FrameBenchError::NoCamera | FrameBenchError::UnknownFeature { .. } => Self::input(error),
             other => Self::running(other),
         }
     }
 }
 
+/// What `bench motion` and `bench pairs` measure, and where.
+struct FrameBench {
+    config: Config,
+    scene: Scene,
+    gpu: Gpu,
+    rays: Rays,
+}
+
+impl FrameBench {
+    /// Reads the configuration and the scene and opens the device. With `needs_camera` a scene without a camera is refused.
+    fn open(scene: &BenchSceneArguments, render: &BenchRenderArguments, needs_camera: bool) -> Result<Self, Failure> {
+        let config = input::configure(&session::catalogue(), render.config.as_deref(), &render.set)?;
+        let scene = session::load_scene(&scene.path, None, scene.supply)?;
+        if needs_camera {
+            session::first_camera(&scene, NO_CAMERA)?;
+        }
+        let gpu = open_gpu(render.device.device.as_ref())?;
+        let rays = session::choose_rays(&gpu, render.device.rays)?;
+        Ok(Self { config, scene, gpu, rays })
+    }
+}
+
+/// The file of `--json`, which must not be the scene.
+fn json_file_apart(wanted: Option<&Option<PathBuf>>, scene: &BenchSceneArguments) -> Result<Option<Output>, Failure> {
+    let json = json_file(wanted)?;
+    keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", scene.path.as_path())])?;
+    Ok(json)
+}
+
 /// `magpie bench motion`.
 pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
-    let json = json_file(arguments.json.as_ref())?;
-    keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
+    let json = json_file_apart(arguments.json.as_ref(), &arguments.scene)?;
     arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
-    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(&arguments.scene, None, arguments.supply)?;
-    session::first_camera(&scene, NO_CAMERA)?;
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let FrameBench { config, scene, gpu, rays } = FrameBench::open(&arguments.scene, &arguments.render, true)?;
     let options = MotionOptions {
         slot: arguments.slot.clone(),
         size: [arguments.size.width, arguments.size.height],
         frames: arguments.frames,
-        rays: session::choose_rays(&gpu, arguments.rays)?,
-        seed: arguments.seed,
+        rays,
+        seed: arguments.render.seed,
         config,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
@@ -153,34 +193,21 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &report.charts().map_err(Failure::running)?)?;
     }
-    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
-}
-
-impl From<PairsError> for Failure {
-    fn from(error: PairsError) -> Self {
-        match error {
-            PairsError::Config(error) => Self::input(*error),
-            PairsError::NoCamera | PairsError::Unknown { .. } => Self::input(error),
-            other => Self::running(other),
-        }
-    }
+    print_report(json, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
 }
 
 /// `magpie bench pairs`.
 pub(crate) fn pairs(arguments: &BenchPairsArguments) -> Result<(), Failure> {
-    let json = json_file(arguments.json.as_ref())?;
-    keep_apart(&json.iter().collect::<Vec<_>>(), &[("SCENE", arguments.scene.as_path())])?;
-    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
-    let scene = session::load_scene(&arguments.scene, None, arguments.supply)?;
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), validation: false, ..GpuOptions::default() })?;
+    let json = json_file_apart(arguments.json.as_ref(), &arguments.scene)?;
+    let FrameBench { config, scene, gpu, rays } = FrameBench::open(&arguments.scene, &arguments.render, false)?;
     let options = PairsOptions {
         size: [arguments.size.width, arguments.size.height],
-        rays: session::choose_rays(&gpu, arguments.rays)?,
+        rays,
         only: arguments.only.clone(),
-        seed: arguments.seed,
+        seed: arguments.render.seed,
         config,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
     let report = pairs::run(&gpu, &scene, &options, |pair| log::info!("{pair}"))?;
-    tell((json, arguments.json.is_some()), &report.table(), || report.to_json().map_err(Failure::running))
+    print_report(json, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
 }

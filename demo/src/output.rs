@@ -38,7 +38,7 @@ enum Target {
 }
 
 /// Symbolic links followed in a row, as in Linux; more are an error.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 impl Target {
     fn of(path: &Path) -> Result<Self, String> {
@@ -54,7 +54,7 @@ impl Target {
         let mut links = 0;
         while fs::symlink_metadata(&place).is_ok_and(|m| m.is_symlink()) {
             links += 1;
-            if links > MOST_LINKS {
+            if links > MAX_LINKS {
                 return Err("too many links in a row".to_owned());
             }
             let next = fs::read_link(&place).map_err(|e| e.to_string())?;

@@ -62,14 +62,15 @@ struct Memory {
 /// `magpie plan`.
 pub(crate) fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let output = arguments.out.as_ref().map(|path| Output::plan("--out", path, &["toml"])).transpose()?;
-    let inputs = [("scene", Some(&arguments.scene)), ("configuration", arguments.config.as_ref())];
+    let inputs = [("scene", Some(&arguments.scene)), ("configuration", arguments.frame.config.as_ref())];
     let inputs: Vec<(&str, &Path)> =
         inputs.iter().filter_map(|(what, path)| Some((*what, path.as_ref()?.as_path()))).collect();
     keep_apart(&output.iter().collect::<Vec<_>>(), &inputs)?;
-    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
+    let config = input::configure(&session::catalogue(), arguments.frame.config.as_deref(), &arguments.frame.set)?;
     let shares = arguments.report.as_deref().map(Shares::read).transpose()?;
-    let scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
-    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    let scene =
+        session::load_scene(&arguments.scene, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
+    let camera = session::camera(&scene, arguments.frame.camera.as_deref())?;
     let size = arguments.size.unwrap_or(SIZES[usize::from(arguments.measure)]);
     let slots = Slots::default();
     let extent = PixelExtent::new(size.width, size.height);
@@ -126,12 +127,12 @@ fn measure(
     config: &Config,
     size: Extent,
 ) -> Result<Worth, Failure> {
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), ..GpuOptions::default() })?;
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.device.clone(), ..GpuOptions::default() })?;
     log::info!("device: {}", gpu.report().name);
-    let rays = session::choose_rays(&gpu, arguments.rays)?;
+    let rays = session::choose_rays(&gpu, arguments.device.rays)?;
     let render = RenderOptions { width: size.width, height: size.height, rays, ..RenderOptions::default() };
-    let options = ProbeOptions { render, frames: FRAMES };
-    Ok(worth(&gpu, scene, camera, config, (options, arguments.worth))?)
+    let options = ProbeOptions { render, frames: FRAMES, min_flip: arguments.worth };
+    Ok(worth(&gpu, scene, camera, config, options)?)
 }
 
 /// Shares of the slots in the time of the frame, of a run.

@@ -31,7 +31,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     let inputs: Vec<(&str, &Path)> = [
         ("scene", Some(&arguments.scene)),
         ("camera file", arguments.camera.as_ref()),
-        ("environment", arguments.environment.environment.as_ref()),
+        ("environment", arguments.lighting.environment.environment.as_ref()),
     ]
     .into_iter()
     .filter_map(|(what, path)| Some((what, path?.as_path())))
@@ -40,7 +40,8 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
     let shown = arguments.png.as_deref().map(|path| Output::plan("--png", path, &["png"])).transpose()?;
     keep_apart(&[&output].into_iter().chain(&shown).collect::<Vec<_>>(), &inputs)?;
     let config = input::configure(&session::catalogue(), None, &arguments.set)?;
-    let scene = session::load_scene(&arguments.scene, Some(&arguments.environment), arguments.supply)?;
+    let scene =
+        session::load_scene(&arguments.scene, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
     let camera = session::camera(&scene, arguments.camera.as_deref())?;
     let (only, extent) = (arguments.only.which(), arguments.size);
     let options = ReferenceOptions {

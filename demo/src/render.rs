@@ -49,9 +49,9 @@ impl Outputs {
         let all: Vec<&Output> = all.into_iter().flatten().collect();
         let inputs = [
             ("scene", &arguments.scene),
-            ("environment map", &arguments.environment.environment),
-            ("camera file", &arguments.camera),
-            ("configuration", &arguments.config),
+            ("environment map", &arguments.lighting.environment.environment),
+            ("camera file", &arguments.frame.camera),
+            ("configuration", &arguments.frame.config),
         ];
         let inputs: Vec<(&str, &Path)> = inputs.iter().filter_map(|(what, p)| Some((*what, p.as_deref()?))).collect();
         keep_apart(&all, &inputs)?;
@@ -65,21 +65,21 @@ impl Outputs {
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Failure> {
     let outputs = Outputs::plan(arguments)?;
-    let config = input::configure(&session::catalogue(), arguments.config.as_deref(), &arguments.set)?;
+    let config = input::configure(&session::catalogue(), arguments.frame.config.as_deref(), &arguments.frame.set)?;
     if arguments.print_config {
         return console::print(&config.to_toml()?);
     }
     let Some(scene_name) = &arguments.scene else {
         return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
     };
-    let scene = session::load_scene(scene_name, Some(&arguments.environment), arguments.supply)?;
-    let camera = session::camera(&scene, arguments.camera.as_deref())?;
+    let scene = session::load_scene(scene_name, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
+    let camera = session::camera(&scene, arguments.frame.camera.as_deref())?;
 
     let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();
     let options = Options {
-        rays: arguments.rays,
+        rays: arguments.device.rays,
         without_rays: &without_rays,
-        device: arguments.device.as_deref(),
+        device: arguments.device.device.as_deref(),
         check: arguments.check,
         size: arguments.size,
         seed: arguments.seed,
@@ -135,7 +135,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
     }
     let mut findings = session.origins();
     findings.extend(session.close()?);
-    tell_findings(&findings)
+    print_findings(&findings)
 }
 
 fn describe_run(session: &Session, arguments: &RenderArguments, scene: &Path, config: Config) -> Run {
@@ -192,7 +192,7 @@ fn write_outputs(
 }
 
 /// Prints the findings of `--check` and fails if there are any.
-fn tell_findings(findings: &[String]) -> Result<(), Failure> {
+fn print_findings(findings: &[String]) -> Result<(), Failure> {
     for finding in findings.iter().take(FINDINGS_SHOWN) {
         console::complain(finding);
     }

@@ -158,15 +158,15 @@ impl Session {
 
     /// Where NaN and infinity came from, one text each, and which origins could not be found.
     pub(crate) fn origins(&self) -> Vec<String> {
-        let trail = self.renderer.trail();
-        for (name, why) in trail.unscanned() {
+        let tracker = self.renderer.finding_tracker();
+        for (name, why) in tracker.unscanned() {
             log::warn!("--check: {name}: {why}");
         }
-        let mut told: Vec<String> = trail.reports().iter().map(ToString::to_string).collect();
-        if trail.left_out() > 0 {
-            told.push(format!("{} more origins of NaN or infinity", trail.left_out()));
+        let mut findings: Vec<String> = tracker.reports().iter().map(ToString::to_string).collect();
+        if tracker.left_out() > 0 {
+            findings.push(format!("{} more origins of NaN or infinity", tracker.left_out()));
         }
-        told
+        findings
     }
 
     /// Destroys the renderer and returns the messages of the validation layers since the last frame.

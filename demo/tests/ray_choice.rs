@@ -57,8 +57,8 @@ fn a_choice_is_told_with_its_reason() {
     let Some(output) = magpie(&[&SMALL[..], &["--rays", "auto"]].concat()) else { return };
     let text = said(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
-    let told: Vec<&str> = text.lines().filter(|l| l.contains("rays:")).collect();
-    assert!(told.len() == 1 && told[0].contains("since"), "{text}");
+    let lines: Vec<&str> = text.lines().filter(|l| l.contains("rays:")).collect();
+    assert!(lines.len() == 1 && lines[0].contains("since"), "{text}");
 
     // Where the driver traces none, the walk is taken, whatever the device is.
     let Some(output) = magpie(&[&SMALL[..], &["--without-rays", "query,pipeline"]].concat()) else { return };

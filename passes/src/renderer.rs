@@ -7,7 +7,7 @@ use crate::slots::{Frame, Slots, merged};
 use magpie::config::{Config, ConfigError, Suggestion};
 use magpie::frame::{PreviousView, ViewDesc};
 use magpie::gpu::{Gpu, GpuError};
-use magpie::graph::check::{Finding, Poison, Scan, Trail};
+use magpie::graph::check::{Finding, FindingTracker, Poison, Scan};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
 use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
 use magpie::measure::{FrameSample, SlotReport, slot_reports};
@@ -119,7 +119,7 @@ pub struct Renderer {
     implementations: Frame,
     view: magpie::gpu::Staging,
     scan: Option<Scan>,
-    trail: Trail,
+    tracker: FindingTracker,
     poisons: Vec<Poison>,
     read_slots: Vec<String>,
     options: RenderOptions,
@@ -174,7 +174,7 @@ impl Renderer {
             view: magpie::gpu::Staging::new(gpu, "view"),
             scan: options.check.then(|| Scan::new(gpu)).transpose()?,
             scene: resident.shared(),
-            trail: Trail::default(),
+            tracker: FindingTracker::default(),
             poisons: Vec::new(),
             read_slots: Vec::new(),
             options,
@@ -202,7 +202,7 @@ impl Renderer {
     /// Begins anew: the next frame is the first again, and nothing is left of those before it.
     pub fn restart(&mut self) {
         self.executor.restart();
-        self.trail.clear();
+        self.tracker.clear();
         (self.frame, self.previous, self.origin) = (0, None, FloatingOrigin::default());
     }
 
@@ -259,13 +259,13 @@ impl Renderer {
     }
 
     /// Where everything that the scan has found came from. Frames count from 0, as in [`magpie::frame::View::frame`].
-    pub fn trail(&self) -> &Trail {
-        &self.trail
+    pub fn finding_tracker(&self) -> &FindingTracker {
+        &self.tracker
     }
 
     /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off.
-    pub fn dim(&mut self, light: u32, factor: f32) {
-        self.scene.borrow_mut().dim(light, factor);
+    pub fn scale_light(&mut self, light: u32, factor: f32) {
+        self.scene.borrow_mut().scale_light(light, factor);
     }
 
     /// Spoils an output of the next frame, to test what finds NaN.
@@ -326,7 +326,7 @@ impl Renderer {
             previous: self.previous.as_ref().map(Previous::view),
         };
         let (cut, origin) = (self.previous.is_none(), self.origin.follow(request.camera));
-        self.scene.borrow_mut().go(&Moment { time: request.time, origin, cut });
+        self.scene.borrow_mut().set_moment(&Moment { time: request.time, origin, cut });
         let view = desc.declare(&mut self.view, &self.scene.borrow(), &mut g, &mut imports.borrow_mut())?;
         let (scene, camera) = (self.scene.clone(), request.camera.clone());
         let scene = AccelerationIn::Resident { scene, imports: imports.clone(), camera };
@@ -337,7 +337,7 @@ impl Renderer {
         let mut scan = None;
         let mut scanner: Option<Observer> = None;
         if let Some(pipelines) = self.scan {
-            let (scanned, observer) = pipelines.watch(&self.gpu, &imports);
+            let (scanned, observer) = pipelines.observer(&self.gpu, &imports);
             scan = Some(scanned);
             scanner = Some(Box::new(observer));
         }
@@ -406,7 +406,7 @@ impl Renderer {
         let mut findings = Vec::new();
         if let Some(scanned) = scan {
             findings = scanned.findings();
-            self.trail.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
+            self.tracker.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
         }
         self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });
         self.frame += 1;

@@ -153,27 +153,27 @@ vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
 
 // Probability of sampling each lobe: diffuse, specular, glass, coat. Roughly what they reflect, and above 0 wherever a lobe contributes.
 // All 0 if none of the selected lobes does. Glass is one lobe whose facets reflect or transmit by Fresnel.
-vec4 lobe_odds(Bsdf b, vec3 v, uint lobes) {
+vec4 lobe_probabilities(Bsdf b, vec3 v, uint lobes) {
     const float LEAST = 0.05;
     float coat = coat_share(b, v);
     vec3 f = schlick_f(b.fresnel, v.z);
     float base = max(b.base_colour.r, max(b.base_colour.g, b.base_colour.b));
     float reflected = max(f.r, max(f.g, f.b));
     float opaque = 1.0 - b.transmission;
-    vec4 odds = vec4(0.0);
-    if ((lobes & LOBE_DIFFUSE) != 0u) odds.x = opaque * (1.0 - b.metalness) * base * max(1.0 - reflected, LEAST);
+    vec4 probabilities = vec4(0.0);
+    if ((lobes & LOBE_DIFFUSE) != 0u) probabilities.x = opaque * (1.0 - b.metalness) * base * max(1.0 - reflected, LEAST);
     if ((lobes & LOBE_SPECULAR) != 0u) {
-        odds.y = opaque > 0.0 && has_reflection(b.fresnel) ? max(opaque * reflected, LEAST) : 0.0;
-        odds.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
+        probabilities.y = opaque > 0.0 && has_reflection(b.fresnel) ? max(opaque * reflected, LEAST) : 0.0;
+        probabilities.w = coat > 0.0 ? max(coat, LEAST) : 0.0;
     }
-    if ((lobes & (LOBE_SPECULAR | LOBE_TRANSMISSION)) != 0u) odds.z = b.transmission;
-    odds.xyz *= 1.0 - coat;
-    float sum = odds.x + odds.y + odds.z + odds.w;
-    return sum > 0.0 ? odds / sum : vec4(0.0);
+    if ((lobes & (LOBE_SPECULAR | LOBE_TRANSMISSION)) != 0u) probabilities.z = b.transmission;
+    probabilities.xyz *= 1.0 - coat;
+    float sum = probabilities.x + probabilities.y + probabilities.z + probabilities.w;
+    return sum > 0.0 ? probabilities / sum : vec4(0.0);
 }
 
 // Probability with which a microfacet of glass reflects instead of transmitting.
-float reflection_odds(Bsdf b, float v_h, uint lobes) {
+float reflection_probability(Bsdf b, float v_h, uint lobes) {
     if ((lobes & LOBE_TRANSMISSION) == 0u) return 1.0;
     return (lobes & LOBE_SPECULAR) == 0u ? 0.0 : stopped_by_glass(b, v_h);
 }
@@ -184,50 +184,50 @@ float transmission_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
         vec3 h = safe_normalize(v + mirrored(l), vec3(0.0, 0.0, 1.0));
         float v_h = dot(v, h);
         if (v_h <= 0.0) return 0.0;
-        return (1.0 - reflection_odds(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
+        return (1.0 - reflection_probability(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
     }
     vec3 h = refraction_half(b, v, l);
     float v_h = dot(v, h);
     float l_h = dot(l, h);
     if (v_h <= 0.0 || l_h >= 0.0) return 0.0;
     float bend = v_h + b.eta * l_h;
-    return (1.0 - reflection_odds(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
+    return (1.0 - reflection_probability(b, v_h, lobes)) * visible_normal_pdf(v, h, b.alpha) * b.eta * b.eta * -l_h / (bend * bend);
 }
 
 // Pdf with which `bsdf_sample` returns `l`, per steradian.
 float bsdf_pdf(Bsdf b, vec3 v, vec3 l, uint lobes) {
-    vec4 odds = lobe_odds(b, v, lobes);
-    if (l.z < 0.0) return odds.z > 0.0 ? odds.z * transmission_pdf(b, v, l, lobes) : 0.0;
-    float pdf = odds.x * l.z / PI;
+    vec4 probabilities = lobe_probabilities(b, v, lobes);
+    if (l.z < 0.0) return probabilities.z > 0.0 ? probabilities.z * transmission_pdf(b, v, l, lobes) : 0.0;
+    float pdf = probabilities.x * l.z / PI;
     vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
     float v_h = dot(v, h);
     if (v_h <= 0.0) return pdf;
-    float facets = odds.y + odds.z * reflection_odds(b, v_h, lobes);
+    float facets = probabilities.y + probabilities.z * reflection_probability(b, v_h, lobes);
     pdf += facets * visible_normal_pdf(v, h, b.alpha) / (4.0 * v_h);
-    if (odds.w > 0.0) pdf += odds.w * visible_normal_pdf(v, h, b.coat_alpha) / (4.0 * v_h);
+    if (probabilities.w > 0.0) pdf += probabilities.w * visible_normal_pdf(v, h, b.coat_alpha) / (4.0 * v_h);
     return pdf;
 }
 
 // Samples a direction towards light. False if the sample is lost: below the horizon, or a refraction that ends up on the wrong side.
 // `choice` is uniform and independent of `u`.
 bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
-    vec4 odds = lobe_odds(b, v, lobes);
+    vec4 probabilities = lobe_probabilities(b, v, lobes);
     l = vec3(0.0, 0.0, 1.0);
-    if (odds == vec4(0.0)) return false;
-    if (choice < odds.x) {
+    if (probabilities == vec4(0.0)) return false;
+    if (choice < probabilities.x) {
         l = sample_cosine(u);
         return l.z > 0.0;
     }
-    if (choice < odds.x + odds.z) {
+    if (choice < probabilities.x + probabilities.z) {
         vec3 h = sample_visible_normal(v, b.alpha, u);
         // The rest of `choice` is uniform again.
-        bool reflects = (choice - odds.x) / odds.z < reflection_odds(b, dot(v, h), lobes);
+        bool reflects = (choice - probabilities.x) / probabilities.z < reflection_probability(b, dot(v, h), lobes);
         if (reflects || b.thin) l = reflect(-v, h);
         else l = refract(-v, h, 1.0 / b.eta);
         if (b.thin && !reflects) l = mirrored(l);
         return reflects ? l.z > 0.0 : l.z < 0.0;
     }
-    bool on_coat = choice >= odds.x + odds.z + odds.y && odds.w > 0.0;
+    bool on_coat = choice >= probabilities.x + probabilities.z + probabilities.y && probabilities.w > 0.0;
     vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);
     l = reflect(-v, h);
     return l.z > 0.0;

@@ -23,7 +23,7 @@ struct Seen {
     mat3 around;
     vec3 v;
     Bsdf bsdf;
-    float lobe_odds;  // probability of sampling the lobe: 0 for roughness 1, 1/2 for mirrors
+    float lobe_probability;  // probability of sampling the lobe: 0 for roughness 1, 1/2 for mirrors
 };
 
 // Contribution of a surface that a lobe ray has hit, without its coverage, which the caller applies.
@@ -31,7 +31,7 @@ vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit
     if (met.emission == vec3(0.0) || WordBuffer(lights.emitters).at[hit.instance] == NO_EMITTER) return vec3(0.0);
     float own = bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
     float other = emitter_pdf(scene, lights, hit, s.start.position, met.start.position);
-    float density = mix(other, own, s.lobe_odds);
+    float density = mix(other, own, s.lobe_probability);
     return density > 0.0 ? bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR) * met.emission / density : vec3(0.0);
 }
 
@@ -104,8 +104,8 @@ vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which,
     vec3 scattered = bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR);
     if (scattered == vec3(0.0)) return vec3(0.0);
     vec3 share = share_along(scene, surface_ray_to(s.start, s.start.position + from.distance * from.direction));
-    float other = s.lobe_odds * bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
-    return share * scattered * from.radiance / (choice.probability * (1.0 - s.lobe_odds) + other / from.pdf);
+    float other = s.lobe_probability * bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
+    return share * scattered * from.radiance / (choice.probability * (1.0 - s.lobe_probability) + other / from.pdf);
 }
 
 // Radiance over albedo for one pixel.
@@ -124,14 +124,14 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     s.v = surface.to_eye * s.around;
     // A viewer on or below the horizon is treated as grazing.
     s.v.z = max(s.v.z, 1e-4);
-    s.lobe_odds = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
+    s.lobe_probability = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
     uint seed = view.at[0].seed;
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < params.samples; i++) {
         uint index = view.at[0].frame * params.samples + i;
         vec2 u = sequence2(pixel, index, SEQUENCE_EMITTERS, seed);
         vec2 which = sequence2(pixel, index, SEQUENCE_EMITTERS + 1u, seed);
-        bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_odds;
+        bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_probability;
         sum += by_lobe ? found_by_lobe(scene, lights, s, u) : found_by_emitter(scene, lights, s, which, u);
     }
     return sum / (float(params.samples) * reflectance(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel, s.v.z));

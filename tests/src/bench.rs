@@ -3,7 +3,7 @@ use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::frame::{View, ViewDesc};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, RayKernel, Staging};
-use magpie::graph::check::{Finding, Poison, Scan, Trail, Unscanned};
+use magpie::graph::check::{Finding, FindingTracker, Poison, Scan, Unscanned};
 use magpie::graph::execute::{Executed, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, FrameGraph, MipCopy, Produced, Queue, Record, WriteHandle};
 use magpie::pixels::Pixels;
@@ -25,7 +25,7 @@ pub struct Bench {
     pub executor: Executor,
     scan: Scan,
     /// Origins of all non-finite values so far; frames count from 0.
-    pub trail: Trail,
+    pub tracker: FindingTracker,
     frame: u32,
 }
 
@@ -86,7 +86,7 @@ impl Bench {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
             scan: Scan::new(gpu)?,
-            trail: Trail::default(),
+            tracker: FindingTracker::default(),
             frame: 0,
         })
     }
@@ -118,7 +118,7 @@ impl Bench {
     ) -> Result<Ran> {
         let imports = Shared::default();
         let mut g = self.executor.begin(extent);
-        let (scanned, mut scan) = self.scan.watch(&self.gpu, &imports);
+        let (scanned, mut scan) = self.scan.observer(&self.gpu, &imports);
         let mut wanted: Vec<String> = wanted.iter().map(|w| (*w).to_owned()).collect();
         let copies = Rc::<RefCell<Vec<(Produced, Arc<Buffer>)>>>::default();
         let failed = Rc::<RefCell<Option<GpuError>>>::default();
@@ -150,7 +150,7 @@ impl Bench {
         let images = images.collect();
         let (findings, unscanned) = (scanned.findings(), scanned.unscanned());
         let Executed { declaration, plan, .. } = &executed;
-        self.trail.follow(self.frame, declaration, &plan.order, &findings, &unscanned);
+        self.tracker.follow(self.frame, declaration, &plan.order, &findings, &unscanned);
         self.frame += 1;
         Ok(Ran { images, findings, unscanned, executed })
     }

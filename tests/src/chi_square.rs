@@ -12,7 +12,7 @@ pub struct ChiSquare {
 }
 
 /// Bins with a smaller expected count are merged.
-const LEAST: f64 = 10.0;
+const MIN_EXPECTED: f64 = 10.0;
 
 /// Tests counts against expected counts of the same sum.
 pub fn chi_square(counts: &[f64], expected: &[f64]) -> ChiSquare {
@@ -24,17 +24,17 @@ pub fn chi_square(counts: &[f64], expected: &[f64]) -> ChiSquare {
         bins += 1.0;
     };
     for (&count, &expect) in counts.iter().zip(expected) {
-        if expect < LEAST {
+        if expect < MIN_EXPECTED {
             rest = (rest.0 + count, rest.1 + expect);
         } else {
             add(count, expect);
         }
     }
-    if rest.1 >= LEAST {
+    if rest.1 >= MIN_EXPECTED {
         add(rest.0, rest.1);
     } else {
         // The merged bins are too small to test, but must not exceed their expectation by far.
-        assert!(rest.0 <= LEAST * 4.0, "{} samples where {} are expected", rest.0, rest.1);
+        assert!(rest.0 <= MIN_EXPECTED * 4.0, "{} samples where {} are expected", rest.0, rest.1);
     }
     let freedom: f64 = f64::max(bins - 1.0, 1.0);
     let spread = 2.0 / (9.0 * freedom);

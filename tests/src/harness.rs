@@ -13,7 +13,7 @@ use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 use std::{env, thread};
 
 /// A device with validation for the exclusive use of a test, or `None` if `MAGPIE_NO_GPU` is set. The absence of a device is an error.
-pub fn gpu() -> Result<Option<Lent>> {
+pub fn gpu() -> Result<Option<BorrowedGpu>> {
     if env::var_os("MAGPIE_NO_GPU").is_some() {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
         return Ok(None);
@@ -21,7 +21,7 @@ pub fn gpu() -> Result<Option<Lent>> {
     let devices =
         DEVICES.get_or_init(|| open().map(|free| Devices { free: Mutex::new(free), came_back: Condvar::new() }));
     let devices = devices.as_ref().map_err(|e| anyhow!("{e:#}"))?;
-    Ok(Some(Lent { gpu: devices.lend(), devices }))
+    Ok(Some(BorrowedGpu { gpu: devices.borrow(), devices }))
 }
 
 /// The devices of this process: as many as tests run in parallel, at most four, all created before the first is used and none destroyed
@@ -49,7 +49,7 @@ thread_local! {
 
 impl Devices {
     /// Waits for a free device.
-    fn lend(&self) -> Gpu {
+    fn borrow(&self) -> Gpu {
         assert!(!BORROWS.replace(true), "a test that takes a second device may wait forever for it");
         let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -62,12 +62,12 @@ impl Devices {
 }
 
 /// A device, returned to the pool on drop. A test fails if it leaves behind validation messages that it did not ask for.
-pub struct Lent {
+pub struct BorrowedGpu {
     gpu: Gpu,
     devices: &'static Devices,
 }
 
-impl Deref for Lent {
+impl Deref for BorrowedGpu {
     type Target = Gpu;
 
     fn deref(&self) -> &Gpu {
@@ -75,7 +75,7 @@ impl Deref for Lent {
     }
 }
 
-impl Drop for Lent {
+impl Drop for BorrowedGpu {
     fn drop(&mut self) {
         let left = self.gpu.wait_idle().and_then(|()| self.gpu.check_validation());
         BORROWS.set(false);
@@ -180,8 +180,11 @@ pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()
         .with_context(|| format!("golden {} (MAGPIE_BLESS=1 makes it)", golden_file.display()))?
         .into_rgba8();
     ensure!(golden.dimensions() == (width, height), "{name}: the golden is {:?}", golden.dimensions());
-    let told = distance_from_flat(&golden);
-    ensure!(told > 5.0 * limit, "{name}: the golden is within {told:.4} of one flat colour, too near for {limit}");
+    let from_flat = distance_from_flat(&golden);
+    ensure!(
+        from_flat > 5.0 * limit,
+        "{name}: the golden is within {from_flat:.4} of one flat colour, too near for {limit}"
+    );
 
     let mut sum = 0.0;
     let mut difference = image::RgbaImage::new(width, height);

@@ -3,7 +3,7 @@
 pub mod against;
 pub mod bench;
 pub mod chi_square;
+pub mod fixtures;
 pub mod flip;
 pub mod harness;
-pub mod made;
 pub mod oracle;

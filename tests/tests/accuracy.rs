@@ -57,11 +57,11 @@ fn a_sweep_is_measured_resumed_split_merged_and_tuned() -> Result<()> {
     let subject = Subject { gpu: &gpu, scene: &scene, camera: &scene.cameras[0], slots: &slots, config: &config };
     let place = tempfile::tempdir()?;
     let whole = place.path().join("whole");
-    let mut told = Vec::new();
-    let folder = sweep(&subject, &options(&whole, None), &mut |at: &Progress| told.push(at.clone()))?;
-    let last = told.last().context("no progress")?;
+    let mut progress = Vec::new();
+    let folder = sweep(&subject, &options(&whole, None), &mut |at: &Progress| progress.push(at.clone()))?;
+    let last = progress.last().context("no progress")?;
     ensure!(last.done == last.all && last.skipped == 0, "{last}");
-    ensure!(told.windows(2).all(|pair| pair[0].done <= pair[1].done), "progress goes back");
+    ensure!(progress.windows(2).all(|pair| pair[0].done <= pair[1].done), "progress goes back");
 
     let report = Report::build(&folder, &whole)?;
     report.write(&whole)?;

@@ -11,8 +11,8 @@ use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, Referen
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::StorageImage;
 use magpie_tests::bench::Bench;
+use magpie_tests::fixtures;
 use magpie_tests::harness::{builtin, config, gpu};
-use magpie_tests::made;
 use std::env;
 use std::f64::consts::PI;
 
@@ -151,11 +151,11 @@ fn seen_on(camera: &Camera, size: [u32; 2], pixel: usize, normal: Vec3) -> Optio
 
 /// A floor and optionally a wall at x = 0, much larger than every range. The wall is visible up to a height of 1.6 metres.
 fn floor(wall: bool) -> Scene {
-    let mut scene = made::scene("crease", made::camera(Vec3::new(3.0, 3.0, 0.4), Vec3::ZERO));
-    made::add(&mut scene, made::plane(50.0), made::material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
+    let mut scene = fixtures::scene("crease", fixtures::camera(Vec3::new(3.0, 3.0, 0.4), Vec3::ZERO));
+    fixtures::add(&mut scene, fixtures::plane(50.0), fixtures::material([0.5; 3], 0.0, 1.0), Affine3A::IDENTITY);
     if wall {
         let upright = Affine3A::from_quat(Quat::from_rotation_z(-std::f32::consts::FRAC_PI_2));
-        made::add(&mut scene, made::plane(50.0), made::material([0.5; 3], 0.0, 1.0), upright);
+        fixtures::add(&mut scene, fixtures::plane(50.0), fixtures::material([0.5; 3], 0.0, 1.0), upright);
     }
     scene
 }
@@ -229,19 +229,19 @@ fn without_a_range_or_switched_off_there_is_no_pass() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let (scene, size) = (builtin("courtyard")?, [48, 27]);
     // Names of the slot's passes, the picture, direct light, and whether there is an openness image.
-    type Told = (Vec<String>, Vec<u8>, Vec<u8>, bool);
-    let run = |changes: &[&str]| -> Result<Told> {
-        let mut told = None;
+    type Outcome = (Vec<String>, Vec<u8>, Vec<u8>, bool);
+    let run = |changes: &[&str]| -> Result<Outcome> {
+        let mut outcome = None;
         frames(&gpu, &scene, changes, size, 1, |frame| {
             let d = &frame.declaration;
             let passes = (0..d.passes.len() as u32).map(|p| d.pass_name(p).to_owned());
             let passes = passes.filter(|name| name.starts_with("ao.")).collect();
             let bytes = frame.images.as_ref().context("no image")?.linear.bytes.clone();
             let direct = frame.slots[1].1.as_ref().context("no direct light")?.bytes.clone();
-            told = Some((passes, bytes, direct, frame.slots[0].1.is_some()));
+            outcome = Some((passes, bytes, direct, frame.slots[0].1.is_some()));
             Ok(())
         })?;
-        told.context("no frame")
+        outcome.context("no frame")
     };
     let off = run(&["stages.ao=off"])?;
     ensure!(off.0.is_empty() && !off.3, "off: {:?}", off.0);

@@ -4,8 +4,8 @@ use glam::{Affine3A, DVec3, Vec3};
 use magpie::gpu::Gpu;
 use magpie::scene::{Camera, Environment, Light, Material, Mesh, Scene, Sphere};
 use magpie_passes::reference::{Reference, ReferenceOptions};
+use magpie_tests::fixtures::{add, camera, plane, scene};
 use magpie_tests::harness::gpu;
-use magpie_tests::made::{add, camera, plane, scene};
 use std::f64::consts::PI;
 
 /// Greatest relative difference.

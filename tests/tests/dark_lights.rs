@@ -5,8 +5,8 @@ use magpie::gpu::Gpu;
 use magpie::scene::{Environment, Light, Material, Mesh, Scene, Sphere};
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene};
 use magpie_tests::harness::{config, gpu};
-use magpie_tests::made::{add, block, camera, environment, material, plane, scene};
 
 const SIZE: [u32; 2] = [16, 12];
 

@@ -58,7 +58,7 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
     ensure!(instances.len() >= 3, "the stem, the blob and the flag deform");
     let mut before: Vec<Vec<[f32; 3]>> = vec![Vec::new(); instances.len()];
     for (frame, time) in [0.0, 0.4, 1.1, 2.6, 3.9].into_iter().enumerate() {
-        resident.borrow_mut().go(&Moment { time, ..Moment::default() });
+        resident.borrow_mut().set_moment(&Moment { time, ..Moment::default() });
         let root = resident.borrow().root();
         let mut read = Vec::new();
         bench.run(Extent::new(1, 1), &[], |g, imports| {

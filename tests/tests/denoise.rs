@@ -14,8 +14,8 @@ use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::shadows::WIDEST_NOISE;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sun};
 use magpie_tests::harness::{builtin, gpu};
-use magpie_tests::made::{add, camera, material, plane, scene, sun};
 
 const SIZE: [u32; 2] = [96, 54];
 
@@ -297,10 +297,10 @@ fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples()
     let mean = |values: &dyn Fn(usize) -> f64| known.iter().map(|i| values(*i)).sum::<f64>() / known.len() as f64;
     // Uniform values in 0 to 1 have the mean 1/2.
     let true_variance = mean(&|i| (f64::from(images[0][i][0]) - 0.5).powi(2));
-    let told = mean(&|i| f64::from(images[1][i][0]));
-    println!("variance of the mean over {frames} frames: {true_variance:.5}, estimate {told:.5}");
+    let estimated = mean(&|i| f64::from(images[1][i][0]));
+    println!("variance of the mean over {frames} frames: {true_variance:.5}, estimate {estimated:.5}");
     // The sample variance is about the samples' own mean, which lowers it by one in the number of frames.
-    ensure!((told / true_variance - 1.0).abs() < 0.2, "{told} is told, {true_variance} is true");
+    ensure!((estimated / true_variance - 1.0).abs() < 0.2, "{estimated} is estimated, {true_variance} is true");
     Ok(())
 }
 

@@ -6,8 +6,8 @@ use magpie::gpu::Gpu;
 use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Node, Property, Scene};
 use magpie_bench::motion::stand;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::camera;
 use magpie_tests::harness::{config, gpu};
-use magpie_tests::made::camera;
 
 #[allow(dead_code, reason = "shared with the tests of maps")]
 #[path = "shadow_maps/rig.rs"]
@@ -54,7 +54,7 @@ impl Run {
 
     /// Visibility of the first light.
     fn frame(&mut self, moment: &Moment) -> Result<Vec<f64>> {
-        self.renderer.dim(0, moment.factor);
+        self.renderer.scale_light(0, moment.factor);
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
         let result = self.renderer.frame(request)?.context("no frame")?;
         ensure!(result.findings.is_empty(), "{:?}", result.findings);
@@ -80,19 +80,19 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
 /// Errors of one ray per pixel, and of its denoised result, in each frame.
 fn errors(gpu: &Gpu, scene: &Scene, path: &[Moment]) -> Result<Vec<[f64; 2]>> {
     let (mut noisy, mut denoised) = (Run::new(gpu, scene, &["shadows.denoiser=none"])?, Run::new(gpu, scene, &[])?);
-    let mut told = Vec::new();
+    let mut errors = Vec::new();
     for moment in path {
         let truth = truth(gpu, scene, moment)?;
-        told.push([rms(&noisy.frame(moment)?, &truth), rms(&denoised.frame(moment)?, &truth)]);
+        errors.push([rms(&noisy.frame(moment)?, &truth), rms(&denoised.frame(moment)?, &truth)]);
     }
-    Ok(told)
+    Ok(errors)
 }
 
-fn stays_below(name: &str, told: &[[f64; 2]]) -> Result<()> {
-    for (frame, [noisy, denoised]) in told.iter().enumerate() {
+fn stays_below(name: &str, errors: &[[f64; 2]]) -> Result<()> {
+    for (frame, [noisy, denoised]) in errors.iter().enumerate() {
         println!("{name}, frame {}: one ray {noisy:.4}, denoised {denoised:.4}", frame + 1);
     }
-    for (frame, [noisy, denoised]) in told.iter().enumerate().skip(3) {
+    for (frame, [noisy, denoised]) in errors.iter().enumerate().skip(3) {
         ensure!(denoised < noisy, "{name}, frame {}: {denoised} is no less than {noisy}", frame + 1);
     }
     Ok(())
@@ -162,7 +162,7 @@ fn a_switched_light_is_seen_at_once_with_the_adaptive_history() -> Result<()> {
     let adaptive = switch(&gpu, &scene, &[])?;
     let fixed = switch(&gpu, &scene, &["shadows.adaptive=false"])?;
     println!("adaptive: {adaptive:.3?}\nfixed: {fixed:.3?}");
-    let seen = |told: &[f64]| told.iter().position(|x| *x > 0.9).map_or(told.len() + 1, |at| at + 1);
+    let seen = |shares: &[f64]| shares.iter().position(|x| *x > 0.9).map_or(shares.len() + 1, |at| at + 1);
     println!("90 % are seen in frame {} with the adaptive history, {} without", seen(&adaptive), seen(&fixed));
     ensure!(seen(&adaptive) <= 8 && seen(&fixed) > 8, "{} and {}", seen(&adaptive), seen(&fixed));
     Ok(())
@@ -184,12 +184,12 @@ fn thirty_frames_after_a_thing_has_left_nothing_is_left_of_its_shadow() -> Resul
         (0..seen.len()).filter(|i| after[*i] - before[*i] > 0.5).map(|i| (after[i] - seen[i]).max(0.0)).sum()
     };
     let whole = energy(&before);
-    let mut told = Vec::new();
+    let mut remaining = Vec::new();
     for _ in 0..31 {
-        told.push(energy(&run.frame(&still(1.0))?) / whole);
+        remaining.push(energy(&run.frame(&still(1.0))?) / whole);
     }
-    println!("{told:.3?}");
+    println!("{remaining:.3?}");
     ensure!(whole > 50.0, "{whole} of shadow were there");
-    ensure!(told[30] < 0.01, "{} is left after 30 frames", told[30]);
+    ensure!(remaining[30] < 0.01, "{} is left after 30 frames", remaining[30]);
     Ok(())
 }

@@ -16,8 +16,8 @@ use magpie::scene::{Light, Material, ResidentOptions, ResidentScene, Scene};
 use magpie_passes::{Frame, Slots};
 use magpie_shaders::{SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::harness::{config, gpu};
-use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::oracle::gbuffer::{Eye, octahedral};
 use magpie_tests::oracle::shading::{SurfacePoint, direct, incident};
 

@@ -3,8 +3,8 @@ use anyhow::{Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::scene::{Light, Material, Mesh, Scene, Sphere};
 use magpie_tests::against::{Shown, mean, relmse, truth};
+use magpie_tests::fixtures::{add, camera, material, plane, scene};
 use magpie_tests::harness::{config, gpu, render};
-use magpie_tests::made::{add, camera, material, plane, scene};
 
 const SHOWN: Shown = Shown { size: [48, 27], time: 0.0 };
 const RADIANCE: Vec3 = Vec3::new(4.0, 3.0, 2.0);

@@ -3,13 +3,13 @@ use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use magpie::gpu::Gpu;
 use magpie::scene::{
-    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, odds::Emitters,
+    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, light_sampling::Emitters,
 };
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_tests::against::{Shown, mean, relmse, truth};
+use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{config, gpu, render};
-use magpie_tests::made::{add, block, camera, material, plane, scene};
-use magpie_tests::oracle::path::{Witness, WitnessOptions};
+use magpie_tests::oracle::path::{CpuPathTracer, CpuPathTracerOptions};
 use std::f32::consts::PI;
 
 const SIZE: [u32; 2] = [24, 16];
@@ -135,9 +135,9 @@ fn each_strategy_alone_finds_what_is_there() -> Result<()> {
     for scene in partly_there() {
         // The ball is small and itself visible, which takes more samples.
         let patience = if scene.name.contains("ball") { 4 } else { 1 };
-        let wanted = WitnessOptions { samples: 512 * patience, depth: 1, ..WitnessOptions::default() };
-        let witness = Witness::new(&scene, 0.0).radiance(&scene.cameras[0], SIZE[0], SIZE[1], wanted);
-        let [truth, error] = whole(witness.into_iter());
+        let wanted = CpuPathTracerOptions { samples: 512 * patience, depth: 1, ..CpuPathTracerOptions::default() };
+        let cpu = CpuPathTracer::new(&scene, 0.0).radiance(&scene.cameras[0], SIZE[0], SIZE[1], wanted);
+        let [truth, error] = whole(cpu.into_iter());
         ensure!(truth > 0.02 && error < 0.015 * truth, "{}: {truth} +- {error}", scene.name);
         for strategy in STRATEGIES {
             let samples = patience * if strategy == Strategy::SurfacesOnly { 2048 } else { 512 };
@@ -202,12 +202,12 @@ fn the_frame_finds_the_same() -> Result<()> {
 
 /// Selection probabilities follow coverage. Others would be unbiased too, but noisier.
 #[test]
-fn odds_know_alpha() {
+fn probabilities_follow_alpha() {
     let both = |alpha: [f32; 2]| {
         let mut s = under("two panels", glowing(AlphaMode::Blend, alpha[0]), |_| ());
         add(&mut s, plane(0.5), glowing(AlphaMode::Blend, alpha[1]), at(-1.0, 1.0, 0.0));
-        let odds = Emitters::new(&s).map(|e| e.choices.iter().map(|c| c.probability).collect::<Vec<_>>());
-        odds.unwrap_or_default()
+        let probabilities = Emitters::new(&s).map(|e| e.choices.iter().map(|c| c.probability).collect::<Vec<_>>());
+        probabilities.unwrap_or_default()
     };
     assert_eq!(both([1.0, 1.0]).len(), 4);
     assert_eq!(both([1.0, 0.0]).len(), 2, "what is nowhere is not in the table");

@@ -8,8 +8,8 @@ use magpie::scene::{
 };
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::against::{Shown, mean, relmse, truth};
+use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{builtin, config, gpu, render};
-use magpie_tests::made::{add, block, camera, material, plane, scene};
 use std::f32::consts::PI;
 
 const STILL: Shown = Shown { size: [40, 22], time: 0.0 };

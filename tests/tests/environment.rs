@@ -11,8 +11,8 @@ use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
 use magpie::scene::{Environment, ResidentOptions, ResidentScene, Scene};
 use magpie_shaders::Address;
 use magpie_tests::bench::{Bench, Shot, results};
+use magpie_tests::fixtures::{add, camera, environment, material, plane, scene};
 use magpie_tests::harness::{config, gpu};
-use magpie_tests::made::{add, camera, environment, material, plane, scene};
 use magpie_tests::oracle::gbuffer::Eye;
 use std::sync::Arc;
 

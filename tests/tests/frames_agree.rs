@@ -13,7 +13,7 @@ const SIZE: [u32; 2] = [320, 180];
 /// Greatest mean FLIP between two backends.
 const LIMIT: f64 = 0.01;
 /// Least mean FLIP between the picture and a uniform one, so that the comparison means something.
-const TOLD: f64 = 0.05;
+const MIN_FROM_FLAT: f64 = 0.05;
 
 fn picture(gpu: &Gpu, scene: &Scene, rays: Rays) -> Result<Pixels> {
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, rays };
@@ -35,11 +35,11 @@ fn flat(picture: &Pixels) -> Pixels {
 
 fn compare(gpu: &Gpu, label: &str, scene: &Scene) -> Result<()> {
     let software = picture(gpu, scene, Rays::Software)?;
-    let told = mean_flip(&software, &flat(&software))?;
-    ensure!(told > TOLD, "{label}: the picture is within {told} of one flat colour");
+    let from_flat = mean_flip(&software, &flat(&software))?;
+    ensure!(from_flat > MIN_FROM_FLAT, "{label}: the picture is within {from_flat} of one flat colour");
     for rays in gpu.rays().into_iter().filter(|r| *r != Rays::Software) {
         let flip = mean_flip(&software, &picture(gpu, scene, rays)?)?;
-        println!("{label}: mean FLIP {flip:.6} between software and {rays} ({told:.3} from one flat colour)");
+        println!("{label}: mean FLIP {flip:.6} between software and {rays} ({from_flat:.3} from one flat colour)");
         ensure!(flip < LIMIT, "{label}: mean FLIP {flip} between software and {rays}");
     }
     Ok(())

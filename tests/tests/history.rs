@@ -355,10 +355,10 @@ fn memory_is_given_back() -> Result<()> {
     for size in [large, small, large, large] {
         let (_, executed) = frame(&mut rig, size)?;
         let (now, taken) = gpu.in_use();
-        let told = executed.sample.memory.history_bytes;
+        let reported = executed.sample.memory.history_bytes;
         let least = 2 * 16 * u64::from(size.width * size.height) + (1 << 20);
-        ensure!(told >= least && told < least + (1 << 16), "{told} bytes of histories instead of {least}");
-        ensure!(now - bytes == told && taken - places == 4, "{now} bytes and {taken} places in use");
+        ensure!(reported >= least && reported < least + (1 << 16), "{reported} bytes of histories instead of {least}");
+        ensure!(now - bytes == reported && taken - places == 4, "{now} bytes and {taken} places in use");
         seen.push(now);
     }
     ensure!(seen[0] == seen[2] && seen[2] == seen[3] && seen[1] < seen[0], "{seen:?}");

@@ -5,8 +5,8 @@ use magpie::pixels::Pixels;
 use magpie::prelude::Rays;
 use magpie::scene::{Daylight, Environment, Scene};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures;
 use magpie_tests::harness::{builtin, compare_with_golden, config, display, gpu, linear, render};
-use magpie_tests::made;
 
 #[path = "images/ao.rs"]
 mod ao;
@@ -123,15 +123,15 @@ fn sky() -> Result<()> {
 #[test]
 fn sky_of_an_environment_map() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let mut scene = made::scene("surrounded", made::camera(Vec3::new(0.0, 1.3, 5.0), Vec3::new(0.0, 0.9, 0.0)));
-    made::add(&mut scene, made::plane(4.0), made::material([0.5; 3], 0.0, 0.9), Affine3A::IDENTITY);
+    let mut scene = fixtures::scene("surrounded", fixtures::camera(Vec3::new(0.0, 1.3, 5.0), Vec3::new(0.0, 0.9, 0.0)));
+    fixtures::add(&mut scene, fixtures::plane(4.0), fixtures::material([0.5; 3], 0.0, 0.9), Affine3A::IDENTITY);
     let balls = [([0.9; 3], 0.0, 1.0), ([0.95, 0.93, 0.9], 1.0, 0.0), ([0.05, 0.1, 0.5], 0.0, 0.2)];
     for (i, (colour, metalness, roughness)) in balls.into_iter().enumerate() {
         let at = Vec3::new(1.5 * (i as f32 - 1.0), 0.65, 0.0);
         let place = Affine3A::from_scale_rotation_translation(Vec3::splat(0.65), Quat::IDENTITY, at);
-        made::add(&mut scene, made::sphere(48), made::material(colour, metalness, roughness), place);
+        fixtures::add(&mut scene, fixtures::sphere(48), fixtures::material(colour, metalness, roughness), place);
     }
-    scene.environment = Some(Environment { turn: 0.3, ..made::environment() });
+    scene.environment = Some(Environment { turn: 0.3, ..fixtures::environment() });
     let picture = |scene: &Scene| display(render(&gpu, scene, &config(&[])?, SIZE, 1, None)?);
     let seen = picture(&scene)?;
     golden("sky.environment", Some(&seen))?;

@@ -96,8 +96,10 @@ fn import(g: &mut FrameGraph, imports: &Shared, name: &str, buffer: &Arc<Buffer>
 }
 
 /// Reads back a buffer.
-fn bring(
-    (g, imports, gpu): (&mut FrameGraph, &Shared, &Gpu),
+fn read_back(
+    g: &mut FrameGraph,
+    imports: &Shared,
+    gpu: &Gpu,
     from: Handle<graph::Buffer>,
     bytes: u64,
 ) -> Result<Arc<Buffer>> {
@@ -179,7 +181,7 @@ fn the_device_decides_how_much_is_dispatched() -> Result<()> {
                         c.dispatch_indirect(number, &params, groups, 12);
                     })
                 });
-                bring((g, imports, gpu), numbers, bytes)
+                read_back(g, imports, gpu, numbers, bytes)
             })?;
             let threads = (16 * groups.iter().product::<u32>()).min(COUNT);
             let expected = (0..COUNT).map(|i| if i < threads { 100 + i } else { 7 });
@@ -257,7 +259,7 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
                         c.draw_indirect(column, &params, indices, (draws, 20), (count, Cull::None));
                     })
                 });
-                bring_mips((g, imports, gpu), image, 1)
+                read_back_mips(g, imports, gpu, image, 1)
             })?;
             for (i, value) in floats_of(&seen).into_iter().enumerate() {
                 let column = i as u32 % WIDTH;
@@ -270,8 +272,10 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
 }
 
 /// Reads back mips of an image of single floats, one after another.
-fn bring_mips(
-    (g, imports, gpu): (&mut FrameGraph, &Shared, &Gpu),
+fn read_back_mips(
+    g: &mut FrameGraph,
+    imports: &Shared,
+    gpu: &Gpu,
     image: Handle<Image>,
     mips: u32,
 ) -> Result<Arc<Buffer>> {
@@ -377,8 +381,8 @@ fn a_pyramid_is_made_mip_by_mip_in_one_image() -> Result<()> {
                         c.dispatch(climb, &Texels { from: c.id(from), to: c.id(to), size, extra: mips }, extent);
                     })
                 });
-                let pyramid = bring_mips((g, imports, gpu), image.read(), mips)?;
-                let sums_back = bring_named((g, imports, gpu), "sums", sums)?;
+                let pyramid = read_back_mips(g, imports, gpu, image.read(), mips)?;
+                let sums_back = read_back_named(g, imports, gpu, "sums", sums)?;
                 Ok((pyramid, sums_back))
             })?;
             let expected = pyramid_of(extent);
@@ -411,8 +415,10 @@ fn pyramid_of(extent: Extent) -> Vec<Vec<f32>> {
     mips
 }
 
-fn bring_named(
-    (g, imports, gpu): (&mut FrameGraph, &Shared, &Gpu),
+fn read_back_named(
+    g: &mut FrameGraph,
+    imports: &Shared,
+    gpu: &Gpu,
     name: &str,
     image: Handle<Image>,
 ) -> Result<Arc<Buffer>> {
@@ -490,7 +496,7 @@ fn layers_are_written_one_by_one_and_read_as_a_whole() -> Result<()> {
                         c.dispatch(plain, &Texels { from: c.id(from), to: c.id(to), size, extra: 0 }, extent);
                     })
                 });
-                seen.push(bring_named((&mut *g, imports, gpu), &format!("layer {layer}"), one)?);
+                seen.push(read_back_named(&mut *g, imports, gpu, &format!("layer {layer}"), one)?);
             }
             Ok(seen)
         })?;

@@ -254,11 +254,11 @@ fn what_moves_and_deforms_is_where_it_was() -> Result<()> {
         let step = Step { before: camera, now: camera, extent, jitters: JITTERS };
         let (size, eye) = ([f64::from(extent.width), f64::from(extent.height)], Eye::new(camera, extent));
         let moments = Moments::new(&scene, times);
-        resident.borrow_mut().go(&Moment { time: times[0], cut: true, ..Moment::default() });
+        resident.borrow_mut().set_moment(&Moment { time: times[0], cut: true, ..Moment::default() });
         let (mut g, mut imports) = (bench.executor.begin(Extent::new(1, 1)), Imports::default());
         resident.borrow_mut().declare(&mut g, &mut imports, None, &Policy::default())?;
         bench.executor.run(g, &imports)?;
-        resident.borrow_mut().go(&Moment { time: times[1], ..Moment::default() });
+        resident.borrow_mut().set_moment(&Moment { time: times[1], ..Moment::default() });
         let desc = step.view();
         let ran = bench.run(extent, &wanted, |g, imports| {
             let mut block = magpie::gpu::Staging::new(&gpu, "view");

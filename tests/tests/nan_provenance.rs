@@ -2,7 +2,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Gpu, Kernel};
-use magpie::graph::check::{Bad, Link, Place, Poison, Report, Trail};
+use magpie::graph::check::{FindingTracker, Link, Place, Poison, PoisonValue, Report};
 use magpie::graph::{HistoryScope, ImportKey, Origin, Shape};
 use magpie::measure::PassTime;
 use magpie::pixels::Pixels;
@@ -49,13 +49,13 @@ struct Add {
 
 const NOTHING: SampledImage = SampledImage::NONE;
 
-fn poison(pass: &str, output: &str, place: Place, value: Bad) -> Poison {
+fn poison(pass: &str, output: &str, place: Place, value: PoisonValue) -> Poison {
     Poison { pass: pass.to_owned(), output: output.to_owned(), place, value }
 }
 
 /// Returns the only report.
-fn only(trail: &Trail) -> Result<&Report> {
-    match trail.reports() {
+fn only(tracker: &FindingTracker) -> Result<&Report> {
+    match tracker.reports() {
         [report] => Ok(report),
         all => {
             bail!("{} reports instead of one: {}", all.len(), all.iter().map(|r| format!("\n{r}")).collect::<String>())
@@ -76,7 +76,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: Extent::new(SIZE[0], SIZE[1]) };
     let config = config(&[])?;
     let clean = bench.frame(shot, &config, &[])?.clean()?;
-    ensure!(bench.trail.reports().is_empty(), "a clean frame has no reports");
+    ensure!(bench.tracker.reports().is_empty(), "a clean frame has no reports");
     let declaration = &clean.executed.declaration;
     let passes = clean.executed.plan.order.iter().copied().filter(|&p| !declaration.passes[p as usize].weak);
     let (mut traced, mut bounded) = (BTreeSet::new(), BTreeSet::new());
@@ -89,10 +89,11 @@ fn every_pass_of_the_default_frame() -> Result<()> {
             };
             let elsewhere = [(3 + 7 * number) % SIZE[0], (40 + (SIZE[1] - 4) * number) % SIZE[1]];
             // In alternation, as testing both doubles the time.
-            let (value, [x, y]) = if seeded % 2 == 0 { (Bad::Nan, ON_SURFACE) } else { (Bad::Infinity, elsewhere) };
+            let (value, [x, y]) =
+                if seeded % 2 == 0 { (PoisonValue::Nan, ON_SURFACE) } else { (PoisonValue::Infinity, elsewhere) };
             seeded += 1;
             let (x, y) = (x % extent.width, y % extent.height);
-            bench.trail.clear();
+            bench.tracker.clear();
             let frame = bench.frames();
             let seed = poison(name, &output.name, Place::pixel(x, y), value);
             let ran = bench.poisoned_frame(shot, &config, seed);
@@ -103,7 +104,7 @@ fn every_pass_of_the_default_frame() -> Result<()> {
                 continue;
             }
             ensure!(!ran?.findings.is_empty(), "{name}:{} was not found", output.name);
-            let report = only(&bench.trail).with_context(|| format!("{name}:{} {value:?}", output.name))?;
+            let report = only(&bench.tracker).with_context(|| format!("{name}:{} {value:?}", output.name))?;
             let origin = &report.origin;
             ensure!(
                 (report.frame, origin.pass.as_str(), origin.output.as_str()) == (frame, name, &output.name),
@@ -111,7 +112,8 @@ fn every_pass_of_the_default_frame() -> Result<()> {
             );
             ensure!(origin.place == Place::pixel(x, y), "{report}");
             ensure!(
-                [origin.nan, origin.infinite] == [u64::from(value == Bad::Nan), u64::from(value != Bad::Nan)],
+                [origin.nan, origin.infinite]
+                    == [u64::from(value == PoisonValue::Nan), u64::from(value != PoisonValue::Nan)],
                 "{report}"
             );
             // The previous half of a history has no contents before it is written.
@@ -205,7 +207,7 @@ fn one_that_shows_two_frames_later() -> Result<()> {
         let mut renderer = Renderer::new(&gpu, &scene, &delayed_slots(), &config, options)?;
         for frame in 0..6 {
             if frame == 1 {
-                renderer.poison(poison("reflections.make", "one.next", Place::pixel(x, y), Bad::Nan));
+                renderer.poison(poison("reflections.make", "one.next", Place::pixel(x, y), PoisonValue::Nan));
             }
             let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
             let result = renderer.frame(request)?.context("no frame")?;
@@ -216,10 +218,10 @@ fn one_that_shows_two_frames_later() -> Result<()> {
             ensure!(result.findings.is_empty() != expected, "frame {frame}: {:?}", result.findings);
         }
         if !check {
-            ensure!(renderer.trail().reports().is_empty(), "nobody looked");
+            ensure!(renderer.finding_tracker().reports().is_empty(), "nobody looked");
             continue;
         }
-        let report = only(renderer.trail())?;
+        let report = only(renderer.finding_tracker())?;
         println!("{report}");
         let origin = &report.origin;
         ensure!(
@@ -231,7 +233,7 @@ fn one_that_shows_two_frames_later() -> Result<()> {
             reflections.show (frame 3) → compose.sum (frame 3) → sky.fill (frame 3)";
         ensure!(path(report) == expected, "{report}");
         renderer.restart();
-        ensure!(renderer.trail().reports().is_empty(), "a restart forgets");
+        ensure!(renderer.finding_tracker().reports().is_empty(), "a restart forgets");
     }
     Ok(())
 }
@@ -256,12 +258,12 @@ fn a_camera_cut_ends_what_a_history_carried() -> Result<()> {
             });
             g.output(sum.read());
             if frame == 2 {
-                g.poison(poison("gi.accumulate", "colour.next", Place::pixel(9, 6), Bad::Infinity));
+                g.poison(poison("gi.accumulate", "colour.next", Place::pixel(9, 6), PoisonValue::Infinity));
             }
             Ok(())
         })?;
     }
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     println!("{report}");
     ensure!((report.frame, report.arose, report.last_frame) == (2, 1, 4), "{report}");
     ensure!(path(report) == "gi.accumulate (frame 2) → history colour → gi.accumulate (frame 3)", "{report}");
@@ -287,7 +289,10 @@ fn the_scan_changes_no_picture() -> Result<()> {
                 bytes.extend(images.linear.bytes);
                 bytes.extend(images.display.context("no image")?.bytes);
             }
-            ensure!(renderer.trail().reports().is_empty() && renderer.trail().unscanned().count() == 0, "{name}");
+            ensure!(
+                renderer.finding_tracker().reports().is_empty() && renderer.finding_tracker().unscanned().count() == 0,
+                "{name}"
+            );
             Ok(bytes)
         };
         let (with, without) = (run(true)?, run(false)?);
@@ -354,7 +359,7 @@ fn what_cannot_be_poisoned_is_an_error() -> Result<()> {
             };
             let (x, _idle) = (make("user.make"), make("user.idle"));
             g.output(x.read());
-            g.poison(poison(pass, output, place, Bad::Nan));
+            g.poison(poison(pass, output, place, PoisonValue::Nan));
             Ok(())
         });
         let error = ran.err().with_context(|| format!("{pass}:{output} {place} was poisoned"))?.to_string();

@@ -9,8 +9,8 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Needs;
 use magpie_passes::contracts::{IndirectIn, IndirectOut};
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures;
 use magpie_tests::harness::{builtin, config, gpu, linear, render};
-use magpie_tests::made;
 
 #[path = "needs/scenes.rs"]
 mod scenes;
@@ -45,7 +45,7 @@ fn a_frame_without_an_effect_equals_one_with_it_off() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let cases = [
         (builtin("cornell")?, &["stages.gi=off", "stages.reflections=off", "stages.sky=off", "stages.ao=off"][..]),
-        (with_sky(still_life(made::material([0.9; 3], 1.0, 0.3))), &["stages.gi=off", "direct.emitter_rays=0"]),
+        (with_sky(still_life(fixtures::material([0.9; 3], 1.0, 0.3))), &["stages.gi=off", "direct.emitter_rays=0"]),
     ];
     for (scene, off) in cases {
         let [whole, without] = [&[][..], off].map(|changes| render(&gpu, &scene, &config(changes)?, SIZE, 3, None));
@@ -64,11 +64,11 @@ fn a_frame_without_an_effect_equals_one_with_it_off() -> Result<()> {
 #[test]
 fn facts_follow_the_scene() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let scene = still_life(made::material([0.5; 3], 0.0, 0.6));
+    let scene = still_life(fixtures::material([0.5; 3], 0.0, 0.6));
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &Config::default(), options)?;
     for (factor, runs) in [(1.0, true), (0.0, false), (0.5, true)] {
-        renderer.dim(0, factor);
+        renderer.scale_light(0, factor);
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
         let frame = renderer.frame(request)?.context("a frame")?;
         let reports = frame.what_runs();
@@ -78,9 +78,9 @@ fn facts_follow_the_scene() -> Result<()> {
 }
 
 /// Says that it is idle, and adds a pass all the same.
-struct Liar;
+struct FalselyIdle;
 
-impl Effect for Liar {
+impl Effect for FalselyIdle {
     type In = IndirectIn;
     type Out = IndirectOut;
 
@@ -99,17 +99,17 @@ fn whoever_is_idle_and_adds_a_pass_is_refused() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
     let mut slots = Slots::default();
-    slots.gi.register("liar", "Says one thing and does another.", &[], |_, _| Ok(Box::new(Liar)));
+    slots.gi.register("falsely-idle", "Says one thing and does another.", &[], |_, _| Ok(Box::new(FalselyIdle)));
     let options = RenderOptions { width: 8, height: 8, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &slots, &config(&[])?, options)?;
-    renderer.swap("gi", "liar")?;
+    renderer.swap("gi", "falsely-idle")?;
     let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: false };
     let Err(RenderError::Execute(ExecuteError::Declaration(errors))) = renderer.frame(request) else {
         anyhow::bail!("it was believed");
     };
     let said: Vec<String> = errors.0.iter().map(GraphError::to_string).collect();
     ensure!(
-        said == ["slot `gi`: \"liar\" says that it is idle (I feel like it), yet adds the pass `gi.lie`"],
+        said == ["slot `gi`: \"falsely-idle\" says that it is idle (I feel like it), yet adds the pass `gi.lie`"],
         "{said:?}"
     );
     Ok(())

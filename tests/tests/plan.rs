@@ -26,7 +26,7 @@ use proptest::{
     test_runner::{RngAlgorithm, TestError, TestRng, TestRunner},
 };
 
-use checker::{Asked, check, peak};
+use checker::{PlanRequest, check, peak};
 use mistakes::{MISTAKES, Mistake};
 use random::{Script, scripts};
 
@@ -78,10 +78,14 @@ impl Setup {
         plan(d, &self.switches, self.device, &mut { self.prints })
     }
 
-    fn check(self, d: &Declaration, plan: &Plan) -> Result<(), checker::Complaint> {
+    fn check(self, d: &Declaration, plan: &Plan) -> Result<(), checker::PlanFault> {
         let footprint = |shape: Shape, _: Uses, _: Sharing| self.prints.of(shape);
         let granularity = self.prints.granularity();
-        check(d, plan, &Asked { switches: self.switches, device: self.device, footprint: &footprint, granularity })
+        check(
+            d,
+            plan,
+            &PlanRequest { switches: self.switches, device: self.device, footprint: &footprint, granularity },
+        )
     }
 }
 
@@ -188,7 +192,7 @@ impl Tally {
 }
 
 fn sound(setup: Setup, d: &Declaration, plan: &Plan) -> Result<(), TestCaseError> {
-    let words = |c: checker::Complaint| TestCaseError::fail(format!("{}\n{setup:?}\n{}", c.0, describe(d, plan)));
+    let words = |c: checker::PlanFault| TestCaseError::fail(format!("{}\n{setup:?}\n{}", c.0, describe(d, plan)));
     setup.check(d, plan).map_err(words)
 }
 

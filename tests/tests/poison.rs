@@ -1,18 +1,18 @@
-//! Bad values do not persist: every output of every pass is overwritten with NaN and infinity in one frame, and 30 frames later no image
+//! PoisonValue values do not persist: every output of every pass is overwritten with NaN and infinity in one frame, and 30 frames later no image
 //! contains any, for any implementation of the slots. Values that histories reject are counted, and `--check` still names the origin.
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DMat3, DVec3, Vec3};
 use magpie::config::{Config, Value};
 use magpie::gpu::Gpu;
-use magpie::graph::check::{Bad, Place, Poison};
+use magpie::graph::check::{Place, Poison, PoisonValue};
 use magpie::graph::{Format, Shape};
 use magpie::measure::Recorder;
 use magpie::scene::{AlphaMode, Light, Material, Scene, Sphere};
 use magpie::slot::{Range, SlotInfo};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::scene as shared;
+use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene, sun};
 use magpie_tests::harness::{config, gpu};
-use magpie_tests::made::{add, block, camera, environment, material, plane, scene, sun};
 use std::collections::{BTreeMap, BTreeSet};
 use std::env;
 use std::mem::offset_of;
@@ -185,7 +185,7 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
             };
             for [x, y] in places {
                 let across = (x + width / 2) % width;
-                found.push([poison(x, y, Bad::Nan), poison(across, y, Bad::Infinity)]);
+                found.push([poison(x, y, PoisonValue::Nan), poison(across, y, PoisonValue::Infinity)]);
             }
         }
     }
@@ -231,7 +231,7 @@ fn run(run: &mut Run<'_>, spoilt: [&[[Poison; 2]]; 2], whole: bool) -> Result<Le
 
 /// Poisons every output of every pass in one frame; with `full` for all frames after it, with `singly` also each output alone. Returns the
 /// names of the poisoned passes.
-fn heals(gpu: &Gpu, scene: &Scene, case: &Case, (full, singly): (bool, bool)) -> Result<BTreeSet<String>> {
+fn heals(gpu: &Gpu, scene: &Scene, case: &Case, full: bool, singly: bool) -> Result<BTreeSet<String>> {
     let start = Instant::now();
     let changes: Vec<&str> = case.changes.iter().map(String::as_str).collect();
     let config: Config = config(&changes)?;
@@ -294,7 +294,7 @@ fn no_bad_value_outlives_its_frame_for_long() -> Result<()> {
     let cases = if full { all() } else { few() };
     for (number, case) in part(&cases).context("MAGPIE_PART: wanted I/N, such as 2/3")? {
         let singly = full && number < 2;
-        match heals(&gpu, &scene, case, (full, singly)) {
+        match heals(&gpu, &scene, case, full, singly) {
             Ok(spoilt) => passes.extend(spoilt),
             Err(error) => failed.push(format!("{:?}: {error:#}", case.changes)),
         }
@@ -330,9 +330,9 @@ fn what_is_made_once_is_made_anew() -> Result<()> {
         let (mut written, mut bad) = (Vec::new(), Vec::new());
         for frame in 0..6 {
             if frame == 1 {
-                renderer.dim(0, 0.9);
+                renderer.scale_light(0, 0.9);
                 let (pass, output) = ("scene.update".to_owned(), "scene.state".to_owned());
-                renderer.poison(Poison { pass, output, place: Place::Element(sun), value: Bad::Nan });
+                renderer.poison(Poison { pass, output, place: Place::Element(sun), value: PoisonValue::Nan });
             }
             let camera = &scene.cameras[0];
             let result = renderer.frame(FrameRequest { camera, time: 0.0, view: None, read_back: false })?;

@@ -27,8 +27,8 @@ use magpie::scene::{
     Camera, Material, Mesh, Moment, Policy, ResidentOptions, ResidentScene, Scene, SharedScene, Sphere,
 };
 use magpie_tests::bench::Bench;
+use magpie_tests::fixtures;
 use magpie_tests::harness::{asset, builtin, gpu};
-use magpie_tests::made;
 use raster_against_rays::compare::{Count, Counts, Kinds, check, compare};
 use raster_against_rays::look::{Both, look};
 
@@ -127,7 +127,7 @@ fn carousel() -> Result<()> {
         let resident = resident(&gpu, &scene, rays)?;
         let mut sum = Counts::new();
         for time in TIMES {
-            resident.borrow_mut().go(&Moment { time, cut: true, ..Moment::default() });
+            resident.borrow_mut().set_moment(&Moment { time, cut: true, ..Moment::default() });
             for camera in &scene.cameras[..2] {
                 let both = picture(&mut bench, &resident, camera, rays, &Policy::default())?;
                 let label = format!("carousel, {}, {time} s, {rays}", camera.name);
@@ -147,8 +147,8 @@ fn carousel() -> Result<()> {
 fn spheres() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let eye = Vec3::new(0.3, 1.0, 6.0);
-    let mut scene = made::scene("spheres", made::camera(eye, Vec3::new(0.0, 0.4, 0.0)));
-    let grey = || made::material([0.5; 3], 0.0, 0.5);
+    let mut scene = fixtures::scene("spheres", fixtures::camera(eye, Vec3::new(0.0, 0.4, 0.0)));
+    let grey = || fixtures::material([0.5; 3], 0.0, 0.5);
     let both_sides = || Material { double_sided: true, ..grey() };
     let mesh = |spheres: &[(Vec3, f32)]| Mesh {
         name: "spheres".to_owned(),
@@ -156,7 +156,7 @@ fn spheres() -> Result<()> {
         ..Mesh::default()
     };
     let at = |x, y, z| Affine3A::from_translation(Vec3::new(x, y, z));
-    made::add(&mut scene, made::plane(4.0), grey(), at(0.0, -0.7, 0.0));
+    fixtures::add(&mut scene, fixtures::plane(4.0), grey(), at(0.0, -0.7, 0.0));
     let three = mesh(&[(Vec3::ZERO, 0.7), (Vec3::X * 0.9, 0.35), (Vec3::new(0.3, 0.8, 0.4), 0.02)]);
     let stretched = Affine3A::from_scale_rotation_translation(
         Vec3::new(0.3, 1.4, 0.7),
@@ -164,17 +164,17 @@ fn spheres() -> Result<()> {
         Vec3::new(-1.3, 0.4, 0.0),
     );
     let mirrored = Affine3A { matrix3: Mat3A::from_diagonal(Vec3::new(-1.0, 0.6, 1.2)), ..at(1.4, 0.2, 0.0) };
-    made::add(&mut scene, three.clone(), grey(), stretched);
-    made::add(&mut scene, three.clone(), grey(), mirrored);
-    made::add(&mut scene, three, both_sides(), at(0.2, 1.5, -1.0));
+    fixtures::add(&mut scene, three.clone(), grey(), stretched);
+    fixtures::add(&mut scene, three.clone(), grey(), mirrored);
+    fixtures::add(&mut scene, three, both_sides(), at(0.2, 1.5, -1.0));
     // Around the eye: a one-sided sphere, which is invisible from inside, and far behind everything a two-sided one.
-    made::add(&mut scene, mesh(&[(eye, 0.5)]), grey(), Affine3A::IDENTITY);
-    made::add(&mut scene, mesh(&[(eye, 30.0)]), both_sides(), Affine3A::IDENTITY);
+    fixtures::add(&mut scene, mesh(&[(eye, 0.5)]), grey(), Affine3A::IDENTITY);
+    fixtures::add(&mut scene, mesh(&[(eye, 30.0)]), both_sides(), Affine3A::IDENTITY);
     // The near plane cuts a hole into these, through which the inside is visible if they are two-sided.
     let cut = scene.cameras[0].world_from_camera.transform_point3(DVec3::new(-0.05, 0.025, -0.1)).as_vec3();
-    made::add(&mut scene, mesh(&[(cut, 0.012)]), both_sides(), Affine3A::IDENTITY);
+    fixtures::add(&mut scene, mesh(&[(cut, 0.012)]), both_sides(), Affine3A::IDENTITY);
     let cut = scene.cameras[0].world_from_camera.transform_point3(DVec3::new(0.05, -0.025, -0.1)).as_vec3();
-    made::add(&mut scene, mesh(&[(cut, 0.01)]), grey(), Affine3A::IDENTITY);
+    fixtures::add(&mut scene, mesh(&[(cut, 0.01)]), grey(), Affine3A::IDENTITY);
     scene.cameras[0].near = 0.1;
     let draw = scene.instances.len() as u32;
 
@@ -228,7 +228,7 @@ fn silhouettes_after_600_frames() -> Result<()> {
             for frame in 1..=FRAMES {
                 let (mut g, mut imports) = (bench.executor.begin(Extent::new(1, 1)), Imports::default());
                 let mut resident = resident.borrow_mut();
-                resident.go(&Moment { time: f64::from(frame) * STEP, ..Moment::default() });
+                resident.set_moment(&Moment { time: f64::from(frame) * STEP, ..Moment::default() });
                 resident.declare(&mut g, &mut imports, None, &policy)?;
                 bench.executor.run(g, &imports)?;
             }

@@ -24,8 +24,8 @@ use magpie_passes::contracts::{GBufferIn, ShadowIn};
 use magpie_passes::denoise::Reprojection;
 use magpie_shaders::{Address, SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
+use magpie_tests::fixtures::{camera, material, mesh, scene, sphere, sun};
 use magpie_tests::harness::{builtin, gpu};
-use magpie_tests::made::{camera, material, mesh, scene, sphere, sun};
 
 const EXTENT: Extent = Extent { width: 160, height: 90 };
 /// Greatest distance of the ball's triangles below its surface, with 48 rings of 96: `1 - cos(pi / 96)` in both directions.
@@ -320,7 +320,7 @@ impl Rig {
         let origin = FloatingOrigin::default().follow(camera);
         let options = ResidentOptions { rays, ..ResidentOptions::default() };
         let resident = ResidentScene::new(&gpu, scene, options)?.shared();
-        resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
+        resident.borrow_mut().set_moment(&Moment { origin, cut: true, ..Moment::default() });
         let build = Build::new(&gpu, rays);
         let (slots, config) = (Slots::default(), Config::default());
         let mut gbuffer = slots.gbuffer.from_config(&build, &config)?;

@@ -6,8 +6,8 @@ use anyhow::{Result, ensure};
 use glam::{DVec3, Vec3};
 use magpie::scene::{Light, supply_missing};
 use magpie_shaders::shadow_map::{UNSURE_ANY, UNSURE_CONTACT, UNSURE_OUTSIDE, UNSURE_PENUMBRA, UNSURE_RESOLUTION};
+use magpie_tests::fixtures::{add, block, material, sun};
 use magpie_tests::harness::{builtin, gpu};
-use magpie_tests::made::{add, block, material, sun};
 use rig::{Rig, at, floor, on_floor, passes, penumbrae, shadows, things, truth, values};
 
 const MAPS: &str = "stages.shadows=shadow-map";

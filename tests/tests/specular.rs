@@ -10,8 +10,8 @@ use magpie_passes::reference::{Only, PixelSampling, Reference, ReferenceOptions}
 use magpie_shaders::Address;
 use magpie_tests::against::{self, Shown};
 use magpie_tests::bench::{Bench, results};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::harness::{config, gpu, linear, render};
-use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
 use std::f64::consts::PI;
 use std::sync::Arc;
 

@@ -6,8 +6,8 @@ use magpie::scene::{
     Camera, FloatingOrigin, Light, Material, Mesh, Moment, ResidentOptions, ResidentScene, Scene, supply_missing,
 };
 use magpie_tests::bench::{Bench, Ran, Shot};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::harness::{builtin, config, gpu};
-use magpie_tests::made::{add, camera, material, plane, scene, sphere, sun};
 use magpie_tests::oracle::gbuffer::{Eye, octahedral};
 
 const EXTENT: Extent = Extent { width: 160, height: 90 };
@@ -21,7 +21,7 @@ fn run(scene: &Scene, wanted: &[&str]) -> Result<Option<Ran>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let origin = FloatingOrigin::default().follow(&scene.cameras[0]);
-    resident.borrow_mut().go(&Moment { origin, cut: true, ..Moment::default() });
+    resident.borrow_mut().set_moment(&Moment { origin, cut: true, ..Moment::default() });
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: EXTENT };
     Bench::new(&gpu)?.frame(shot, &config(&[])?, wanted)?.clean().map(Some)
 }

@@ -12,7 +12,7 @@ use magpie::slot::{BoxedEffect, Build, SettingSpec, Settings, SlotError};
 use magpie_passes::contracts::{PostIn, PostOut};
 use magpie_passes::{FrameRequest, ReadBack, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
-use magpie_tests::harness::{Lent, builtin, gpu};
+use magpie_tests::harness::{BorrowedGpu, builtin, gpu};
 use std::sync::{Arc, Mutex, PoisonError};
 
 const SIZE: [u32; 2] = [96, 54];
@@ -40,7 +40,7 @@ struct Params {
 }
 
 /// Whether the history was valid, per frame.
-type Told = Arc<Mutex<Vec<bool>>>;
+type ValidityLog = Arc<Mutex<Vec<bool>>>;
 
 /// The standard post, blended with the previous frame.
 struct Trail {
@@ -48,7 +48,7 @@ struct Trail {
     blend: Kernel,
     share: f32,
     scope: HistoryScope,
-    told: Told,
+    validity_log: ValidityLog,
 }
 
 impl Effect for Trail {
@@ -58,7 +58,7 @@ impl Effect for Trail {
     fn add(&mut self, g: &mut FrameGraph, view: &View, input: PostIn) -> PostOut {
         let PostOut { radiance, display: now } = self.standard.add(g, view, input);
         let history = g.history(&self.scope, "trail", g.desc(now));
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).push(history.valid);
+        self.validity_log.lock().unwrap_or_else(PoisonError::into_inner).push(history.valid);
         let (blend, share) = (self.blend, if history.valid { self.share } else { 0.0 });
         let display = g.pass("post.trail", Queue::AsyncCompute, |p| {
             let (now, before) = (p.sample(now), p.sample(history.previous));
@@ -75,23 +75,23 @@ impl Effect for Trail {
 }
 
 /// Magpie's slots with [`Trail`], and one implementation whose creation fails.
-fn slots() -> (Slots, Told) {
-    let (mut slots, told) = (Slots::default(), Told::default());
+fn slots() -> (Slots, ValidityLog) {
+    let (mut slots, validity_log) = (Slots::default(), ValidityLog::default());
     let about = "Higher keeps more of the frame before.";
     let settings = [SettingSpec::float("share", "", about, 0.5, (0.0, 1.0))];
-    let teller = told.clone();
+    let log = validity_log.clone();
     slots.post.register("trail", "Blended with the frame before.", &settings, move |build, settings| {
-        Ok(Box::new(trail(build, settings, teller.clone())?))
+        Ok(Box::new(trail(build, settings, log.clone())?))
     });
     slots.gi.register("broken", "It cannot be made.", &[], |_, _| Err(SlotError::other("no such luck")));
-    (slots, told)
+    (slots, validity_log)
 }
 
-fn trail(build: &Build<'_>, settings: &Settings, told: Told) -> Result<Trail, SlotError> {
+fn trail(build: &Build<'_>, settings: &Settings, validity_log: ValidityLog) -> Result<Trail, SlotError> {
     let words = magpie_shaders::compile("trail.comp", BLEND, Stage::Compute).map_err(SlotError::other)?;
     let blend = build.kernel_from_words("trail.comp", &words)?;
     let standard = Slots::default().post.choose(build, "standard", &Default::default())?;
-    Ok(Trail { standard, blend, share: settings.f32("share")?, scope: HistoryScope::new(), told })
+    Ok(Trail { standard, blend, share: settings.f32("share")?, scope: HistoryScope::new(), validity_log })
 }
 
 /// A renderer with its scene. Validation messages fail a frame.
@@ -99,7 +99,7 @@ struct Run {
     scene: Scene,
     renderer: Renderer,
     /// Returned to the pool after the renderer is dropped.
-    gpu: Lent,
+    gpu: BorrowedGpu,
 }
 
 impl Run {
@@ -140,12 +140,12 @@ fn configuration(changes: &[&str]) -> Result<Config> {
 
 #[test]
 fn only_what_changes_begins_anew() -> Result<()> {
-    let (slots, told) = slots();
+    let (slots, validity_log) = slots();
     let Some(mut run) = Run::new(&slots, &configuration(&["stages.post=trail"])?)? else { return Ok(()) };
     let step = |run: &mut Run, what: &str, valid: bool| -> Result<()> {
         run.frame(false).with_context(|| what.to_owned())?;
-        let told = std::mem::take(&mut *told.lock().unwrap_or_else(PoisonError::into_inner));
-        ensure!(told == [valid], "{what}: validity {told:?} instead of {valid}");
+        let validity_log = std::mem::take(&mut *validity_log.lock().unwrap_or_else(PoisonError::into_inner));
+        ensure!(validity_log == [valid], "{what}: validity {validity_log:?} instead of {valid}");
         Ok(())
     };
     step(&mut run, "the first frame", false)?;
@@ -184,7 +184,7 @@ fn only_what_changes_begins_anew() -> Result<()> {
 
 #[test]
 fn what_cannot_be_made_leaves_the_old_one_in_place() -> Result<()> {
-    let (slots, told) = slots();
+    let (slots, validity_log) = slots();
     // Without noise all frames are equal.
     let still = ["stages.post=trail", "shadows.edges=hard", "direct.area=0"];
     let Some(mut run) = Run::new(&slots, &configuration(&still)?)? else { return Ok(()) };
@@ -207,8 +207,8 @@ fn what_cannot_be_made_leaves_the_old_one_in_place() -> Result<()> {
     ensure!(*run.renderer.config() == before, "another configuration: {:?}", run.renderer.config());
     let image = run.image()?;
     ensure!(image.linear.bytes == expected.linear.bytes, "another image");
-    let told = told.lock().unwrap_or_else(PoisonError::into_inner);
-    ensure!(*told == [false, true], "the history went on: {told:?}");
+    let validity_log = validity_log.lock().unwrap_or_else(PoisonError::into_inner);
+    ensure!(*validity_log == [false, true], "the history went on: {validity_log:?}");
     Ok(())
 }
 

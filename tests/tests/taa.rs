@@ -286,9 +286,9 @@ fn what_is_off_is_not_there() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = builtin("cornell")?;
     // Passes of the slot, number of histories, render size, and resources.
-    type Told = (Vec<String>, usize, [u32; 2], Vec<String>);
+    type Outcome = (Vec<String>, usize, [u32; 2], Vec<String>);
     type Case<'a> = (&'a [&'a str], &'a [&'a str], usize, [u32; 2]);
-    let run = |changes: &[&str]| -> Result<Told> {
+    let run = |changes: &[&str]| -> Result<Outcome> {
         let seen = Run::new(&gpu, &scene, [80, 60], changes)?.still(2, 0.0)?;
         let declaration = &seen[1].result.declaration;
         let names = (0..declaration.passes.len() as u32).map(|i| declaration.pass_name(i).to_owned());

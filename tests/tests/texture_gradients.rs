@@ -6,8 +6,8 @@ use magpie::gpu::Gpu;
 use magpie::graph::Extent;
 use magpie::scene::{AlphaMode, ColourSpace, Material, Sampler, Scene, Texture, TextureUse, Wrap};
 use magpie_passes::reference::{Only, PixelSampling, Reference, ReferenceOptions};
+use magpie_tests::fixtures::{add, block, camera, material, mesh, plane, scene};
 use magpie_tests::harness::{config, gpu, linear, render};
-use magpie_tests::made::{add, block, camera, material, mesh, plane, scene};
 use magpie_tests::oracle::gbuffer::Eye;
 
 const SIZE: [u32; 2] = [320, 180];

@@ -7,8 +7,8 @@ use magpie::prelude::Rays;
 use magpie::scene::{AlphaMode, Light, Material, Scene};
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions, Strategy};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, camera, material, plane, scene, sun};
 use magpie_tests::harness::{builtin, config, gpu, render};
-use magpie_tests::made::{add, camera, material, plane, scene, sun};
 
 /// Half a step of 8 bits, the format of the slot's image.
 const HALF_STEP: f32 = 0.5 / 255.0;

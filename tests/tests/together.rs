@@ -10,8 +10,8 @@ use magpie::scene::{
     Sampler, Scene, Texture, TextureUse,
 };
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{builtin, config, gpu, render};
-use magpie_tests::made::{add, block, camera, material, plane, scene};
 
 const SIZE: [u32; 2] = [160, 90];
 /// Large enough that most pixels of the courtyard show a single surface.
@@ -126,7 +126,7 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     scene.light_nodes = vec![None];
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
-        resident.go(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
+        resident.set_moment(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
         resident.casters().iter().any(|caster| caster.moved)
     };
     ensure!(!moved(0.0, 0.0) && !moved(4096.0, 0.1) && !moved(4096.0, 0.2), "a lamp that stands has moved");
@@ -134,7 +134,7 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     scene.light_nodes = vec![Some(0)];
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
-        resident.go(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
+        resident.set_moment(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
         resident.casters().iter().any(|caster| caster.moved)
     };
     moved(0.0, 0.0);

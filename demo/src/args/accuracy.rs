@@ -8,11 +8,16 @@ use magpie_accuracy::{
     sweep::Shard,
 };
 
-use super::{EnvironmentArguments, Extent, Rays, Supply};
+use super::{DeviceArguments, Extent, FrameArguments, LightingArguments};
 
 /// Arguments of `magpie accuracy`.
 #[derive(Args, Debug)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    mut_arg("config", |arg| arg.help("The configuration that is varied")),
+    mut_arg("set", |arg| arg.help("One value of it; repeatable"))
+)]
 pub struct AccuracyArguments {
     /// Merge or compare earlier results instead of measuring
     #[command(subcommand)]
@@ -55,27 +60,15 @@ pub struct AccuracyArguments {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub seed: u32,
-    /// A camera of the scene by name, or a camera file
-    #[arg(long, value_name = "NAME|F.toml")]
-    pub camera: Option<PathBuf>,
-    /// The configuration that is varied
-    #[arg(long, value_name = "F.toml")]
-    pub config: Option<PathBuf>,
-    /// One value of it; repeatable
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// How rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
-    /// Light from an image
+    /// The camera and the configuration.
     #[command(flatten)]
-    pub environment: EnvironmentArguments,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    pub frame: FrameArguments,
+    /// The device, and how it traces rays.
+    #[command(flatten)]
+    pub device: DeviceArguments,
+    /// Light from all around, and what is supplied.
+    #[command(flatten)]
+    pub lighting: LightingArguments,
 }
 
 /// Subcommands of `magpie accuracy`.
@@ -135,18 +128,12 @@ pub struct TuneArguments {
     /// The camera of the report: by name, or a camera file
     #[arg(long, value_name = "NAME|F.toml")]
     pub camera: Option<PathBuf>,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// How rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
-    /// Light from an image
+    /// The device, and how it traces rays.
     #[command(flatten)]
-    pub environment: EnvironmentArguments,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    pub device: DeviceArguments,
+    /// Light from all around, and what is supplied.
+    #[command(flatten)]
+    pub lighting: LightingArguments,
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {

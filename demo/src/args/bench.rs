@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{Extent, Rays, Supply};
+use super::{DeviceArguments, Extent, Supply};
 
 /// What `magpie bench` measures.
 #[derive(Debug, Subcommand)]
@@ -77,12 +77,9 @@ pub struct BenchRaysArguments {
 /// Arguments of `magpie bench motion`.
 #[derive(Args, Debug)]
 pub struct BenchMotionArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
-    #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
-    pub scene: PathBuf,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    /// The scene.
+    #[command(flatten)]
+    pub scene: BenchSceneArguments,
     /// The slot, one with a denoiser
     #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao"])]
     pub slot: String,
@@ -98,32 +95,21 @@ pub struct BenchMotionArguments {
     /// Write charts to this folder, as SVG
     #[arg(long, value_name = "DIR")]
     pub charts: Option<PathBuf>,
-    /// The configuration around the slot
-    #[arg(long, value_name = "F.toml")]
-    pub config: Option<PathBuf>,
-    /// One value of it; repeatable
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// Seed of everything random
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
-    pub seed: u32,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// How rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
+    /// How it is rendered.
+    #[command(flatten)]
+    pub render: BenchRenderArguments,
 }
 
 /// Arguments of `magpie bench pairs`.
 #[derive(Args, Debug)]
+#[command(
+    mut_arg("config", |arg| arg.help("The configuration around the features")),
+    mut_arg("rays", |arg| arg.help("How rays are traced where a feature does not say"))
+)]
 pub struct BenchPairsArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
-    #[arg(value_name = "SCENE", default_value = "builtin:courtyard")]
-    pub scene: PathBuf,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    /// The scene.
+    #[command(flatten)]
+    pub scene: BenchSceneArguments,
     /// Names of the features that take part, separated by commas; without it all
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub only: Vec<String>,
@@ -133,7 +119,26 @@ pub struct BenchPairsArguments {
     /// Write JSON to this file, or to standard output in place of the table
     #[arg(long, value_name = "F.json", num_args = 0..=1)]
     pub json: Option<Option<PathBuf>>,
-    /// The configuration around the features
+    /// How it is rendered.
+    #[command(flatten)]
+    pub render: BenchRenderArguments,
+}
+
+/// The scene of `magpie bench motion` and `magpie bench pairs`.
+#[derive(Args, Debug)]
+pub struct BenchSceneArguments {
+    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    #[arg(id = "scene", value_name = "SCENE", default_value = "builtin:courtyard")]
+    pub path: PathBuf,
+    /// What to add to a scene without a camera or light of its own
+    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
+    pub supply: Supply,
+}
+
+/// How `magpie bench motion` and `magpie bench pairs` render.
+#[derive(Args, Debug)]
+pub struct BenchRenderArguments {
+    /// The configuration around the slot
     #[arg(long, value_name = "F.toml")]
     pub config: Option<PathBuf>,
     /// One value of it; repeatable
@@ -142,12 +147,9 @@ pub struct BenchPairsArguments {
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub seed: u32,
-    /// The device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX")]
-    pub device: Option<String>,
-    /// How rays are traced where a feature does not say
-    #[arg(long, value_enum, default_value_t = Rays::Auto)]
-    pub rays: Rays,
+    /// The device, and how it traces rays.
+    #[command(flatten)]
+    pub device: DeviceArguments,
 }
 
 /// A way to trace rays that is measured.

@@ -4,10 +4,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{EnvironmentArguments, Extent, Rays, Supply};
+use super::{DeviceArguments, Extent, FrameArguments, LightingArguments};
 
 /// Arguments of `magpie plan`.
 #[derive(Args, Debug)]
+#[command(
+    mut_arg("supply", |arg| arg.help("What the scene is given where it lacks it")),
+    mut_arg("device", |arg| {
+        let help = "With --measure: the device by part of its name or by its index in `magpie devices`";
+        arg.help(help).requires("measure")
+    }),
+    mut_arg("rays", |arg| arg.help("With --measure: how rays are traced").requires("measure"))
+)]
 pub struct PlanArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE")]
@@ -30,30 +38,18 @@ pub struct PlanArguments {
     /// With --measure: write the pictures with and without each effect to this folder
     #[arg(long, value_name = "DIR", requires = "measure")]
     pub pictures: Option<PathBuf>,
-    /// Light from all around.
+    /// Light from all around, and what is supplied.
     #[command(flatten)]
-    pub environment: EnvironmentArguments,
-    /// What the scene is given where it lacks it
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    pub lighting: LightingArguments,
     /// Width and height of the picture, pixels [default: 1280x720, 192x108 with --measure]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<Extent>,
-    /// A camera of the scene by name, or a camera file
-    #[arg(long, value_name = "NAME|F.toml")]
-    pub camera: Option<PathBuf>,
-    /// Which implementation sits in each stage, and its settings
-    #[arg(long, value_name = "F.toml")]
-    pub config: Option<PathBuf>,
-    /// One value of the configuration: `stages.shadows=off`, `SLOT.SETTING=VALUE`; repeatable
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// With --measure: the device by part of its name or by its index in `magpie devices`
-    #[arg(long, value_name = "NAME|INDEX", requires = "measure")]
-    pub device: Option<String>,
-    /// With --measure: how rays are traced
-    #[arg(long, value_enum, default_value_t = Rays::Auto, requires = "measure")]
-    pub rays: Rays,
+    /// The camera and the configuration.
+    #[command(flatten)]
+    pub frame: FrameArguments,
+    /// The device, and how it traces rays.
+    #[command(flatten)]
+    pub device: DeviceArguments,
 }
 
 fn share(text: &str) -> Result<f64, String> {

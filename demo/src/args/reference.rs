@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use magpie_passes::reference::{self, PixelSampling};
 
-use super::{EnvironmentArguments, Extent, Rays, Supply};
+use super::{Extent, LightingArguments, Rays};
 
 /// Arguments of `magpie reference`.
 #[derive(Args, Debug)]
@@ -46,12 +46,9 @@ pub struct ReferenceArguments {
     /// Which moment of the animation, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub time: f32,
-    /// Light from all around.
+    /// Light from all around, and what is supplied.
     #[command(flatten)]
-    pub environment: EnvironmentArguments,
-    /// What to add to a scene without a camera or light of its own
-    #[arg(long, value_enum, value_name = "WHAT", default_value_t = Supply::All)]
-    pub supply: Supply,
+    pub lighting: LightingArguments,
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,

@@ -70,7 +70,7 @@ impl Scope {
         if uses.is_any() {
             return Self::EVERYTHING.available();
         }
-        let waited = if uses.is_waited() {
+        let waited = if uses.has_other_queues() {
             Self { stages: vk::PipelineStageFlags2::ALL_COMMANDS, access: vk::AccessFlags2::NONE }
         } else {
             Self::default()

@@ -1,11 +1,11 @@
 //! An opened device, and everything that lives as long as it does.
 use super::GpuError;
 use super::bindless::Bindless;
-use super::choice::{self, DeviceReport};
+use super::device_selection::{self, DeviceReport};
 use super::instance::Instance;
-use super::nothing;
 use super::pipeline::{Pipelines, pipeline_layout};
 use super::pipeline_cache;
+use super::placeholder;
 use super::ray_pipeline::RayTables;
 use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
 use super::submit::{Lane, Timeline};
@@ -52,7 +52,7 @@ pub(super) struct Inner {
     pub granularity: u64,
     garbage: Mutex<Vec<(u64, Garbage)>>,
     /// The placeholder images at index 0 of the bindless set.
-    nothing: Mutex<Vec<Garbage>>,
+    placeholders: Mutex<Vec<Garbage>>,
     cache: vk::PipelineCache,
     cache_file: Option<std::path::PathBuf>,
     /// Whether one call can issue several indirect draws.
@@ -118,7 +118,7 @@ impl Gpu {
     /// and failed Vulkan calls.
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
         let instance = Instance::new(options.validation)?;
-        let (physical, mut report) = choice::choose(&instance, options.device.as_deref())?;
+        let (physical, mut report) = device_selection::choose(&instance, options.device.as_deref())?;
         // SAFETY: the handle comes from this instance.
         let (families, properties) = unsafe {
             (
@@ -126,17 +126,17 @@ impl Gpu {
                 instance.raw.get_physical_device_properties(physical),
             )
         };
-        let family = choice::graphics_family(&families)
+        let family = device_selection::graphics_family(&families)
             .ok_or_else(|| GpuError::NoDevice { refusals: report.refusals.clone() })?;
 
         // Create the logical device.
-        let available = choice::extensions(&instance, physical);
+        let available = device_selection::extensions(&instance, physical);
         let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
         let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
         let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).map(CStr::as_ptr).collect();
         let support = RaySupport::of(&instance, physical, &available).without(&options.without_rays);
         report.rays = support.ways().into_iter().map(Rays::name).collect();
-        let lane_families = Queue::ALL.map(|queue| choice::family_for(queue, &families).unwrap_or(family));
+        let lane_families = Queue::ALL.map(|queue| device_selection::family_for(queue, &families).unwrap_or(family));
         let bits_of = |f: u32| families[f as usize].timestamp_valid_bits;
         let timestamp_bits = lane_families.into_iter().map(bits_of).min().unwrap_or(0);
         let mut distinct = lane_families.to_vec();
@@ -144,7 +144,7 @@ impl Gpu {
         distinct.dedup();
         let queue_of = |f: &u32| vk::DeviceQueueCreateInfo::default().queue_family_index(*f).queue_priorities(&[1.0]);
         let queues: Vec<_> = distinct.iter().map(queue_of).collect();
-        let mut wanted = choice::needed();
+        let mut wanted = device_selection::needed();
         // SAFETY: the handle comes from this instance.
         let optional = unsafe { instance.raw.get_physical_device_features(physical) };
         wanted.core.sampler_anisotropy = optional.sampler_anisotropy;
@@ -217,7 +217,7 @@ impl Gpu {
             memory_types,
             granularity: properties.limits.buffer_image_granularity.max(1),
             garbage: Mutex::default(),
-            nothing: Mutex::default(),
+            placeholders: Mutex::default(),
             cache,
             cache_file,
             multi_draw_indirect: optional.multi_draw_indirect == vk::TRUE,
@@ -234,8 +234,8 @@ impl Gpu {
             without_float_filter: options.without_float_filter,
             logical,
         }));
-        let nothing = nothing::images(&gpu)?;
-        *lock(&gpu.0.nothing) = nothing;
+        let placeholders = placeholder::images(&gpu)?;
+        *lock(&gpu.0.placeholders) = placeholders;
         Ok(gpu)
     }
 
@@ -383,7 +383,7 @@ impl Drop for Inner {
         for (_, what) in std::mem::take(&mut *lock(&self.garbage)) {
             self.free(what);
         }
-        for what in std::mem::take(&mut *lock(&self.nothing)) {
+        for what in std::mem::take(&mut *lock(&self.placeholders)) {
             self.free(what);
         }
         for (buffer, memory) in self.ray_tables.take() {

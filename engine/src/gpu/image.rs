@@ -53,6 +53,17 @@ pub struct Image {
     bytes: u64,
 }
 
+/// Memory to bind to an image: an allocation of its own, or a place in a heap.
+struct ImageMemory {
+    raw: vk::DeviceMemory,
+    /// Offset in `raw`, bytes.
+    offset: u64,
+    allocation: Option<Allocation>,
+    heap: Option<Arc<Heap>>,
+    /// Size, bytes.
+    bytes: u64,
+}
+
 /// Mip 0 of layer 0.
 const FIRST: Part = Part { mip: 0, mips: 1, layer: 0, layers: 1 };
 
@@ -103,8 +114,10 @@ impl Image {
             }
         };
         // SAFETY: the memory lives as long as the image.
-        let place = (unsafe { memory.memory() }, memory.offset());
-        Self::bind(gpu, name, info, raw, place, (Some(memory), None, requirements.size))
+        let raw_memory = unsafe { memory.memory() };
+        let (offset, bytes) = (memory.offset(), requirements.size);
+        let memory = ImageMemory { raw: raw_memory, offset, allocation: Some(memory), heap: None, bytes };
+        Self::bind(gpu, name, info, raw, memory)
     }
 
     /// An image in a heap. Objects that it aliases must no longer be in use.
@@ -117,20 +130,15 @@ impl Image {
     ) -> Result<Self, GpuError> {
         let raw = info.create(gpu, name)?;
         let bytes = info.footprint(gpu).0;
-        Self::bind(gpu, name, info, raw, heap.place(offset), (None, Some(heap.clone()), bytes))
+        let (raw_memory, offset) = heap.place(offset);
+        let memory = ImageMemory { raw: raw_memory, offset, allocation: None, heap: Some(heap.clone()), bytes };
+        Self::bind(gpu, name, info, raw, memory)
     }
 
-    fn bind(
-        gpu: &Gpu,
-        name: &str,
-        info: ImageInfo,
-        raw: vk::Image,
-        (memory, offset): (vk::DeviceMemory, u64),
-        (own, heap, bytes): (Option<Allocation>, Option<Arc<Heap>>, u64),
-    ) -> Result<Self, GpuError> {
+    fn bind(gpu: &Gpu, name: &str, info: ImageInfo, raw: vk::Image, memory: ImageMemory) -> Result<Self, GpuError> {
         let device = gpu.raw();
         // SAFETY: the memory was made for such images and is bound once.
-        let bound = unsafe { device.bind_image_memory(raw, memory, offset) };
+        let bound = unsafe { device.bind_image_memory(raw, memory.raw, memory.offset) };
         let mut made = Self {
             gpu: gpu.clone(),
             raw,
@@ -141,10 +149,10 @@ impl Image {
             storage: None,
             parts: RwLock::default(),
             views: RwLock::default(),
-            memory: own,
-            _heap: heap,
+            memory: memory.allocation,
+            _heap: memory.heap,
             info,
-            bytes,
+            bytes: memory.bytes,
         };
         bound.map_err(GpuError::call("vkBindImageMemory"))?;
         let whole = Part::ALL.of(info.mips, info.layers);

@@ -231,14 +231,14 @@ mod tests {
     #[test]
     fn a_driver_that_fails_with_rays_is_opened_without() {
         let mut asked = Vec::new();
-        let mut told = None;
+        let mut reported = None;
         let open = |support: RaySupport| {
             asked.push(support.ways());
             if support.accel { Err("initialisation failed") } else { Ok("device") }
         };
-        let opened = with_rays_or_without(BOTH, open, |error| told = Some(*error));
+        let opened = with_rays_or_without(BOTH, open, |error| reported = Some(*error));
         assert_eq!(opened, Ok(("device", RaySupport::default())));
-        assert_eq!(told, Some("initialisation failed"));
+        assert_eq!(reported, Some("initialisation failed"));
         assert_eq!(asked, [Rays::ALL.to_vec(), vec![Rays::Software]]);
     }
 

@@ -21,7 +21,7 @@ const MATRIX_STRIDE: u32 = 7;
 const OFFSET: u32 = 35;
 const PUSH_CONSTANT: u32 = 9;
 /// Limit on the nesting of types, in case invalid SPIR-V has cycles.
-const DEEPEST: u32 = 64;
+const MAX_DEPTH: u32 = 64;
 
 /// The instructions of a module, as opcode and operands. Stops at the end or at the first invalid one.
 fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
@@ -69,7 +69,7 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
         }
     }
     let Some(Kind::Block(block)) = types.kinds.get(&block?) else { return None };
-    let Size { bytes, widest } = types.size(*block, DEEPEST)?;
+    let Size { bytes, widest } = types.size(*block, MAX_DEPTH)?;
     bytes.checked_next_multiple_of(widest.max(1))
 }
 

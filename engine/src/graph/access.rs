@@ -346,8 +346,9 @@ impl Layout {
 pub struct Uses(u128);
 
 const ANY_BIT: u128 = 1 << 127;
-const WAITED_BIT: u128 = 1 << 126;
-const _: () = assert!(Access::ALL.len() * Domain::ALL.len() < 126, "one bit per pair, and two for ANY and WAITED");
+const OTHER_QUEUES_BIT: u128 = 1 << 126;
+const _: () =
+    assert!(Access::ALL.len() * Domain::ALL.len() < 126, "one bit per pair, and two for ANY and OTHER_QUEUES");
 
 impl Uses {
     /// The empty set.
@@ -357,7 +358,7 @@ impl Uses {
     pub const ANY: Self = Self(ANY_BIT);
 
     /// Every use on other queues that the batch waited for. The semaphore wait has already made their results visible.
-    pub const WAITED: Self = Self(WAITED_BIT);
+    pub const OTHER_QUEUES: Self = Self(OTHER_QUEUES_BIT);
 
     /// The set that holds one use.
     pub fn of((access, domain): (Access, Domain)) -> Self {
@@ -399,14 +400,14 @@ impl Uses {
         self.0 & ANY_BIT != 0
     }
 
-    /// Whether it contains [`Uses::WAITED`].
-    pub fn is_waited(self) -> bool {
-        self.0 & WAITED_BIT != 0
+    /// Whether it contains [`Uses::OTHER_QUEUES`].
+    pub fn has_other_queues(self) -> bool {
+        self.0 & OTHER_QUEUES_BIT != 0
     }
 
     /// The explicit uses, ordered by access and then by domain.
     pub fn iter(self) -> impl Iterator<Item = (Access, Domain)> {
-        let mut left = self.0 & !(ANY_BIT | WAITED_BIT);
+        let mut left = self.0 & !(ANY_BIT | OTHER_QUEUES_BIT);
         std::iter::from_fn(move || {
             let bit = (left != 0).then(|| left.trailing_zeros() as usize)?;
             left &= left - 1;
@@ -431,7 +432,7 @@ impl fmt::Display for Uses {
         if self.is_empty() {
             return f.write_str("nothing");
         }
-        let waited = self.is_waited().then(|| "other queues".to_owned());
+        let waited = self.has_other_queues().then(|| "other queues".to_owned());
         let named = self.iter().map(|(access, domain)| format!("{access} ({})", domain.name()));
         for (i, one) in waited.into_iter().chain(named).enumerate() {
             write!(f, "{}{one}", if i > 0 { ", " } else { "" })?;

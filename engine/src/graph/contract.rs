@@ -35,6 +35,13 @@ pub struct Idle<'a> {
     pub reason: &'a str,
 }
 
+/// Whether a pass belongs to a part of a slot: it is called `slot.part` or `slot.part_...`.
+fn is_of_part(pass: &str, slot: &str, part: &str) -> bool {
+    let step = pass.strip_prefix(slot).and_then(|rest| rest.strip_prefix('.'));
+    let suffix = step.and_then(|step| step.strip_prefix(part));
+    suffix.is_some_and(|suffix| suffix.is_empty() || suffix.starts_with('_'))
+}
+
 impl FrameGraph {
     /// How many passes were declared so far.
     pub fn pass_count(&self) -> u32 {
@@ -45,12 +52,8 @@ impl FrameGraph {
     /// `slot.part_...`.
     pub fn check_idle(&mut self, idle: Idle<'_>, first: u32) {
         let Idle { slot, implementation, part, reason } = idle;
-        let is_its = |name: &str| {
-            let of_slot = name.strip_prefix(slot).and_then(|rest| rest.strip_prefix('.'));
-            let rest = part.map_or(Some(""), |part| of_slot.and_then(|step| step.strip_prefix(part)));
-            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
-        };
-        let added = (first..self.pass_count()).find(|pass| is_its(self.declaration.pass_name(*pass)));
+        let is_idle = |pass: &u32| part.is_none_or(|part| is_of_part(self.declaration.pass_name(*pass), slot, part));
+        let added = (first..self.pass_count()).find(is_idle);
         if let Some(pass) = added {
             let pass = self.declaration.pass_name(pass).to_owned();
             let [slot, implementation, reason] = [slot, implementation, reason].map(str::to_owned);
@@ -70,6 +73,21 @@ impl FrameGraph {
                 wanted: (formats.to_vec(), wanted),
                 given: (format, extent),
             });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_of_part;
+
+    #[test]
+    fn passes_of_a_part_have_its_name_with_or_without_a_suffix() {
+        let of_trace = |pass| is_of_part(pass, "shadows", "trace");
+        assert!(of_trace("shadows.trace") && of_trace("shadows.trace_far"));
+        for other in ["shadows.tracer", "shadows.denoise", "shadows", "shadowstrace", "ao.trace", "soft.shadows.trace"]
+        {
+            assert!(!of_trace(other), "{other}");
         }
     }
 }

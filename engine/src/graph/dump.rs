@@ -9,12 +9,12 @@
 //!
 //! All of them are functions of the declaration and its plan: equal plans give equal dumps.
 
+mod describe;
 mod dot;
 mod gains;
 mod html;
 mod json;
 mod text;
-mod words;
 
 use super::{declaration::Declaration, plan::Plan};
 

@@ -120,8 +120,8 @@ batch 4 on transfer, waits for batch 3
        read   post.map:display version 0: copy from
        change readback version 0 to 1: copy to
 ";
-    let told = super::text(&declaration, &plan);
-    let (passes, rest) = told.split_once("\nleft out\n").unwrap();
+    let text = super::text(&declaration, &plan);
+    let (passes, rest) = text.split_once("\nleft out\n").unwrap();
     // The barriers at the end of the frame follow after the batches.
     assert!(passes.starts_with(expected), "wanted\n{expected}\ngot\n{passes}");
     let expected = "     ao.trace: nothing that is kept needs `ao.trace:open`
@@ -159,16 +159,16 @@ heap 0: 2816 bytes of kind 0
 }
 
 #[test]
-fn switches_that_shaped_the_plan_are_told() {
+fn switches_that_shaped_the_plan_are_shown() {
     let declaration = frame("gbuffer").declaration;
-    let told = |words: &str| super::text(&declaration, &plan_with(&declaration, words));
-    assert!(told("").starts_with("frame of 16x8, planned for the graphics queue\n"));
-    let serial = told("serial");
+    let text = |switches: &str| super::text(&declaration, &plan_with(&declaration, switches));
+    assert!(text("").starts_with("frame of 16x8, planned for the graphics queue\n"));
+    let serial = text("serial");
     assert!(serial.contains("; serial: each pass waits for everything before it; transients do not share memory\n"));
     assert!(serial.contains("  gbuffer.draw:ids, shares with nobody: aliasing is switched off\n"), "{serial}");
-    assert!(!told("no-alias").contains("; serial") && told("no-alias").contains("; transients do not share memory\n"));
-    assert!(told("").contains("(stage gi, compute, graphics queue, would like async compute)"));
-    assert!(!told("no-cull").contains("left out"));
+    assert!(!text("no-alias").contains("; serial") && text("no-alias").contains("; transients do not share memory\n"));
+    assert!(text("").contains("(stage gi, compute, graphics queue, would like async compute)"));
+    assert!(!text("no-cull").contains("left out"));
 }
 
 #[test]
@@ -184,10 +184,10 @@ fn gains_are_those_of_the_plan_in_two_lines() {
     assert!(gains.aliased < gains.unaliased && gains.aliased >= gains.lower_bound);
     assert_eq!((gains.barriers, gains.unstored), (plan.barriers.len(), plan.unstored.len()));
     gains.overlap_ms = Some(1.5);
-    let told = gains.to_string();
-    assert_eq!(told.lines().count(), 2);
+    let text = gains.to_string();
+    assert_eq!(text.lines().count(), 2);
     assert!(
-        told.contains("7 passes (1 culled)") && told.ends_with("1 batch, 0 waits between queues, 1.500 ms of overlap")
+        text.contains("7 passes (1 culled)") && text.ends_with("1 batch, 0 waits between queues, 1.500 ms of overlap")
     );
     let none = Gains::of(&Plan::default());
     assert_eq!((none.share(0), none.over_bound(), none.barriers_per_pass), (1.0, 1.0, 0.0));
@@ -222,8 +222,8 @@ fn dot_has_a_box_per_pass_in_its_batch_and_marks_what_is_left_out() {
 fn json_says_the_same() {
     use serde_json::json;
     let (declaration, plan) = on_three_queues("a\"b");
-    let told = Dump::new(&declaration, &plan).overlap(Some(0.25)).json();
-    let all: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let json = Dump::new(&declaration, &plan).overlap(Some(0.25)).json();
+    let all: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(all["size"], json!([16, 8]));
     assert_eq!(all["queues"], json!(["graphics", "async compute", "transfer"]));
     assert_eq!((&all["serial"], &all["alias"]), (&json!(false), &json!(true)));
@@ -281,8 +281,8 @@ fn the_page_shows_every_pass_wait_barrier_and_place() {
     let places = plan.before.iter().chain([&plan.end]).filter(|s| !s.is_empty()).count();
     let after = plan.after.iter().filter(|s| !s.is_empty()).count();
     assert_eq!((drawn("before"), drawn("after")), (1 + places, 1 + after));
-    let told = page.matches("barrier before the pass").count() + page.matches("barriers before the pass").count();
-    assert_eq!(told, plan.before.iter().filter(|s| !s.is_empty()).count());
+    let marks = page.matches("barrier before the pass").count() + page.matches("barriers before the pass").count();
+    assert_eq!(marks, plan.before.iter().filter(|s| !s.is_empty()).count());
     for t in &plan.transients {
         assert!(page.contains(&format!(" at {} of heap 0", t.offset)), "offset {} is missing", t.offset);
         assert!(page.contains(t.sharing.reason()));

@@ -81,43 +81,43 @@ pub struct KeptLayers {
 
 /// How a resource outlives a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Keeping {
+pub(super) enum Persistence {
     /// A history: two objects, swapped each frame.
-    Pair,
+    History,
     /// A kept buffer.
-    Single,
+    Buffer,
     /// A kept image, with a key per layer for what it was made from.
     Layers,
 }
 
 /// The state of one history, kept buffer or kept image.
 #[derive(Clone, Debug)]
-pub(super) struct Entry {
+pub(super) struct HistoryEntry {
     /// Number by which the executor finds the objects behind it. Numbers are reused.
-    pub slot: u32,
-    /// Unique, unlike `slot`: tells objects of a new entry from those of an old one with the same slot.
-    pub birth: u64,
-    pub keeping: Keeping,
+    pub index: u32,
+    /// Unique, unlike `index`: tells objects of a new entry from those of an old one with the same index.
+    pub generation: u64,
+    pub persistence: Persistence,
     /// Shape in the current frame.
     pub shape: Shape,
     /// Shape in the last frame that ran and declared it; `None` before there was one.
-    left: Option<Shape>,
+    last_shape: Option<Shape>,
     /// Whether that frame wrote it, and no camera cut came after.
-    fresh: bool,
+    is_current: bool,
     /// Size in bytes of the valid part of a kept buffer.
     pub valid_bytes: u64,
     /// Keys with which the layers of a kept image were last written; `None` for a layer without valid contents.
-    held: Vec<Option<u64>>,
+    layer_keys: Vec<Option<u64>>,
     /// Keys of the layers that the current frame asks for.
-    wanted: Vec<u64>,
+    wanted_layer_keys: Vec<u64>,
     /// Whether the current frame has declared it.
     pub declared: bool,
 }
 
-impl Entry {
+impl HistoryEntry {
     /// Whether it holds what the previous frame wrote. Frames that were declared but did not run do not count.
     pub fn is_valid(&self) -> bool {
-        self.fresh && self.left == Some(self.shape)
+        self.is_current && self.last_shape == Some(self.shape)
     }
 }
 
@@ -125,135 +125,154 @@ type Key = (u32, Cow<'static, str>);
 
 /// All histories, kept buffers and kept images of one executor.
 #[derive(Default)]
-pub(super) struct Book(Mutex<Pages>);
+pub(super) struct SharedHistoryRegistry(Mutex<HistoryRegistry>);
 
 #[derive(Default)]
-pub(super) struct Pages {
-    entries: HashMap<Key, Entry>,
-    /// Slot numbers that are free, largest first, and the first that was never used: equal frames get equal numbers.
+pub(super) struct HistoryRegistry {
+    entries: HashMap<Key, HistoryEntry>,
+    /// Indices that are free, largest first, and the first that was never used: equal frames get equal numbers.
     free: Vec<u32>,
-    next_slot: u32,
-    births: u64,
+    next_index: u32,
+    generations: u64,
 }
 
-impl Book {
-    pub fn open(&self) -> MutexGuard<'_, Pages> {
-        // No method leaves the pages in a broken state when it panics, so a poisoned lock is usable.
+impl SharedHistoryRegistry {
+    pub fn lock(&self) -> MutexGuard<'_, HistoryRegistry> {
+        // No method leaves the registry in a broken state when it panics, so a poisoned lock is usable.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Pages {
+impl HistoryRegistry {
     /// Begins a frame, in which nothing is declared yet.
-    pub fn begin(&mut self) {
+    pub fn begin_frame(&mut self) {
         self.entries.values_mut().for_each(|entry| entry.declared = false);
     }
 
     /// Camera cut: invalidates the histories. Kept buffers and images do not depend on the view, and stay.
     pub fn cut(&mut self) {
-        self.entries.values_mut().filter(|e| e.keeping == Keeping::Pair).for_each(|entry| entry.fresh = false);
+        self.entries
+            .values_mut()
+            .filter(|e| e.persistence == Persistence::History)
+            .for_each(|entry| entry.is_current = false);
     }
 
     /// Discards everything, kept buffers and images too.
     pub fn clear(&mut self) {
-        *self = Self { births: self.births, ..Self::default() };
+        *self = Self { generations: self.generations, ..Self::default() };
     }
 
-    /// Declares a history for this frame. Returns its slot and whether it is valid, or `None` if this frame has declared it already.
-    pub fn declare_pair(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> Option<(u32, bool)> {
-        let entry = self.declare(scope, name, Keeping::Pair, shape)?;
+    /// Declares a history for this frame. Returns its index and whether it is valid, or `None` if this frame has declared it already.
+    pub fn declare_history(
+        &mut self,
+        scope: &HistoryScope,
+        name: Cow<'static, str>,
+        shape: Shape,
+    ) -> Option<(u32, bool)> {
+        let entry = self.declare(scope, name, Persistence::History, shape)?;
         entry.shape = shape;
-        Some((entry.slot, entry.is_valid()))
+        Some((entry.index, entry.is_valid()))
     }
 
-    /// Declares a kept buffer of at least `bytes` bytes. Returns its slot, its size and the size of the valid part, or `None` as above.
-    pub fn declare_kept(
+    /// Declares a kept buffer of at least `bytes` bytes. Returns its index, its size and the size of the valid part, or `None` as above.
+    pub fn declare_kept_buffer(
         &mut self,
         scope: &HistoryScope,
         name: Cow<'static, str>,
         bytes: u64,
     ) -> Option<(u32, u64, u64)> {
-        let entry = self.declare(scope, name, Keeping::Single, Shape::Buffer { bytes })?;
+        let entry = self.declare(scope, name, Persistence::Buffer, Shape::Buffer { bytes })?;
         // Grows by at least half, so that a buffer that grows a little each frame is rarely copied. Requests of frames that did
         // not run are ignored.
-        let held = entry.left.map_or(0, Shape::bytes);
-        let grown = if bytes > held { bytes.max(held + held / 2) } else { held };
+        let layer_keys = entry.last_shape.map_or(0, Shape::bytes);
+        let grown = if bytes > layer_keys { bytes.max(layer_keys + layer_keys / 2) } else { layer_keys };
         entry.shape = Shape::Buffer { bytes: grown };
-        Some((entry.slot, grown, entry.valid_bytes))
+        Some((entry.index, grown, entry.valid_bytes))
     }
 
-    /// Declares a kept image with one key per layer. Returns its slot and the stale layers, or `None` as above.
-    pub fn declare_layers(
+    /// Declares a kept image with one key per layer. Returns its index and the stale layers, or `None` as above.
+    pub fn declare_kept_layers(
         &mut self,
         scope: &HistoryScope,
         name: Cow<'static, str>,
         shape: Shape,
         keys: &[u64],
     ) -> Option<(u32, Vec<u32>)> {
-        let entry = self.declare(scope, name, Keeping::Layers, shape)?;
-        (entry.shape, entry.wanted) = (shape, keys.to_vec());
-        let there = entry.left == Some(shape);
-        let holds = |layer: usize| there && entry.held.get(layer).copied().flatten() == Some(keys[layer]);
+        let entry = self.declare(scope, name, Persistence::Layers, shape)?;
+        (entry.shape, entry.wanted_layer_keys) = (shape, keys.to_vec());
+        let there = entry.last_shape == Some(shape);
+        let holds = |layer: usize| there && entry.layer_keys.get(layer).copied().flatten() == Some(keys[layer]);
         let stale = (0..keys.len()).filter(|layer| !holds(*layer)).map(|layer| layer as u32).collect();
-        Some((entry.slot, stale))
+        Some((entry.index, stale))
     }
 
     fn declare(
         &mut self,
         scope: &HistoryScope,
         name: Cow<'static, str>,
-        keeping: Keeping,
+        persistence: Persistence,
         shape: Shape,
-    ) -> Option<&mut Entry> {
-        let Self { entries, free, next_slot, births } = self;
-        let mut new = |slot: u32| {
-            *births += 1;
-            let (held, wanted) = (Vec::new(), Vec::new());
-            let (left, fresh, valid_bytes, declared) = (None, false, 0, false);
-            Entry { slot, birth: *births, keeping, shape, left, fresh, valid_bytes, held, wanted, declared }
+    ) -> Option<&mut HistoryEntry> {
+        let Self { entries, free, next_index, generations } = self;
+        let mut new = |index: u32| {
+            *generations += 1;
+            let (layer_keys, wanted_layer_keys) = (Vec::new(), Vec::new());
+            let (last_shape, is_current, valid_bytes, declared) = (None, false, 0, false);
+            HistoryEntry {
+                index,
+                generation: *generations,
+                persistence,
+                shape,
+                last_shape,
+                is_current,
+                valid_bytes,
+                layer_keys,
+                wanted_layer_keys,
+                declared,
+            }
         };
         let entry = entries.entry((scope.0, name)).or_insert_with(|| {
-            let slot = free.pop().unwrap_or_else(|| {
-                *next_slot += 1;
-                *next_slot - 1
+            let index = free.pop().unwrap_or_else(|| {
+                *next_index += 1;
+                *next_index - 1
             });
-            new(slot)
+            new(index)
         });
         if entry.declared {
             return None;
         }
-        if entry.keeping != keeping {
-            *entry = new(entry.slot); // the name was used for another kind before
+        if entry.persistence != persistence {
+            *entry = new(entry.index); // the name was used for another kind before
         }
         entry.declared = true;
         Some(entry)
     }
 
     /// The entries that the current frame declared, in no particular order.
-    pub fn declared(&self) -> impl Iterator<Item = &Entry> {
+    pub fn declared(&self) -> impl Iterator<Item = &HistoryEntry> {
         self.entries.values().filter(|e| e.declared)
     }
 
     /// A non-finite value was read from a kept image: all its layers become stale.
-    pub fn distrust(&mut self, slot: u32) {
-        let layers = self.entries.values_mut().filter(|e| e.slot == slot && e.keeping == Keeping::Layers);
-        layers.for_each(|entry| entry.held.fill(None));
+    pub fn invalidate_layers(&mut self, index: u32) {
+        let layers = self.entries.values_mut().filter(|e| e.index == index && e.persistence == Persistence::Layers);
+        layers.for_each(|entry| entry.layer_keys.fill(None));
     }
 
-    /// Called after the frame has run. `written` tells which slots it wrote. Entries that it did not declare are removed.
-    pub fn end(&mut self, written: impl Fn(u32) -> bool) {
+    /// Called after the frame has run. `written` tells which indices it wrote. Entries that it did not declare are removed.
+    pub fn end_frame(&mut self, written: impl Fn(u32) -> bool) {
         let free = &mut self.free;
         self.entries.retain(|_, entry| {
             if !entry.declared {
-                free.push(entry.slot);
+                free.push(entry.index);
                 return false;
             }
-            let written = written(entry.slot);
-            if entry.keeping == Keeping::Layers && (written || entry.left != Some(entry.shape)) {
+            let written = written(entry.index);
+            if entry.persistence == Persistence::Layers && (written || entry.last_shape != Some(entry.shape)) {
                 // A frame that writes any layer writes all stale ones.
-                entry.held = entry.wanted.iter().map(|key| written.then_some(*key)).collect();
+                entry.layer_keys = entry.wanted_layer_keys.iter().map(|key| written.then_some(*key)).collect();
             }
-            (entry.left, entry.fresh) = (Some(entry.shape), written);
+            (entry.last_shape, entry.is_current) = (Some(entry.shape), written);
             if written {
                 entry.valid_bytes = entry.shape.bytes();
             }
@@ -278,13 +297,13 @@ impl FrameGraph {
         let name = name.into();
         let desc = ImageDesc { layers: keys.len() as u32, ..desc };
         let shape = self.image_shape(&name, desc);
-        let declared = self.book.open().declare_layers(scope, name.clone(), shape, keys);
-        let (slot, stale) = declared.unwrap_or_else(|| {
+        let declared = self.histories.lock().declare_kept_layers(scope, name.clone(), shape, keys);
+        let (index, stale) = declared.unwrap_or_else(|| {
             self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
             (u32::MAX, Vec::new())
         });
         let last = in_any_pass(Access::Sample);
-        let image: Handle<Image> = self.import(&name, shape, last, Access::Sample.layout(), ImportKey::Kept(slot));
+        let image: Handle<Image> = self.import(&name, shape, last, Access::Sample.layout(), ImportKey::Kept(index));
         self.leave(image, Access::Sample, Domain::Compute);
         KeptLayers { image: WriteHandle::new(image), stale }
     }
@@ -301,51 +320,51 @@ mod tests {
 
     #[test]
     fn a_history_is_valid_from_its_second_frame_on_until_something_breaks_it() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
-        let frame = |pages: &mut Pages, side: u32, written: bool| {
-            pages.begin();
-            let (slot, valid) = pages.declare_pair(&scope, "colour".into(), image(side)).unwrap();
-            pages.end(|s| written && s == slot);
-            (slot, valid)
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
+        let frame = |registry: &mut HistoryRegistry, side: u32, written: bool| {
+            registry.begin_frame();
+            let (index, valid) = registry.declare_history(&scope, "colour".into(), image(side)).unwrap();
+            registry.end_frame(|s| written && s == index);
+            (index, valid)
         };
-        let (slot, valid) = frame(&mut pages, 8, true);
+        let (index, valid) = frame(&mut registry, 8, true);
         assert!(!valid);
-        assert_eq!(frame(&mut pages, 8, true), (slot, true));
-        pages.cut();
-        assert_eq!(frame(&mut pages, 8, true), (slot, false));
-        assert_eq!(frame(&mut pages, 16, true), (slot, false), "another size");
-        assert_eq!(frame(&mut pages, 16, false), (slot, true));
-        assert!(!frame(&mut pages, 16, true).1, "the frame before did not write it");
-        pages.begin();
-        pages.end(|_| false);
-        assert!(!frame(&mut pages, 16, true).1, "the frame before did not declare it");
+        assert_eq!(frame(&mut registry, 8, true), (index, true));
+        registry.cut();
+        assert_eq!(frame(&mut registry, 8, true), (index, false));
+        assert_eq!(frame(&mut registry, 16, true), (index, false), "another size");
+        assert_eq!(frame(&mut registry, 16, false), (index, true));
+        assert!(!frame(&mut registry, 16, true).1, "the frame before did not write it");
+        registry.begin_frame();
+        registry.end_frame(|_| false);
+        assert!(!frame(&mut registry, 16, true).1, "the frame before did not declare it");
     }
 
     #[test]
     fn another_instance_starts_anew() {
-        let (one, two, mut pages) = (HistoryScope::new(), HistoryScope::new(), Pages::default());
-        pages.begin();
-        let (slot, _) = pages.declare_pair(&one, "colour".into(), image(8)).unwrap();
-        assert!(pages.declare_pair(&one, "colour".into(), image(8)).is_none(), "twice in one frame");
-        pages.end(|_| true);
-        pages.begin();
-        let (other, valid) = pages.declare_pair(&two, "colour".into(), image(8)).unwrap();
-        assert!(!valid && other != slot);
-        pages.end(|_| true);
-        assert_eq!(pages.entries.len(), 1, "the first is forgotten");
+        let (one, two, mut registry) = (HistoryScope::new(), HistoryScope::new(), HistoryRegistry::default());
+        registry.begin_frame();
+        let (index, _) = registry.declare_history(&one, "colour".into(), image(8)).unwrap();
+        assert!(registry.declare_history(&one, "colour".into(), image(8)).is_none(), "twice in one frame");
+        registry.end_frame(|_| true);
+        registry.begin_frame();
+        let (other, valid) = registry.declare_history(&two, "colour".into(), image(8)).unwrap();
+        assert!(!valid && other != index);
+        registry.end_frame(|_| true);
+        assert_eq!(registry.entries.len(), 1, "the first is forgotten");
     }
 
     #[test]
     fn kept_buffers_grow_and_survive_a_cut() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
         let mut frame = |bytes: u64, cut: bool| {
-            pages.begin();
+            registry.begin_frame();
             if cut {
-                pages.cut();
+                registry.cut();
             }
-            let (_, held, valid) = pages.declare_kept(&scope, "surfels".into(), bytes).unwrap();
-            pages.end(|_| true);
-            (held, valid)
+            let (_, layer_keys, valid) = registry.declare_kept_buffer(&scope, "surfels".into(), bytes).unwrap();
+            registry.end_frame(|_| true);
+            (layer_keys, valid)
         };
         assert_eq!(frame(100, false), (100, 0));
         assert_eq!(frame(100, true), (100, 100));
@@ -356,13 +375,13 @@ mod tests {
 
     #[test]
     fn distrusted_layers_are_stale_until_they_are_made_again() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
         let mut frame = |distrusted: bool| {
-            pages.begin();
-            let (slot, stale) = pages.declare_layers(&scope, "map".into(), image(8), &[7, 9]).unwrap();
-            pages.end(|_| !stale.is_empty());
+            registry.begin_frame();
+            let (index, stale) = registry.declare_kept_layers(&scope, "map".into(), image(8), &[7, 9]).unwrap();
+            registry.end_frame(|_| !stale.is_empty());
             if distrusted {
-                pages.distrust(slot);
+                registry.invalidate_layers(index);
             }
             stale
         };
@@ -374,15 +393,15 @@ mod tests {
 
     #[test]
     fn frames_that_did_not_run_change_nothing() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
         let mut declare = |side: u32, bytes: u64, runs: bool| {
-            pages.begin();
-            let (_, valid) = pages.declare_pair(&scope, "colour".into(), image(side)).unwrap();
-            let (_, held, valid_bytes) = pages.declare_kept(&scope, "surfels".into(), bytes).unwrap();
+            registry.begin_frame();
+            let (_, valid) = registry.declare_history(&scope, "colour".into(), image(side)).unwrap();
+            let (_, layer_keys, valid_bytes) = registry.declare_kept_buffer(&scope, "surfels".into(), bytes).unwrap();
             if runs {
-                pages.end(|_| true);
+                registry.end_frame(|_| true);
             }
-            (valid, held, valid_bytes)
+            (valid, layer_keys, valid_bytes)
         };
         assert_eq!(declare(8, 100, true), (false, 100, 0));
         assert_eq!(declare(16, 1 << 60, false), (false, 1 << 60, 100));
@@ -391,18 +410,21 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_taken_over_with_a_slot() {
-        let (one, two, mut pages) = (HistoryScope::new(), HistoryScope::new(), Pages::default());
+    fn nothing_is_taken_over_with_an_index() {
+        let (one, two, mut registry) = (HistoryScope::new(), HistoryScope::new(), HistoryRegistry::default());
         let mut frame = |scope: &HistoryScope, kept: bool| {
-            pages.begin();
-            let (slot, valid) = if kept {
-                pages.declare_kept(scope, "thing".into(), 64).map(|(slot, _, valid)| (slot, valid > 0)).unwrap()
+            registry.begin_frame();
+            let (index, valid) = if kept {
+                registry
+                    .declare_kept_buffer(scope, "thing".into(), 64)
+                    .map(|(index, _, valid)| (index, valid > 0))
+                    .unwrap()
             } else {
-                pages.declare_pair(scope, "thing".into(), Shape::Buffer { bytes: 64 }).unwrap()
+                registry.declare_history(scope, "thing".into(), Shape::Buffer { bytes: 64 }).unwrap()
             };
-            let birth = pages.declared().next().unwrap().birth;
-            pages.end(|_| true);
-            (slot, birth, valid)
+            let generation = registry.declared().next().unwrap().generation;
+            registry.end_frame(|_| true);
+            (index, generation, valid)
         };
         let first = frame(&one, false);
         assert_eq!(frame(&one, false), (first.0, first.1, true));
@@ -416,14 +438,14 @@ mod tests {
 
     #[test]
     fn layers_are_stale_until_a_frame_with_their_key_wrote_them() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
         let mut frame = |side: u32, keys: [u64; 3], written: bool, cut: bool| {
-            pages.begin();
+            registry.begin_frame();
             if cut {
-                pages.cut();
+                registry.cut();
             }
-            let (_, stale) = pages.declare_layers(&scope, "map".into(), image(side), &keys).unwrap();
-            pages.end(|_| written);
+            let (_, stale) = registry.declare_kept_layers(&scope, "map".into(), image(side), &keys).unwrap();
+            registry.end_frame(|_| written);
             stale
         };
         assert_eq!(frame(8, [1, 2, 3], false, false), [0, 1, 2]);
@@ -439,16 +461,16 @@ mod tests {
 
     #[test]
     fn a_kept_buffer_that_nobody_wrote_holds_nothing() {
-        let (scope, mut pages) = (HistoryScope::new(), Pages::default());
+        let (scope, mut registry) = (HistoryScope::new(), HistoryRegistry::default());
         let mut frame = |written: bool| {
-            pages.begin();
-            let (_, _, valid) = pages.declare_kept(&scope, "surfels".into(), 100).unwrap();
-            pages.end(|_| written);
+            registry.begin_frame();
+            let (_, _, valid) = registry.declare_kept_buffer(&scope, "surfels".into(), 100).unwrap();
+            registry.end_frame(|_| written);
             valid
         };
         assert_eq!([frame(false), frame(true), frame(false), frame(false)], [0, 0, 100, 100]);
-        pages.clear();
-        pages.begin();
-        assert_eq!(pages.declare_kept(&scope, "surfels".into(), 100), Some((0, 100, 0)));
+        registry.clear();
+        registry.begin_frame();
+        assert_eq!(registry.declare_kept_buffer(&scope, "surfels".into(), 100), Some((0, 100, 0)));
     }
 }

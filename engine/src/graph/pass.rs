@@ -20,7 +20,7 @@ use super::{
     desc::{BufferDesc, Content, Extent, Format, ImageDesc, Size},
     error::{GraphError, GraphErrors},
     handle::{Accel, Buffer, Handle, Image, Kind, Tlas, WriteHandle},
-    history::{Book, BufferHistory, History, HistoryScope, KeptBuffer},
+    history::{BufferHistory, History, HistoryScope, KeptBuffer, SharedHistoryRegistry},
     record::Record,
 };
 
@@ -60,10 +60,10 @@ pub struct FrameGraph {
     pub(super) records: Vec<Option<RecordFn>>,
     observer: Option<Observer>,
     slot_observer: Option<SlotObserver>,
-    /// What is spoilt on purpose.
+    /// Outputs that tests overwrite with NaN or infinity.
     pub(super) poisons: Vec<Poison>,
     /// What outlives the frame.
-    pub(super) book: Arc<Book>,
+    pub(super) histories: Arc<SharedHistoryRegistry>,
     /// Distinguishes handles of this frame from those of others.
     number: u32,
 }
@@ -86,11 +86,24 @@ impl FrameGraph {
     }
 
     /// An empty frame in lists that an earlier one no longer needs.
-    pub(super) fn on(declaration: Declaration, records: Vec<Option<RecordFn>>, book: Arc<Book>) -> Self {
-        book.open().begin();
+    pub(super) fn on(
+        declaration: Declaration,
+        records: Vec<Option<RecordFn>>,
+        histories: Arc<SharedHistoryRegistry>,
+    ) -> Self {
+        histories.lock().begin_frame();
         let number = GRAPHS.fetch_add(1, Ordering::Relaxed);
         let (observer, slot_observer) = (None, None);
-        Self { declaration, errors: Vec::new(), records, observer, slot_observer, poisons: Vec::new(), book, number }
+        Self {
+            declaration,
+            errors: Vec::new(),
+            records,
+            observer,
+            slot_observer,
+            poisons: Vec::new(),
+            histories,
+            number,
+        }
     }
 
     /// Adds a pass: one dispatch, one trace, one draw list or one copy.
@@ -300,8 +313,8 @@ impl FrameGraph {
     pub fn history(&mut self, scope: &HistoryScope, name: impl Into<Cow<'static, str>>, desc: ImageDesc) -> History {
         let name = name.into();
         let shape = self.image_shape(&name, desc);
-        let (slot, valid) = self.declare_pair(scope, name.clone(), shape);
-        let (previous, next) = self.import_pair(&name, shape, slot, Layout::ShaderRead);
+        let (index, valid) = self.declare_history(scope, name.clone(), shape);
+        let (previous, next) = self.import_history(&name, shape, index, Layout::ShaderRead);
         History { previous, next: WriteHandle::new(next), valid }
     }
 
@@ -314,8 +327,8 @@ impl FrameGraph {
     ) -> BufferHistory {
         let name = name.into();
         let shape = self.buffer_shape(&name, desc);
-        let (slot, valid) = self.declare_pair(scope, name.clone(), shape);
-        let (previous, next) = self.import_pair(&name, shape, slot, Layout::Undefined);
+        let (index, valid) = self.declare_history(scope, name.clone(), shape);
+        let (previous, next) = self.import_history(&name, shape, index, Layout::Undefined);
         self.note_content(previous.id, desc);
         self.note_content(next.id, desc);
         BufferHistory { previous, next: WriteHandle::new(next), valid }
@@ -331,13 +344,13 @@ impl FrameGraph {
     ) -> KeptBuffer {
         let name = name.into();
         self.buffer_shape(&name, desc);
-        let declared = self.book.open().declare_kept(scope, name.clone(), desc.bytes);
-        let (slot, bytes, valid_bytes) = declared.unwrap_or_else(|| {
+        let declared = self.histories.lock().declare_kept_buffer(scope, name.clone(), desc.bytes);
+        let (index, bytes, valid_bytes) = declared.unwrap_or_else(|| {
             self.errors.push(GraphError::DuplicateHistory { name: name.clone().into_owned() });
             (u32::MAX, desc.bytes, 0)
         });
         let last = in_any_pass(Access::BufferReadWrite);
-        let key = ImportKey::Kept(slot);
+        let key = ImportKey::Kept(index);
         let buffer = self.import(&name, Shape::Buffer { bytes }, last, Layout::Undefined, key);
         self.note_content(buffer.id, desc);
         KeptBuffer { buffer: WriteHandle::new(buffer), valid_bytes }
@@ -349,8 +362,8 @@ impl FrameGraph {
         !self.declaration.histories.is_empty() || self.declaration.resources.iter().any(kept)
     }
 
-    fn declare_pair(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> (u32, bool) {
-        let declared = self.book.open().declare_pair(scope, name.clone(), shape);
+    fn declare_history(&mut self, scope: &HistoryScope, name: Cow<'static, str>, shape: Shape) -> (u32, bool) {
+        let declared = self.histories.lock().declare_history(scope, name.clone(), shape);
         declared.unwrap_or_else(|| {
             self.errors.push(GraphError::DuplicateHistory { name: name.into_owned() });
             (u32::MAX, false)
@@ -358,11 +371,17 @@ impl FrameGraph {
     }
 
     /// Both halves of a history. What is read comes as it was left: readable by shaders.
-    fn import_pair<K: Kind>(&mut self, name: &str, shape: Shape, slot: u32, layout: Layout) -> (Handle<K>, Handle<K>) {
+    fn import_history<K: Kind>(
+        &mut self,
+        name: &str,
+        shape: Shape,
+        index: u32,
+        layout: Layout,
+    ) -> (Handle<K>, Handle<K>) {
         let read = if shape.is_image() { Access::Sample } else { Access::BufferRead };
         let previous =
-            self.import(&format!("{name}.previous"), shape, in_any_pass(read), layout, ImportKey::Previous(slot));
-        let next = self.import(&format!("{name}.next"), shape, Uses::EMPTY, Layout::Undefined, ImportKey::Next(slot));
+            self.import(&format!("{name}.previous"), shape, in_any_pass(read), layout, ImportKey::Previous(index));
+        let next = self.import(&format!("{name}.next"), shape, Uses::EMPTY, Layout::Undefined, ImportKey::Next(index));
         self.leave(next, read, Domain::Compute);
         self.declaration.histories.push(HistoryDecl { previous: previous.id, next: next.id });
         (previous, next)

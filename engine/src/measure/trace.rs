@@ -84,7 +84,7 @@ impl Trace<'_> {
     fn cpu(&mut self, number: usize, frame: &FrameSample, start: u64) {
         let (name, barriers) = (format!("frame {number}"), json!({ "barriers": frame.barriers }));
         let declared = start.saturating_sub(frame.declare_ns);
-        self.span(&name, (CPU, FRAMES), declared, frame.cpu_ns, barriers);
+        self.span(&name, CPU, FRAMES, declared, frame.cpu_ns, barriers);
         let phases = [
             ("declare", start - declared),
             ("plan", frame.plan_ns),
@@ -95,21 +95,21 @@ impl Trace<'_> {
         ];
         let mut at = declared;
         for (phase, ns) in phases.into_iter().filter(|(_, ns)| *ns > 0) {
-            self.span(phase, (CPU, PHASES), at, ns, json!({}));
+            self.span(phase, CPU, PHASES, at, ns, json!({}));
             at += ns;
         }
         let mut next = vec![start + frame.plan_ns + frame.bind_ns; self.threads.len()];
         for pass in &frame.passes {
             let Some(lane) = self.threads.iter().position(|t| *t == pass.thread) else { continue };
             let at = pass.cpu_start_ns.map_or(next[lane], |ns| start + ns);
-            self.span(&pass.name, (CPU, THREADS + lane), at, pass.cpu_ns, arguments(pass));
+            self.span(&pass.name, CPU, THREADS + lane, at, pass.cpu_ns, arguments(pass));
             next[lane] = at + pass.cpu_ns;
         }
     }
 
     fn gpu(&mut self, number: usize, frame: &FrameSample, submitted: u64) {
         if let Some(gpu_ns) = frame.gpu_ns {
-            self.span(&format!("frame {number}"), (GPU, FRAMES), submitted, gpu_ns, json!({}));
+            self.span(&format!("frame {number}"), GPU, FRAMES, submitted, gpu_ns, json!({}));
         }
         let mut next = vec![submitted; self.queues.len()];
         // Lane and start of passes that took any time.
@@ -118,7 +118,7 @@ impl Trace<'_> {
             let lane = self.queues.iter().position(|q| *q == pass.queue);
             let (Some(gpu_ns), Some(lane)) = (pass.gpu_ns, lane) else { continue };
             let at = pass.gpu_start_ns.map_or(next[lane], |ns| submitted + ns);
-            self.span(&pass.name, (GPU, QUEUES + lane), at, gpu_ns, arguments(pass));
+            self.span(&pass.name, GPU, QUEUES + lane, at, gpu_ns, arguments(pass));
             next[lane] = at + gpu_ns;
             placed[index] = Some((QUEUES + lane, at)).filter(|_| gpu_ns > 0);
         }
@@ -130,7 +130,7 @@ impl Trace<'_> {
         }
     }
 
-    fn span(&mut self, name: &str, (process, lane): (u32, usize), at_ns: u64, ns: u64, arguments: Value) {
+    fn span(&mut self, name: &str, process: u32, lane: usize, at_ns: u64, ns: u64, arguments: Value) {
         let json = json!({
             "ph": "X", "name": name, "pid": process, "tid": lane,
             "ts": at_ns as f64 / 1e3, "dur": ns as f64 / 1e3, "args": arguments,

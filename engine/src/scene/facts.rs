@@ -1,6 +1,6 @@
 //! What a scene is made of, in numbers: enough for an effect to say whether it has anything to do.
-use super::odds::{luminance, mean_emission, shines};
-use super::supply::{Thing, things};
+use super::light_sampling::{is_emitter, luminance, mean_emission};
+use super::supply::{PosedInstance, posed_instances};
 use super::{AlphaMode, Animator, Instance, Light, Material, Mesh, Scene};
 use crate::ray::Bounds;
 use glam::{DVec3, Vec3};
@@ -117,11 +117,11 @@ impl SceneFacts {
     /// Gathers those of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
-        let (animator, things) = (Animator::new(scene), things(scene));
-        let one = |(index, (instance, thing)): (usize, (&Instance, &Thing<'_>))| {
-            InstanceFacts::new(scene, instance, thing, animator.moves(index) || animator.changes(index))
+        let (animator, posed_instances) = (Animator::new(scene), posed_instances(scene));
+        let one = |(index, (instance, posed)): (usize, (&Instance, &PosedInstance<'_>))| {
+            InstanceFacts::new(scene, instance, posed, animator.moves(index) || animator.changes(index))
         };
-        let all: Vec<InstanceFacts> = scene.instances.par_iter().zip(&things).enumerate().map(one).collect();
+        let all: Vec<InstanceFacts> = scene.instances.par_iter().zip(&posed_instances).enumerate().map(one).collect();
         let mut facts = Self {
             lights_move: (0..scene.lights.len()).any(|light| animator.moves_light(light)),
             has_sky: scene.environment.as_ref().map_or(scene.daylight.is_some(), |e| !e.is_black()),
@@ -174,7 +174,7 @@ impl SceneFacts {
     }
 
     /// Multiplies the power of a light with a factor. Nothing where there is no such light.
-    pub(crate) fn dim(&mut self, light: usize, factor: f32) {
+    pub(crate) fn scale_light(&mut self, light: usize, factor: f32) {
         if let Some(light) = self.lights.get_mut(light) {
             light.power = light.full_power * f64::from(factor);
         }
@@ -231,9 +231,9 @@ struct InstanceFacts {
 }
 
 impl InstanceFacts {
-    fn new(scene: &Scene, instance: &Instance, thing: &Thing<'_>, moving: bool) -> Self {
+    fn new(scene: &Scene, instance: &Instance, posed: &PosedInstance<'_>, moving: bool) -> Self {
         let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
-        let shines = shines(scene, instance);
+        let is_emitter = is_emitter(scene, instance);
         let sides = if material.double_sided { 2.0 } else { 1.0 };
         let [mut area, mut emissive_area, mut emissive_power] = [0.0; 3];
         let full = luminance(material.emission);
@@ -247,17 +247,17 @@ impl InstanceFacts {
         };
         for corners in mesh.indices.chunks_exact(3) {
             let [a, b, c] =
-                [0, 1, 2].map(|k| thing.world.transform_point3(thing.positions[corners[k] as usize].as_dvec3()));
-            let emission = if shines { mean_emission(scene, material, mesh, corners) } else { 0.0 };
+                [0, 1, 2].map(|k| posed.world.transform_point3(posed.positions[corners[k] as usize].as_dvec3()));
+            let emission = if is_emitter { mean_emission(scene, material, mesh, corners) } else { 0.0 };
             add(0.5 * (b - a).cross(c - a).length(), sides, emission);
         }
-        for (_, ball) in &thing.balls {
-            add(4.0 * PI * ball.determinant().abs().powf(2.0 / 3.0), 1.0, if shines { full } else { 0.0 });
+        for (_, ball) in &posed.spheres {
+            add(4.0 * PI * ball.determinant().abs().powf(2.0 / 3.0), 1.0, if is_emitter { full } else { 0.0 });
         }
         let ([roughness, metalness], least_metalness) = surfaces(scene, material);
         Self {
             area,
-            emits: shines && area > 0.0,
+            emits: is_emitter && area > 0.0,
             emissive_area,
             emissive_power,
             roughness,
@@ -270,7 +270,7 @@ impl InstanceFacts {
             moving,
             triangles: mesh.indices.len() as u64 / 3,
             spheres: mesh.spheres.len() as u64,
-            bounds: bounds(thing),
+            bounds: bounds(posed),
         }
     }
 }
@@ -281,14 +281,14 @@ fn around([min, max]: [DVec3; 2], [lower, upper]: [DVec3; 2]) -> [DVec3; 2] {
 }
 
 /// A box around an instance.
-fn bounds(thing: &Thing<'_>) -> Option<[DVec3; 2]> {
-    let own = Bounds::of_points(&thing.positions);
+fn bounds(posed: &PosedInstance<'_>) -> Option<[DVec3; 2]> {
+    let own = Bounds::of_points(&posed.positions);
     let corners = if own.is_empty() { 0..0 } else { 0..8 };
     let corners = corners.map(|k: u32| {
         let upper = glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0);
-        [thing.world.transform_point3(Vec3::select(upper, own.max, own.min).as_dvec3()); 2]
+        [posed.world.transform_point3(Vec3::select(upper, own.max, own.min).as_dvec3()); 2]
     });
-    let balls = thing.balls.iter().map(|(centre, shape)| {
+    let balls = posed.spheres.iter().map(|(centre, shape)| {
         let reach = DVec3::from_array([0, 1, 2].map(|axis| shape.row(axis).length()));
         [*centre - reach, *centre + reach]
     });
@@ -437,11 +437,11 @@ mod tests {
         let mut facts = SceneFacts::new(&builtin("cornell").unwrap());
         let full = facts.lights[0].power;
         for (factor, shine) in [(0.0, 0), (0.25, 1), (1.0, 1)] {
-            facts.dim(0, factor);
+            facts.scale_light(0, factor);
             assert_eq!(facts.shining().count(), shine);
             close(facts.lights[0].power, full * f64::from(factor));
         }
-        facts.dim(99, 0.0);
+        facts.scale_light(99, 0.0);
     }
 
     #[test]

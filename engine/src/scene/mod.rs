@@ -10,16 +10,16 @@ mod camera;
 mod coverage;
 mod daylight;
 mod deform;
+mod emissive;
 mod environment;
 mod error;
 mod facts;
-mod glow;
 mod import;
+pub mod light_sampling;
 mod mesh;
-pub mod odds;
 mod origin;
 mod pose;
-mod reach;
+mod pose_bounds;
 mod resident;
 mod supply;
 mod texture;
@@ -372,7 +372,7 @@ pub enum Light {
 }
 
 /// Smallest squared roughness in shaders: `MIN_ALPHA` of `lib/brdf.glsl`.
-const LEAST_ALPHA: f32 = 0.002;
+const MIN_ALPHA: f32 = 0.002;
 
 impl Material {
     /// Whether it has transmission, a clear coat, or its own specular reflection.
@@ -394,7 +394,7 @@ impl Material {
     /// may make smooth. `lib/surface.glsl` decides at each point.
     pub fn is_clear(&self) -> bool {
         let is_dielectric = self.metalness < 1.0 || self.metallic_roughness_texture.is_some();
-        let is_smooth = self.roughness * self.roughness <= LEAST_ALPHA || self.metallic_roughness_texture.is_some();
+        let is_smooth = self.roughness * self.roughness <= MIN_ALPHA || self.metallic_roughness_texture.is_some();
         let is_sheet = self.thickness == 0.0 && !matches!(self.alpha, AlphaMode::Mask(_)) && !self.unlit;
         self.transmission > 0.0 && is_sheet && is_dielectric && is_smooth
     }

@@ -1,6 +1,6 @@
 //! Evaluates animations: where everything is at a given time.
 use super::animation::{Channel, Local, Node, Property, Skin, rest_worlds};
-use super::reach::Reach;
+use super::pose_bounds::PoseBounds;
 use super::{Camera, Light, Scene, SceneError};
 use glam::{DAffine3, DVec3, Vec3};
 
@@ -20,7 +20,7 @@ pub struct Animator {
     instances: Vec<Placed>,
     skins: Vec<Skin>,
     /// Bounds of each mesh that some instance deforms.
-    reaches: Vec<Option<Reach>>,
+    pose_bounds: Vec<Option<PoseBounds>>,
     lights: Vec<(Light, Option<u32>)>,
     cameras: Vec<(Camera, Option<u32>)>,
     animated: bool,
@@ -109,7 +109,7 @@ impl Animator {
         }
         let skin_moves: Vec<bool> =
             scene.skins.iter().map(|s| s.joints.iter().any(|j| slots[*j as usize] != STILL)).collect();
-        let mut reaches = vec![None; scene.meshes.len()];
+        let mut pose_bounds = vec![None; scene.meshes.len()];
         let instances: Vec<Placed> = scene
             .instances
             .iter()
@@ -125,7 +125,7 @@ impl Animator {
                 }
                 let weight_channel = weight_channel.filter(|_| !weights.is_empty());
                 if skin.is_some() || !weights.is_empty() {
-                    reaches[i.mesh as usize].get_or_insert_with(|| Reach::of(mesh));
+                    pose_bounds[i.mesh as usize].get_or_insert_with(|| PoseBounds::of(mesh));
                 }
                 let moves = moves(i.node);
                 let bends = skin.is_some_and(|s| moves || skin_moves[s as usize]);
@@ -150,7 +150,7 @@ impl Animator {
             channels,
             instances,
             skins: scene.skins.clone(),
-            reaches,
+            pose_bounds,
             lights,
             cameras,
             animated,
@@ -238,8 +238,8 @@ impl Animator {
                 pose.weights[i] = weights;
             }
             if placed.skin.is_some() || !placed.weights.is_empty() {
-                let reach = self.reaches[placed.mesh as usize].as_ref();
-                pose.bounds[i] = reach.and_then(|r| r.bounds(&pose.joints[i], &pose.weights[i]));
+                let pose_bounds = self.pose_bounds[placed.mesh as usize].as_ref();
+                pose.bounds[i] = pose_bounds.and_then(|r| r.bounds(&pose.joints[i], &pose.weights[i]));
             }
             pose.instances.push(here);
         }

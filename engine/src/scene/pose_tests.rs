@@ -312,8 +312,8 @@ proptest! {
         let joints: Vec<_> = (0..6).map(|_| away * affine(&mut roll)).collect();
         let weights = [roll(-1.0, 2.0) as f32, roll(-1.0, 2.0) as f32, 0.5];
         let got = deform(&mesh, &joints, &weights);
-        let reach = Reach::of(&mesh);
-        let [lo, hi] = reach.bounds(&joints, &weights).unwrap();
+        let pose_bounds = PoseBounds::of(&mesh);
+        let [lo, hi] = pose_bounds.bounds(&joints, &weights).unwrap();
         for i in 0..mesh.positions.len() {
             let (p, n, t) = slow(&mesh, &joints, &weights, i);
             prop_assert!(got.positions[i].as_dvec3().abs_diff_eq(p, 1e-7 * (20.0 + far)), "{} {p}", got.positions[i]);
@@ -325,7 +325,7 @@ proptest! {
         }
         // Morph targets only.
         let got = deform(&mesh, &[], &weights);
-        let [lo, hi] = reach.bounds(&[], &weights).unwrap();
+        let [lo, hi] = pose_bounds.bounds(&[], &weights).unwrap();
         prop_assert!(got.positions.iter().all(|p| p.cmpge(lo).all() && p.cmple(hi).all()));
     }
 
@@ -382,9 +382,9 @@ fn a_pose_that_is_no_number_is_not_given_bounds_that_are() {
     let mesh = random_mesh(3, 4);
     let mut joints = vec![DAffine3::IDENTITY; 6];
     joints[2].translation.x = f64::NAN;
-    assert!(Reach::of(&mesh).bounds(&joints, &[]).unwrap()[0].is_nan());
-    assert!(Reach::of(&mesh).bounds(&[], &[f32::INFINITY]).unwrap()[0].is_nan());
-    assert_eq!(Reach::of(&Mesh::default()).bounds(&[], &[]), None);
+    assert!(PoseBounds::of(&mesh).bounds(&joints, &[]).unwrap()[0].is_nan());
+    assert!(PoseBounds::of(&mesh).bounds(&[], &[f32::INFINITY]).unwrap()[0].is_nan());
+    assert_eq!(PoseBounds::of(&Mesh::default()).bounds(&[], &[]), None);
 }
 
 #[test]

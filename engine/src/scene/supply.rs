@@ -1,5 +1,5 @@
 //! Supplies what a scene needs to be rendered: a camera that frames it, a sun, a sky.
-use super::glow::{ENOUGH, share_lit};
+use super::emissive::{MIN_LIT_FRACTION, lit_fraction};
 use super::{Animator, Camera, Daylight, Material, Scene, deform};
 use crate::ray::COORDINATE_LIMIT;
 use glam::{DMat3, DVec3, Vec3};
@@ -10,7 +10,7 @@ const ASPECT: f64 = 16.0 / 9.0;
 /// Vertical angle of view of a supplied camera, radians (35 degrees).
 const FOV: f64 = 0.610_865_238_198_015_3;
 /// Fraction of the picture's half width and height that the scene fills.
-const FILL: f64 = 0.94;
+const FILLED_FRACTION: f64 = 0.94;
 /// Directions of a supplied camera, degrees: azimuth from +z (the front of a glTF scene) towards +x, and elevation. The first is
 /// used unless another sees clearly more.
 const VIEWS: [[f64; 2]; 8] = [
@@ -29,7 +29,7 @@ const FROM_BEHIND: f64 = 2.0;
 /// Elevation of a supplied sun, and its azimuth relative to the camera, degrees.
 const SUN: [f32; 2] = [50.0, 50.0];
 /// Resolution at which visible instances are counted, pixels.
-const PROBE: [usize; 2] = [256, 144];
+const VISIBILITY_SIZE: [usize; 2] = [256, 144];
 
 /// What is supplied to a scene that lacks it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,9 +70,9 @@ pub fn supply(scene: &mut Scene, wanted: Supply) {
 fn supply_light(scene: &mut Scene) {
     let Some(camera) = scene.cameras.first() else { return };
     let to_sun = sun_for(camera);
-    let lit = share_lit(scene);
+    let lit = lit_fraction(scene);
     let percent = (100.0 * lit).round();
-    if lit >= ENOUGH {
+    if lit >= MIN_LIT_FRACTION {
         scene.supplied.push(format!("what emits lights {percent} % of the surfaces: no sun and no sky are supplied"));
         return;
     }
@@ -101,23 +101,23 @@ fn sun_for(camera: &Camera) -> Vec3 {
 }
 
 /// A camera under construction: a rotation (camera axes in columns), an eye, and the largest depth of a vertex.
-struct View {
+struct Framing {
     axes: DMat3,
     eye: DVec3,
     depth: f64,
 }
 
 /// An instance at the start of the animation.
-pub(super) struct Thing<'a> {
+pub(super) struct PosedInstance<'a> {
     pub world: glam::DAffine3,
     pub positions: Cow<'a, [Vec3]>,
     pub indices: Cow<'a, [u32]>,
     /// Spheres: centre in the world, and transform of the unit sphere to world space.
-    pub balls: Vec<(DVec3, DMat3)>,
+    pub spheres: Vec<(DVec3, DMat3)>,
     double_sided: bool,
 }
 
-impl Thing<'_> {
+impl PosedInstance<'_> {
     fn vertices(&self) -> impl Iterator<Item = DVec3> {
         self.positions.iter().map(|p| self.world.transform_point3(p.as_dvec3())).filter(|p| reachable(*p))
     }
@@ -129,9 +129,9 @@ fn reachable(p: DVec3) -> bool {
 }
 
 /// All instances of a scene, in order.
-pub(super) fn things(scene: &Scene) -> Vec<Thing<'_>> {
+pub(super) fn posed_instances(scene: &Scene) -> Vec<PosedInstance<'_>> {
     let pose = Animator::new(scene).pose(0.0);
-    let thing = |(i, instance): (usize, &super::Instance)| {
+    let posed = |(i, instance): (usize, &super::Instance)| {
         let (mesh, world) = (&scene.meshes[instance.mesh as usize], pose.instances[i]);
         let positions = match pose.bounds[i] {
             Some(_) => Cow::Owned(deform(mesh, &pose.joints[i], &pose.weights[i]).positions),
@@ -139,26 +139,26 @@ pub(super) fn things(scene: &Scene) -> Vec<Thing<'_>> {
         };
         let ball =
             |s: &super::Sphere| (world.transform_point3(s.centre.as_dvec3()), world.matrix3 * f64::from(s.radius));
-        let balls = mesh.spheres.iter().map(ball).filter(|(c, m)| reachable(*c) && m.is_finite()).collect();
+        let spheres = mesh.spheres.iter().map(ball).filter(|(c, m)| reachable(*c) && m.is_finite()).collect();
         let double_sided = scene.materials[instance.material as usize].double_sided;
-        Thing { world, positions, indices: Cow::Borrowed(&mesh.indices), balls, double_sided }
+        PosedInstance { world, positions, indices: Cow::Borrowed(&mesh.indices), spheres, double_sided }
     };
-    scene.instances.iter().enumerate().map(thing).collect()
+    scene.instances.iter().enumerate().map(posed).collect()
 }
 
 /// The nearest camera in one of the directions of [`VIEWS`] that has all geometry in the picture.
 fn frame(scene: &Scene) -> Camera {
-    let things = things(scene);
-    let mut best: Option<(f64, View)> = None;
+    let posed_instances = posed_instances(scene);
+    let mut best: Option<(f64, Framing)> = None;
     for [azimuth, elevation] in VIEWS {
-        let view = fit(&things, azimuth.to_radians(), elevation.to_radians());
-        let seen = seen(&things, &view);
+        let view = fit(&posed_instances, azimuth.to_radians(), elevation.to_radians());
+        let seen = visible_instances(&posed_instances, &view);
         let more = if azimuth.abs() > 90.0 { FROM_BEHIND } else { CLEARLY_MORE };
         if best.as_ref().is_none_or(|(most, _)| seen > most * more) {
             best = Some((seen, view));
         }
     }
-    let view = best.map_or_else(|| fit(&things, 0.6, 0.35), |(_, view)| view);
+    let view = best.map_or_else(|| fit(&posed_instances, 0.6, 0.35), |(_, view)| view);
     let world_from_camera = glam::DAffine3 { matrix3: view.axes.as_mat3().as_dmat3(), translation: view.eye };
     let near = ((view.depth * 1e-3) as f32).max(f32::MIN_POSITIVE);
     Camera { name: "supplied".to_owned(), world_from_camera, vertical_fov: FOV as f32, near }
@@ -167,24 +167,24 @@ fn frame(scene: &Scene) -> Camera {
 /// Moves the eye back until all geometry is inside the four side planes of the frustum. Each plane gives a linear bound: for
 /// camera coordinates `q` and a slope `s`, `q.x - e.x <= s (e.z - q.z)`, so only the largest `q.x + s q.z` counts. For an
 /// ellipsoid `c + M u` (`u` in the unit ball), the largest `f . q` is `f . c + |M^T f|`.
-fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
+fn fit(posed_instances: &[PosedInstance<'_>], azimuth: f64, elevation: f64) -> Framing {
     let back = DVec3::new(azimuth.sin() * elevation.cos(), elevation.sin(), azimuth.cos() * elevation.cos());
     let right = DVec3::Y.cross(back).normalize();
     let axes = DMat3::from_cols(right, back.cross(right), back);
     let into_camera = axes.transpose();
-    let sy = (0.5 * FOV).tan() * FILL;
+    let sy = (0.5 * FOV).tan() * FILLED_FRACTION;
     let sx = sy * ASPECT;
     let v = DVec3::new;
     let planes = [v(1.0, 0.0, sx), v(-1.0, 0.0, sx), v(0.0, 1.0, sy), v(0.0, -1.0, sy), DVec3::Z, DVec3::NEG_Z];
     let mut most = [f64::NEG_INFINITY; 6];
-    for thing in things {
-        for p in thing.vertices() {
+    for posed in posed_instances {
+        for p in posed.vertices() {
             let q = into_camera * p;
             for (most, plane) in most.iter_mut().zip(planes) {
                 *most = most.max(plane.dot(q));
             }
         }
-        for (centre, ball) in &thing.balls {
+        for (centre, ball) in &posed.spheres {
             let (q, reach) = (into_camera * *centre, (into_camera * *ball).transpose());
             for (most, plane) in most.iter_mut().zip(planes) {
                 *most = most.max(plane.dot(q) + (reach * plane).length());
@@ -195,14 +195,14 @@ fn fit(things: &[Thing<'_>], azimuth: f64, elevation: f64) -> View {
     let least_z = -behind;
     if !least_z.is_finite() {
         // There is nothing to frame.
-        return View { axes, eye: back * 5.0, depth: 5.0 };
+        return Framing { axes, eye: back * 5.0, depth: 5.0 };
     }
     let z = (0.5 * (right + left) / sx).max(0.5 * (top + bottom) / sy);
     // A single point, or a flat object seen from the side, has no extent to step back from.
     let extent = (front - least_z).max(z - front).max(front.abs() * 1e-6).max(1e-6);
     let z = z.max(front + 0.05 * extent);
     let eye = axes * DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), z);
-    View { axes, eye, depth: z - least_z }
+    Framing { axes, eye, depth: z - least_z }
 }
 
 /// The faces of an octahedron in the unit sphere, counter-clockwise from outside. Good enough for counting visible spheres.
@@ -215,9 +215,9 @@ fn octahedron() -> impl Iterator<Item = [DVec3; 3]> {
 }
 
 /// How much of the scene a view shows: the number of instances with at least a few visible pixels.
-fn seen(things: &[Thing<'_>], view: &View) -> f64 {
-    const ENOUGH: u32 = 3;
-    let [width, height] = PROBE;
+fn visible_instances(posed_instances: &[PosedInstance<'_>], view: &Framing) -> f64 {
+    const MIN_PIXELS: u32 = 3;
+    let [width, height] = VISIBILITY_SIZE;
     let mut nearest = vec![(f64::INFINITY, u32::MAX); width * height];
     let into_camera = view.axes.transpose();
     let scale = height as f64 * 0.5 / (0.5 * FOV).tan();
@@ -226,32 +226,32 @@ fn seen(things: &[Thing<'_>], view: &View) -> f64 {
         let depth = (-q.z).max(1e-9);
         DVec3::new(width as f64 * 0.5 + q.x / depth * scale, height as f64 * 0.5 + q.y / depth * scale, depth)
     };
-    for (id, thing) in things.iter().enumerate() {
-        let turned = thing.world.matrix3.determinant() < 0.0;
+    for (id, posed) in posed_instances.iter().enumerate() {
+        let turned = posed.world.matrix3.determinant() < 0.0;
         let corners: Vec<DVec3> =
-            thing.positions.iter().map(|p| corner(thing.world.transform_point3(p.as_dvec3()))).collect();
-        let triangles = thing.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| corners[t[k] as usize]));
-        let balls = thing.balls.iter().flat_map(|(c, m)| octahedron().map(|t| t.map(|p| corner(*c + *m * p))));
-        for t in triangles.chain(balls) {
-            draw(t, !thing.double_sided, turned, |at, depth| {
+            posed.positions.iter().map(|p| corner(posed.world.transform_point3(p.as_dvec3()))).collect();
+        let triangles = posed.indices.chunks_exact(3).map(|t| [0, 1, 2].map(|k| corners[t[k] as usize]));
+        let spheres = posed.spheres.iter().flat_map(|(c, m)| octahedron().map(|t| t.map(|p| corner(*c + *m * p))));
+        for t in triangles.chain(spheres) {
+            rasterize(t, !posed.double_sided, turned, |at, depth| {
                 if depth < nearest[at].0 {
                     nearest[at] = (depth, id as u32);
                 }
             });
         }
     }
-    let mut pixels = vec![0_u32; things.len()];
+    let mut pixels = vec![0_u32; posed_instances.len()];
     for (_, id) in nearest {
         if let Some(n) = pixels.get_mut(id as usize) {
             *n += 1;
         }
     }
-    pixels.iter().filter(|n| **n >= ENOUGH).count() as f64
+    pixels.iter().filter(|n| **n >= MIN_PIXELS).count() as f64
 }
 
 /// Calls `put` with each pixel whose centre a triangle covers, and its depth (interpolated as 1/depth).
-fn draw([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(usize, f64)) {
-    let [width, height] = PROBE;
+fn rasterize([a, b, c]: [DVec3; 3], culled: bool, turned: bool, mut put: impl FnMut(usize, f64)) {
+    let [width, height] = VISIBILITY_SIZE;
     let area = (b - a).truncate().perp_dot((c - a).truncate());
     if area == 0.0 || !area.is_finite() || (culled && (area > 0.0) == turned) {
         return;
@@ -310,7 +310,7 @@ mod tests {
             let camera = &scene.cameras[0];
             let clip = camera.clip_from_view(ASPECT as f32) * camera.view_from_world(DVec3::ZERO);
             let mut most = 0.0_f32;
-            for p in things(&scene)[0].vertices() {
+            for p in posed_instances(&scene)[0].vertices() {
                 let p = clip * p.as_vec3().extend(1.0);
                 assert!(p.w > camera.near, "in front of the near plane: {half} {p}");
                 most = most.max((p.x / p.w).abs()).max((p.y / p.w).abs());

@@ -154,9 +154,9 @@ fn an_implementation_can_be_wrapped_under_its_own_name() {
 }
 
 /// An effect that asks for something.
-struct Asks(Needs);
+struct WithNeeds(Needs);
 
-impl Effect for Asks {
+impl Effect for WithNeeds {
     type In = u32;
     type Out = u32;
 
@@ -170,9 +170,9 @@ impl Effect for Asks {
 }
 
 /// An effect that says nothing of what it needs.
-struct Silent;
+struct WithoutNeeds;
 
-impl Effect for Silent {
+impl Effect for WithoutNeeds {
     type In = u32;
     type Out = u32;
 
@@ -189,9 +189,11 @@ fn a_wrapper_asks_for_what_it_wraps_asks_for() {
     let needs_of = |outer: Option<Needs>| {
         let inner = inner.clone();
         let mut slot = Slot::new("shadows")
-            .with("plain", "Plain.", &[], move |_, _| Ok(Box::new(Asks(inner.clone())) as BoxedEffect<u32, u32>));
+            .with("plain", "Plain.", &[], move |_, _| Ok(Box::new(WithNeeds(inner.clone())) as BoxedEffect<u32, u32>));
         slot.wrap("plain", "outer", "Around.", &[], move |_, _, _| {
-            Ok(outer.clone().map_or_else(|| Box::new(Silent) as BoxedEffect<u32, u32>, |needs| Box::new(Asks(needs))))
+            Ok(outer
+                .clone()
+                .map_or_else(|| Box::new(WithoutNeeds) as BoxedEffect<u32, u32>, |needs| Box::new(WithNeeds(needs))))
         })
         .unwrap();
         let pipelines = crate::gpu::Pipelines::default();

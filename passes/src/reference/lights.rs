@@ -1,6 +1,6 @@
-//! What light is sampled, and how often: by power, as alias tables. Any positive odds are unbiased; good ones are less noisy.
+//! What light is sampled, and how often: by power, as alias tables. Any positive probabilities are unbiased; good ones are less noisy.
 use glam::DVec3;
-use magpie::scene::odds::{EVEN, add_emitters, alias_table, luminance};
+use magpie::scene::light_sampling::{UNIFORM_FRACTION, add_emitters, alias_table, luminance};
 use magpie::scene::{Animator, Environment, Light, Pose, Scene};
 use magpie_shaders::Address;
 use magpie_shaders::reference::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
@@ -154,7 +154,7 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
         return (Vec::new(), [0, 0]);
     };
     let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    weights.iter_mut().for_each(|w| *w = (1.0 - EVEN) * *w + EVEN * mean);
+    weights.iter_mut().for_each(|w| *w = (1.0 - UNIFORM_FRACTION) * *w + UNIFORM_FRACTION * mean);
     (weights, cells)
 }
 

@@ -244,7 +244,7 @@ impl Reference {
         let resident = ResidentOptions { rays: options.rays, blend_cutoff: met, ..ResidentOptions::default() };
         let mut resident = ResidentScene::new(gpu, scene, resident)?;
         let origin = FloatingOrigin::default().follow(camera);
-        resident.go(&Moment { time: options.time, origin, cut: true });
+        resident.set_moment(&Moment { time: options.time, origin, cut: true });
         let (counted, first_lobes) = options.only.path();
         let clear = if resident.facts().lets_light_through { PATH_CLEAR } else { 0 };
         let strategy = match options.strategy {

@@ -1,6 +1,6 @@
 //! Agreement of two reports: the ranking of the rows of each slot, and their fronts.
-use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
-use crate::race::CLEAR;
+use crate::front::{MIN_FRAME_SHARE, Point, Standing, front};
+use crate::race::MIN_CERTAINTY;
 use crate::report::{Effect, Report, Row};
 use serde::Serialize;
 use std::fmt::Write;
@@ -95,7 +95,7 @@ impl Agreement {
         let (mut slots, mut errors, mut prices) = (Vec::new(), Pairs::default(), Pairs::default());
         for a in &first.effects {
             let Some(b) = second.effect(&a.slot) else { continue };
-            let (found, [error, price]) = compare((first, a), (second, b));
+            let (found, [error, price]) = compare(first, a, second, b);
             slots.push(found);
             (errors, prices) = (errors.and(error), prices.and(price));
         }
@@ -143,7 +143,7 @@ impl Agreement {
 fn fronts(report: &Report, effect: &Effect, rows: &[&Row]) -> Vec<bool> {
     let points: Vec<Point> = rows.iter().map(|row| row.point(error(effect, row))).collect();
     let floor = effect.floor(&report.truths, effect.judged_by, effect.metric);
-    let least_ms = LEAST_OF_FRAME * effect.rows.first().map_or(0.0, |r| r.frame_ms);
+    let least_ms = MIN_FRAME_SHARE * effect.rows.first().map_or(0.0, |r| r.frame_ms);
     front(&points, floor, least_ms).into_iter().map(Standing::is_front).collect()
 }
 
@@ -151,7 +151,8 @@ fn error(effect: &Effect, row: &Row) -> f64 {
     row.error(effect.judged_by).map_or(f64::NAN, |c| effect.metric.of(c))
 }
 
-fn compare((first, a): (&Report, &Effect), (second, b): (&Report, &Effect)) -> (SlotAgreement, [Pairs; 2]) {
+/// Compares the results of a slot in two reports.
+fn compare(first: &Report, a: &Effect, second: &Report, b: &Effect) -> (SlotAgreement, [Pairs; 2]) {
     let has = |effect: &Effect, row: &Row| effect.rows.iter().any(|r| r.variant.label == row.variant.label);
     let rows: Vec<(&Row, &Row)> =
         a.rows.iter().filter_map(|r| Some((r, b.rows.iter().find(|o| o.variant.label == r.variant.label)?))).collect();
@@ -165,7 +166,9 @@ fn compare((first, a): (&Report, &Effect), (second, b): (&Report, &Effect)) -> (
         placed().filter(|(_, fronts)| *fronts == wanted).map(|((x, _), _)| label(x)).collect::<Vec<_>>()
     };
     let clear = placed()
-        .filter(|((x, y), (on_first, on_second))| on_first != on_second && x.sure >= CLEAR && y.sure >= CLEAR)
+        .filter(|((x, y), (on_first, on_second))| {
+            on_first != on_second && x.sure >= MIN_CERTAINTY && y.sure >= MIN_CERTAINTY
+        })
         .map(|((x, _), _)| label(x))
         .collect();
     let lacks = a.rows.iter().filter(|r| !has(b, r)).chain(b.rows.iter().filter(|r| !has(a, r)));
@@ -186,7 +189,7 @@ fn compare((first, a): (&Report, &Effect), (second, b): (&Report, &Effect)) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::made_up::report;
+    use crate::fixture::report;
 
     #[test]
     fn tau_is_that_of_the_paper() {

@@ -111,7 +111,8 @@ impl Composer {
     pub fn new(
         truth: Picture,
         display: Display,
-        (picture, terms): (Picture, Option<[Picture; 4]>),
+        picture: Picture,
+        terms: Option<[Picture; 4]>,
         parts: BTreeMap<String, Parts>,
     ) -> Self {
         Self { truth, display, terms, picture, parts }
@@ -148,7 +149,7 @@ impl Composer {
             }
             parts.insert(id.to_owned(), part);
         }
-        Ok(Some(Self::new(read_exr(&truth)?, display, (read_exr(&picture)?, terms), parts)))
+        Ok(Some(Self::new(read_exr(&truth)?, display, read_exr(&picture)?, terms, parts)))
     }
 
     /// Whether this configuration has a picture here, or is the default.

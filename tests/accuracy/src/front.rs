@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Relative difference below which times count as equal.
-pub const LEAST_TIME: f64 = 0.06;
+pub const TIME_TOLERANCE: f64 = 0.06;
 /// Share of the frame's time below which differences count as none, unless one of the two takes no time at all.
-pub const LEAST_OF_FRAME: f64 = 0.01;
+pub const MIN_FRAME_SHARE: f64 = 0.01;
 /// Relative difference below which errors count as equal.
-pub const LEAST_ERROR: f64 = 0.01;
+pub const ERROR_TOLERANCE: f64 = 0.01;
 
 /// Error and times of a row.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,7 +104,7 @@ impl Point {
             return if pairs.iter().any(|(_, b)| *b > 0.0) { 1.0 } else { 0.0 };
         }
         let least = middle(&pairs.iter().map(|(_, b)| *b).collect::<Vec<_>>());
-        let share = (1.0 - LEAST_TIME).min(1.0 - least_ms / least.max(1e-12));
+        let share = (1.0 - TIME_TOLERANCE).min(1.0 - least_ms / least.max(1e-12));
         if share <= 0.0 {
             return 0.0; // the saving could not be reached
         }
@@ -119,7 +119,7 @@ impl Point {
         normal((share.ln() - at) / (variance / count).sqrt())
     }
 
-    /// Whether this is significantly cheaper than `other`: the median ratio of the times is below 1 by [`LEAST_TIME`], or by the ratios'
+    /// Whether this is significantly cheaper than `other`: the median ratio of the times is below 1 by [`TIME_TOLERANCE`], or by the ratios'
     /// interquartile range if that is more, and the median saving is at least `least_ms`, unless this takes no time at all.
     pub fn is_cheaper(&self, other: &Self, least_ms: f64) -> bool {
         let pairs = self.pairs(other);
@@ -132,12 +132,12 @@ impl Point {
             return false; // `other` takes no time
         }
         let spread = quantile(&ratios, 0.75) - quantile(&ratios, 0.25);
-        middle(&ratios) < 1.0 - LEAST_TIME.max(spread)
+        middle(&ratios) < 1.0 - TIME_TOLERANCE.max(spread)
     }
 
     /// Whether the error counts as equal to that of `better`, which is not greater.
     fn is_as_accurate(&self, better: &Self, floor: f64) -> bool {
-        self.error - better.error <= LEAST_ERROR * better.error || (self.error <= floor && better.error <= floor)
+        self.error - better.error <= ERROR_TOLERANCE * better.error || (self.error <= floor && better.error <= floor)
     }
 }
 

@@ -8,10 +8,10 @@ pub mod agreement;
 pub mod compose;
 pub mod display;
 mod error;
+#[cfg(test)]
+mod fixture;
 pub mod front;
 mod hash;
-#[cfg(test)]
-mod made_up;
 pub mod measure;
 pub mod metric;
 pub mod metrics;

@@ -63,7 +63,7 @@ pub struct Bench<'a> {
     rays: Rays,
     slots: Slots,
     /// Cameras of the moving frames, which follow the frames at rest.
-    ways: Vec<Camera>,
+    cameras: Vec<Camera>,
     /// One renderer for each combination of settings that matter when loading.
     renderers: Vec<(Vec<Option<Value>>, Renderer)>,
 }
@@ -71,12 +71,12 @@ pub struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// Loads nothing yet.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera, rays: Rays, slots: &Slots) -> Self {
-        Self { gpu, scene, camera, rays, slots: slots.clone(), ways: Vec::new(), renderers: Vec::new() }
+        Self { gpu, scene, camera, rays, slots: slots.clone(), cameras: Vec::new(), renderers: Vec::new() }
     }
 
     /// Sets the cameras of the frames after those at rest, for configurations with a history.
-    pub fn go(&mut self, ways: Vec<Camera>) {
-        self.ways = ways;
+    pub fn set_cameras(&mut self, cameras: Vec<Camera>) {
+        self.cameras = cameras;
     }
 
     /// The renderer for a configuration, reset to its first frame.
@@ -112,7 +112,7 @@ impl<'a> Bench<'a> {
         truths: &BTreeMap<String, Truth>,
     ) -> Result<(Measurement, Option<Images>), AccuracyError> {
         let camera = self.camera;
-        let ways = if round == 0 && setup.turns { self.ways.clone() } else { Vec::new() };
+        let cameras = if round == 0 && setup.turns { self.cameras.clone() } else { Vec::new() };
         let renderer = self.renderer(setup, run)?;
         let mut looked_at: Vec<&str> =
             truths.keys().map(String::as_str).filter(|s| has_truth(s) && setup.slots.iter().any(|w| w == s)).collect();
@@ -125,11 +125,11 @@ impl<'a> Bench<'a> {
         let last = if round == 0 { all } else { WARM_UP + run.timed };
         let races = run.minutes.is_some();
         let (mut samples, mut errors, mut images, mut moving) = (Vec::new(), Vec::new(), None, None);
-        for frame in 1..=last + ways.len() as u32 {
+        for frame in 1..=last + cameras.len() as u32 {
             let is_compared = round == 0 && run.frames.contains(&frame) && (!setup.moving || frame == last);
-            let ends = frame > last && frame == last + ways.len() as u32;
+            let ends = frame > last && frame == last + cameras.len() as u32;
             let back = if setup.moving { f64::from(last - frame) * run.time_step } else { 0.0 };
-            let camera = frame.checked_sub(last + 1).and_then(|at| ways.get(at as usize)).unwrap_or(camera);
+            let camera = frame.checked_sub(last + 1).and_then(|at| cameras.get(at as usize)).unwrap_or(camera);
             let read_back = is_compared || ends;
             let request = FrameRequest { camera, time: run.time - back, view: None, read_back };
             let lacks = |what: &str| AccuracyError::Lacks { setup: setup.label.clone(), frame, what: what.to_owned() };

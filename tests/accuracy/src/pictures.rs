@@ -6,7 +6,7 @@ use image::{DynamicImage, Rgb32FImage, RgbImage, imageops};
 use std::path::Path;
 
 /// Greatest width of a picture in a report, pixels.
-const WIDEST: u32 = 480;
+const MAX_WIDTH: u32 = 480;
 
 /// Writes the display values of a picture as PNG.
 ///
@@ -29,11 +29,11 @@ pub fn write_flip(path: &Path, test: &Picture, truth: &Picture, display: &Displa
 fn write_rgb(path: &Path, size: &Picture, bytes: Vec<u8>) -> Result<(), AccuracyError> {
     let (width, height) = (size.width as u32, size.height as u32);
     let shown = RgbImage::from_raw(width, height, bytes).unwrap_or_else(|| RgbImage::new(width, height));
-    let fits = width <= WIDEST;
+    let fits = width <= MAX_WIDTH;
     let shown = if fits {
         shown
     } else {
-        imageops::resize(&shown, WIDEST, (height * WIDEST / width).max(1), imageops::FilterType::Triangle)
+        imageops::resize(&shown, MAX_WIDTH, (height * MAX_WIDTH / width).max(1), imageops::FilterType::Triangle)
     };
     shown.save(path).map_err(AccuracyError::image(path))
 }

@@ -17,7 +17,7 @@ const OF_MOTION: [(&str, &str); 1] = [("acceleration", "top_level")];
 
 /// Limit on the number of setting combinations per implementation. Settings are combined in their order up to this limit; the rest are
 /// varied one at a time.
-const MOST_COMBINATIONS: usize = 12;
+const MAX_COMBINATIONS: usize = 12;
 
 /// One row of the report: a slot with an implementation and settings, everything else at its default.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -127,7 +127,7 @@ impl Plan {
         let turns = !moving && slot.implementations.iter().any(has_history);
         for Row { implementation, settings, preset, config, label } in rows {
             let is_default = config == *base;
-            let setup = self.setup(slot, config, base, &label, (moving, turns));
+            let setup = self.setup(slot, config, base, &label, moving, turns);
             let known = self.variants.iter().position(|v| v.slot == slot.name && v.setup == setup);
             let at = known.unwrap_or_else(|| {
                 let (slot, implementation, presets) = (slot.name.clone(), implementation.name.clone(), Vec::new());
@@ -149,7 +149,8 @@ impl Plan {
         config: Config,
         base: &Config,
         label: &str,
-        (moving, turns): (bool, bool),
+        moving: bool,
+        turns: bool,
     ) -> String {
         let text = format!("{config:?}");
         let id = short(&[&text, if moving { "moving" } else { "still" }]);
@@ -274,7 +275,7 @@ fn of_base(base: &Config, slot: &SlotInfo, implementation: &ImplementationInfo, 
     set.cloned().or_else(default)
 }
 
-/// The swept settings of every row of an implementation: the base, each step of one setting, and combinations up to [`MOST_COMBINATIONS`].
+/// The swept settings of every row of an implementation: the base, each step of one setting, and combinations up to [`MAX_COMBINATIONS`].
 fn steps(
     slot: &SlotInfo,
     implementation: &ImplementationInfo,
@@ -294,7 +295,7 @@ fn steps(
     }
     let mut all = vec![around];
     for spec in &specs {
-        if all.len() * spec.sweep.len() > MOST_COMBINATIONS {
+        if all.len() * spec.sweep.len() > MAX_COMBINATIONS {
             break;
         }
         let with = |row: &BTreeMap<String, Value>, step: &Value| {

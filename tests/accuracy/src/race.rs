@@ -3,15 +3,15 @@
 //! Every configuration is rendered once for its error, and those frames give its first times. After that, rows of a slot whose place is
 //! certain enough stop; the others run another round together with their rivals, one directly after another, so that load on the machine
 //! affects all of them alike.
-use crate::front::{LEAST_OF_FRAME, Point, Standing, front};
+use crate::front::{MIN_FRAME_SHARE, Point, Standing, front};
 
 /// Probability from which on a row's place counts as certain.
-pub const CLEAR: f64 = 0.95;
+pub const MIN_CERTAINTY: f64 = 0.95;
 /// Rounds after which a row stops in any case, round 0 not counted.
-pub const MOST_ROUNDS: usize = 9;
+pub const MAX_ROUNDS: usize = 9;
 
 /// Least rounds of rows on a front, so that their times are known as well as their order.
-pub const LEAST_ROUNDS: usize = 3;
+pub const MIN_ROUNDS: usize = 3;
 
 /// A row of a slot in the race.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,18 +63,18 @@ fn certainty(points: &[Point], standing: &[Standing], at: usize, least_ms: f64) 
 /// with the default, the first row, until their times are known. `frame_ms` is the default's frame time.
 pub fn next(runners: &[Runner], floor: f64, frame_ms: f64) -> Vec<String> {
     let points: Vec<Point> = runners.iter().map(|r| r.point.clone()).collect();
-    let (standing, sure) = certainties(&points, floor, LEAST_OF_FRAME * frame_ms);
+    let (standing, sure) = certainties(&points, floor, MIN_FRAME_SHARE * frame_ms);
     let rounds = |at: usize| points[at].ms.keys().filter(|round| **round > 0).count();
     let mut runs = vec![false; runners.len()];
     for (at, certainty) in sure.iter().enumerate() {
-        if certainty.sure < CLEAR
+        if certainty.sure < MIN_CERTAINTY
             && let Some(rival) = certainty.rival
-            && rounds(at).min(rounds(rival)) < MOST_ROUNDS
+            && rounds(at).min(rounds(rival)) < MAX_ROUNDS
         {
             (runs[at], runs[rival]) = (true, true);
         }
     }
-    for at in (1..points.len()).filter(|&at| standing[at].is_front() && rounds(at) < LEAST_ROUNDS) {
+    for at in (1..points.len()).filter(|&at| standing[at].is_front() && rounds(at) < MIN_ROUNDS) {
         (runs[at], runs[0]) = (true, true);
     }
     runners.iter().zip(runs).filter(|(_, runs)| *runs).map(|(r, _)| r.setup.clone()).collect()
@@ -143,7 +143,7 @@ mod tests {
             used.push(timed);
         }
         let most = *used.iter().max().unwrap();
-        assert!(most < rows.len() * MOST_ROUNDS / 2, "{most} of {}", rows.len() * MOST_ROUNDS);
+        assert!(most < rows.len() * MAX_ROUNDS / 2, "{most} of {}", rows.len() * MAX_ROUNDS);
         assert!(used.iter().any(|n| *n > 0), "near rows are not decided by one round");
     }
 
@@ -158,11 +158,11 @@ mod tests {
         // The cheap row's place is certain, but not its time.
         assert_eq!(next(&runners, 0.0, 1.0), ["best", "near", "cheap"]);
         let mut enough = runners.clone();
-        for round in 1..=LEAST_ROUNDS as u32 {
+        for round in 1..=MIN_ROUNDS as u32 {
             enough[3].point.ms.insert(round, 2.0);
         }
         assert_eq!(next(&enough, 0.0, 1.0), ["best", "near"]);
-        for round in 1..=MOST_ROUNDS as u32 {
+        for round in 1..=MAX_ROUNDS as u32 {
             enough[0].point.ms.insert(round, 10.0);
             enough[1].point.ms.insert(round, 9.4);
         }

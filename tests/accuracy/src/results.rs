@@ -234,7 +234,7 @@ impl Results {
             write_json(&path, run)?;
         }
         let path = folder.join(RESULTS_FILE);
-        let measurements = if path.exists() { mend(&path)? } else { Vec::new() };
+        let measurements = if path.exists() { repair(&path)? } else { Vec::new() };
         let file = OpenOptions::new().create(true).append(true).open(&path).map_err(AccuracyError::file(&path))?;
         Ok(Self { folder: folder.to_owned(), file, measurements })
     }
@@ -258,7 +258,7 @@ impl Results {
 }
 
 /// Reads measurements and drops a last line that an interrupted run left incomplete.
-fn mend(path: &Path) -> Result<Vec<Measurement>, AccuracyError> {
+fn repair(path: &Path) -> Result<Vec<Measurement>, AccuracyError> {
     let text = std::fs::read_to_string(path).map_err(AccuracyError::file(path))?;
     let whole = text.rfind('\n').map_or(0, |at| at + 1);
     if whole < text.len() {
@@ -287,7 +287,7 @@ impl Folder {
     pub fn read(folder: &Path) -> Result<Self, AccuracyError> {
         let run = read_json(&folder.join(RUN_FILE))?;
         let truths = read_json(&folder.join(TRUTHS_FILE))?;
-        Ok(Self { run, measurements: mend(&folder.join(RESULTS_FILE))?, truths })
+        Ok(Self { run, measurements: repair(&folder.join(RESULTS_FILE))?, truths })
     }
 
     /// Checks that no measurement is missing. Of a race only the default is required.

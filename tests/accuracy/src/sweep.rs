@@ -217,7 +217,7 @@ pub fn sweep(
     drop(finder);
 
     let mut bench = Bench::new(gpu, scene, camera, options.rays, slots);
-    bench.go(ways);
+    bench.set_cameras(ways);
     let mut on_device = OnDevice { bench, run: &run, truths: &truths, out: &options.out, terms: None, start };
     course::run(&run, &setups, &truths, &mut results, &mut on_device, &mut at, progress)?;
     Folder::read(&options.out)

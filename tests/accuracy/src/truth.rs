@@ -272,12 +272,12 @@ mod tests {
     use super::*;
 
     /// Every sample is 1 in even pixels; in odd ones it alternates between 0 and 2.
-    struct MadeUp {
+    struct FixedTruth {
         estimate: Option<Estimate>,
         asked: u32,
     }
 
-    impl TruthSource for MadeUp {
+    impl TruthSource for FixedTruth {
         fn subject(&self, only: Only) -> String {
             format!("made up {}", only.name())
         }
@@ -306,17 +306,17 @@ mod tests {
     fn truths_are_kept_and_go_on_where_they_stopped() {
         let folder = tempfile::tempdir().unwrap();
         let cache = |samples| TruthCache::new(folder.path(), samples, 0).unwrap();
-        let mut source = MadeUp { estimate: None, asked: 0 };
-        let mut told = Vec::new();
+        let mut source = FixedTruth { estimate: None, asked: 0 };
+        let mut reports = Vec::new();
         let all = &mut |_: u64| true;
         let show = &Display::PLAIN;
-        let mut tell = |n: u64| {
-            told.push(n);
+        let mut report = |n: u64| {
+            reports.push(n);
             true
         };
-        let first = cache(100).get(&mut source, Only::Gi, show, &mut tell).unwrap();
+        let first = cache(100).get(&mut source, Only::Gi, show, &mut report).unwrap();
         assert_eq!((source.asked, first.info.samples), (100, 100));
-        assert_eq!((told[0], *told.last().unwrap()), (0, 100));
+        assert_eq!((reports[0], *reports.last().unwrap()), (0, 100));
         let again = cache(100).get(&mut source, Only::Gi, show, all).unwrap();
         assert_eq!((source.asked, again.clone()), (100, first.clone()), "from the file");
         assert_ne!(cache(100).hash(&source, Only::Gi), cache(100).hash(&source, Only::All));
@@ -327,7 +327,7 @@ mod tests {
 
         // A file with fewer samples, as an interrupted run leaves it.
         let path = folder.path().join(format!("gi-{}.exr", first.info.hash));
-        let mut part = MadeUp { estimate: None, asked: 0 };
+        let mut part = FixedTruth { estimate: None, asked: 0 };
         part.begin(Only::Gi, None).unwrap();
         part.add(64).unwrap();
         part.estimate().unwrap().save(&path, "made up gi").unwrap();
@@ -350,7 +350,7 @@ mod tests {
     fn the_floor_is_what_the_standard_error_makes() {
         let folder = tempfile::tempdir().unwrap();
         let cache = TruthCache::new(folder.path(), 100, 0).unwrap();
-        let mut source = MadeUp { estimate: None, asked: 0 };
+        let mut source = FixedTruth { estimate: None, asked: 0 };
         let truth = cache.get(&mut source, Only::Gi, &Display::PLAIN, &mut |_| true).unwrap();
         // Half the pixels have a standard deviation of 1 over 100 samples, divided by n - 1.
         let wanted = (0.5_f64 / 99.0).sqrt();

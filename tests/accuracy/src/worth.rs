@@ -20,6 +20,8 @@ pub struct ProbeOptions {
     pub render: RenderOptions,
     /// Frames of each; the last one is the picture. Medians of times are of the later half.
     pub frames: u32,
+    /// An effect that contributes less than this by itself (FLIP, 0 to 1) is proposed to be left out.
+    pub min_flip: f64,
 }
 
 /// An effect, and the frame without it.
@@ -76,7 +78,7 @@ struct Probe {
     last: FrameResult,
 }
 
-/// Renders the frame with and without each effect that runs in it. What contributes less than `least` (FLIP, 0 to 1) by itself is left out
+/// Renders the frame with and without each effect that runs in it. What contributes less than [`ProbeOptions::min_flip`] by itself is left out
 /// together in the proposal.
 ///
 /// # Errors
@@ -86,11 +88,11 @@ pub fn worth(
     scene: &Scene,
     camera: &Camera,
     config: &Config,
-    (options, least): (ProbeOptions, f64),
+    options: ProbeOptions,
 ) -> Result<Worth, AccuracyError> {
     let slots = Slots::default();
     let catalogue = slots.catalogue();
-    let probe = |config: &Config| probe(gpu, scene, camera, (&slots, config), options);
+    let probe = |config: &Config| probe(gpu, scene, camera, &slots, config, options);
     let whole = probe(config)?;
     let mut contributions = Vec::new();
     for (effect, without) in effects(&catalogue, &whole.last) {
@@ -98,7 +100,8 @@ pub fn worth(
         let (flip, ms) = whole.against(&probe)?;
         contributions.push(Contribution { effect, without, flip, ms, picture: probe.picture });
     }
-    let left_out: Vec<&str> = contributions.iter().filter(|c| c.flip < least).map(|c| c.without.as_str()).collect();
+    let left_out: Vec<&str> =
+        contributions.iter().filter(|c| c.flip < options.min_flip).map(|c| c.without.as_str()).collect();
     let proposal = if left_out.is_empty() {
         None
     } else {
@@ -142,7 +145,8 @@ fn probe(
     gpu: &Gpu,
     scene: &Scene,
     camera: &Camera,
-    (slots, config): (&Slots, &Config),
+    slots: &Slots,
+    config: &Config,
     options: ProbeOptions,
 ) -> Result<Probe, AccuracyError> {
     let render = |error| AccuracyError::Render(Box::new(error));

@@ -7,7 +7,7 @@ use std::time::Instant;
 pub const RETIRE: &str = "retire";
 
 /// Most phases in a frame, so that the clock need not allocate.
-const MOST: usize = 8;
+const MAX_PHASES: usize = 8;
 
 /// Wall time of each phase of a frame, and CPU time of the calling thread over all of them.
 ///
@@ -15,7 +15,7 @@ const MOST: usize = 8;
 /// several: `plan+record`.
 #[derive(Default)]
 pub struct Clock {
-    laps: [(&'static str, u64); MOST],
+    laps: [(&'static str, u64); MAX_PHASES],
     count: usize,
     since: Option<Instant>,
     cpu_since: Option<u64>,
@@ -69,7 +69,7 @@ impl Clock {
 
     /// Records a phase that the contestant timed itself, nanoseconds.
     pub fn note(&mut self, phase: &'static str, nanoseconds: u64) {
-        debug_assert!(self.count < MOST, "more than {MOST} phases: {phase}");
+        debug_assert!(self.count < MAX_PHASES, "more than {MAX_PHASES} phases: {phase}");
         if let Some(lap) = self.laps.get_mut(self.count) {
             *lap = (phase, nanoseconds);
             self.count += 1;

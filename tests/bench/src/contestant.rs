@@ -113,15 +113,15 @@ mod tests {
     use super::*;
     use crate::Variant;
 
-    struct Told(Vec<u32>);
+    struct FixedResult(Vec<u32>);
 
-    impl Contestant for Told {
+    impl Contestant for FixedResult {
         fn name(&self) -> &'static str {
-            "told"
+            "fixed"
         }
 
         fn about(&self) -> &'static str {
-            "says what it is told"
+            "returns a fixed result"
         }
 
         fn prepare(&mut self, _: Work) -> Result<(), BenchError> {
@@ -141,12 +141,12 @@ mod tests {
     fn a_wrong_word_is_named() {
         let work = Work { variant: Variant::Image, passes: 9 };
         let expected = work.expected();
-        assert!(check(&Told(expected.clone()), work, &expected).is_ok());
+        assert!(check(&FixedResult(expected.clone()), work, &expected).is_ok());
         let mut wrong = expected.clone();
         wrong[11] ^= 1;
-        let text = check(&Told(wrong), work, &expected).unwrap_err().to_string();
-        assert!(text.contains("told: word 11 after 9 passes (image)"), "{text}");
-        assert!(check(&Told(expected[..4].to_vec()), work, &expected).is_err());
-        assert!(check(&Told(vec![0; 16]), work, &expected).is_err());
+        let text = check(&FixedResult(wrong), work, &expected).unwrap_err().to_string();
+        assert!(text.contains("fixed: word 11 after 9 passes (image)"), "{text}");
+        assert!(check(&FixedResult(expected[..4].to_vec()), work, &expected).is_err());
+        assert!(check(&FixedResult(vec![0; 16]), work, &expected).is_err());
     }
 }

@@ -18,8 +18,8 @@ const WARM_UP: u32 = 3;
 const QUICK_REPEAT: u32 = 5;
 /// Total passes per size and contestant that the number of frames is derived from, and the limits of that number.
 const PASSES_IN_ALL: u32 = 50_000;
-const LEAST_FRAMES: u32 = 15;
-const MOST_FRAMES: u32 = 300;
+const MIN_FRAMES: u32 = 15;
+const MAX_FRAMES: u32 = 300;
 
 /// Options of `magpie bench graph`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +43,7 @@ impl Options {
     }
 
     fn frames(&self, passes: u32) -> u32 {
-        self.repeat.unwrap_or((PASSES_IN_ALL / passes.max(1)).clamp(LEAST_FRAMES, MOST_FRAMES))
+        self.repeat.unwrap_or((PASSES_IN_ALL / passes.max(1)).clamp(MIN_FRAMES, MAX_FRAMES))
     }
 }
 

@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn inside_is_told_from_outside() {
-        let mesh = crate::made::sphere(8);
+        let mesh = crate::fixtures::sphere(8);
         assert!(is_inside(&mesh.positions, &mesh.indices, DVec3::splat(0.3)));
         assert!(!is_inside(&mesh.positions, &mesh.indices, DVec3::splat(0.7)));
     }

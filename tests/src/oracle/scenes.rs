@@ -1,5 +1,5 @@
 //! Small scenes that converge quickly, for comparing the reference on the device with the CPU path tracer.
-use crate::made::{add, block, camera, material, plane, scene};
+use crate::fixtures::{add, block, camera, material, plane, scene};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use magpie::scene::{
     ColourSpace, Environment, Light, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, builtin,

@@ -4,9 +4,9 @@ use super::code::lines_with;
 use super::tree::Tree;
 
 /// Most lines of a source file.
-const LONGEST: usize = 600;
+const MAX_LINES: usize = 600;
 /// Most lines of a shader with an entry point.
-const LONGEST_ENTRY: usize = 250;
+const MAX_ENTRY_LINES: usize = 250;
 /// Extensions of shaders with an entry point.
 const ENTRIES: [&str; 10] = ["comp", "vert", "frag", "mesh", "task", "rgen", "rmiss", "rchit", "rahit", "rint"];
 
@@ -16,8 +16,8 @@ pub fn length(tree: &Tree) -> Vec<String> {
     for (path, text) in tree.texts() {
         let (stem, extension) = path.rsplit_once('.').unwrap_or((path, ""));
         let most = match extension {
-            entry if ENTRIES.contains(&entry) => LONGEST_ENTRY,
-            "rs" | "glsl" | "py" | "sh" => LONGEST,
+            entry if ENTRIES.contains(&entry) => MAX_ENTRY_LINES,
+            "rs" | "glsl" | "py" | "sh" => MAX_LINES,
             _ => continue,
         };
         let data = path.contains("/tables/") || stem.ends_with("_table") || stem.ends_with("/table_data");
@@ -94,8 +94,8 @@ fn one_fault(rule: fn(&Tree) -> Vec<String>, path: &str, text: &str) {
 
 #[test]
 fn a_file_that_is_too_long_is_found() {
-    let (most, entry) = ("\n".repeat(LONGEST), "\n".repeat(LONGEST_ENTRY));
-    let more = "\n".repeat(LONGEST + 1);
+    let (most, entry) = ("\n".repeat(MAX_LINES), "\n".repeat(MAX_ENTRY_LINES));
+    let more = "\n".repeat(MAX_LINES + 1);
     let fine = [
         ("a.rs", most.as_str()),
         ("b.comp", &entry),
@@ -108,7 +108,7 @@ fn a_file_that_is_too_long_is_found() {
         one_fault(length, path, &more);
     }
     for extension in ENTRIES {
-        one_fault(length, &format!("shaders/a/b.{extension}"), &"\n".repeat(LONGEST_ENTRY + 1));
+        one_fault(length, &format!("shaders/a/b.{extension}"), &"\n".repeat(MAX_ENTRY_LINES + 1));
     }
 }
 

@@ -3,7 +3,7 @@ use crate::{ADD, Add, NOTHING, only, path, poison};
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::Kernel;
-use magpie::graph::check::{Bad, Input, Place, Seen, Unseen, Values};
+use magpie::graph::check::{Input, InputValue, NotScannable, Place, PoisonValue, Values};
 use magpie::graph::{Buffer, HistoryScope, Part};
 use magpie::prelude::*;
 use magpie_shaders::Address;
@@ -58,7 +58,7 @@ fn every_mip_and_layer_of_every_float_format() -> Result<()> {
         Format::Rgba32Float,
     ] {
         for (mip, layer, x, y) in [(0, 0, 36, 10), (1, 2, 17, 4), (2, 1, 0, 0)] {
-            bench.trail.clear();
+            bench.tracker.clear();
             bench.run(full, &[], |g, _| {
                 let desc = ImageDesc { mips: 3, layers: 3, ..ImageDesc::full(format) };
                 let mut image = None;
@@ -92,10 +92,10 @@ fn every_mip_and_layer_of_every_float_format() -> Result<()> {
                 g.output(half.read());
                 g.output(image.read());
                 let place = Place::Pixel { x, y, mip: mip.into(), layer: layer.into() };
-                g.poison(poison(&format!("user.fill{mip}{layer}"), "image", place, Bad::Nan));
+                g.poison(poison(&format!("user.fill{mip}{layer}"), "image", place, PoisonValue::Nan));
                 Ok(())
             })?;
-            let report = only(&bench.trail).with_context(|| format!("{format:?} mip {mip} layer {layer}"))?;
+            let report = only(&bench.tracker).with_context(|| format!("{format:?} mip {mip} layer {layer}"))?;
             let place = Place::Pixel { x, y, mip: mip.into(), layer: layer.into() };
             ensure!(report.origin.place == place && report.origin.pass == format!("user.fill{mip}{layer}"), "{report}");
             let Values::Float(values) = report.origin.value.values else { bail!("{report}") };
@@ -136,18 +136,18 @@ fn all_mips_that_one_pass_wrote_and_inputs_of_another_size() -> Result<()> {
             })
         });
         g.output(image.read());
-        g.poison(poison("user.copy", "image", Place::Pixel { x: 3, y: 2, mip: 2, layer: 0 }, Bad::Infinity));
+        g.poison(poison("user.copy", "image", Place::Pixel { x: 3, y: 2, mip: 2, layer: 0 }, PoisonValue::Infinity));
         Ok(())
     })?;
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     println!("{report}");
     let origin = &report.origin;
     ensure!(origin.place == Place::Pixel { x: 3, y: 2, mip: 2, layer: 0 } && origin.infinite == 1, "{report}");
     let [texels, image] = [input(&origin.inputs, "user.texels:texels")?, input(&origin.inputs, "user.begin:image")?];
     // Pixel 19 of 32 corresponds to element 399 of 672.
-    let Seen::At(Place::Element(399), value) = texels.seen else { bail!("{report}") };
+    let InputValue::At(Place::Element(399), value) = texels.seen else { bail!("{report}") };
     ensure!(value.values == Values::Float([2.0, 0.0, 0.0, 0.0]), "{report}");
-    ensure!(image.seen == Seen::Not(Unseen::Overwritten), "{report}");
+    ensure!(image.seen == InputValue::Unknown(NotScannable::Overwritten), "{report}");
     Ok(())
 }
 
@@ -193,10 +193,10 @@ void main() {
             })
         });
         g.output(half);
-        g.poison(poison("user.half", "half", Place::pixel(13, 4), Bad::Nan));
+        g.poison(poison("user.half", "half", Place::pixel(13, 4), PoisonValue::Nan));
         Ok(())
     })?;
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     println!("{report}");
     let inputs = &report.origin.inputs;
     let [floats, ids] = [input(inputs, "user.floats:x")?, input(inputs, "user.ids:x")?];
@@ -231,17 +231,17 @@ fn buffers_of_floats_transient_and_kept() -> Result<()> {
             });
             g.output(sums);
             if frame == 1 {
-                g.poison(poison("user.sum", "sums", Place::Element(777), Bad::Nan));
+                g.poison(poison("user.sum", "sums", Place::Element(777), PoisonValue::Nan));
             }
             Ok(())
         })?;
     }
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     println!("{report}");
     let origin = &report.origin;
     ensure!((report.frame, origin.place, origin.nan, origin.infinite) == (1, Place::Element(777), 1, 0), "{report}");
     ensure!(input(&origin.inputs, "user.make:fresh")?.to_string() == "user.make:fresh at element 777: 3.0", "{report}");
-    ensure!(input(&origin.inputs, "sums")?.seen == Seen::Not(Unseen::Overwritten), "{report}");
+    ensure!(input(&origin.inputs, "sums")?.seen == InputValue::Unknown(NotScannable::Overwritten), "{report}");
     ensure!(path(report) == "user.sum (frame 1) → kept buffer sums → user.sum (frame 2)", "{report}");
     ensure!((report.arose, report.last_frame) == (1, 3), "{report}");
 
@@ -260,10 +260,10 @@ fn buffers_of_floats_transient_and_kept() -> Result<()> {
             }));
         }
         g.output(chain.context("no chain")?);
-        g.poison(poison("user.b", "x", Place::Element(999), Bad::Infinity));
+        g.poison(poison("user.b", "x", Place::Element(999), PoisonValue::Infinity));
         Ok(())
     })?;
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     ensure!(path(report) == "user.b (frame 0) → user.c (frame 0)", "{report}");
     ensure!(report.origin.infinite == 1 && report.origin.place == Place::Element(999), "{report}");
     Ok(())
@@ -297,16 +297,16 @@ fn one_that_was_out_of_sight_for_two_frames() -> Result<()> {
             let seen = step("user.reveal", Some(two.previous), None);
             g.output(seen);
             if frame == 1 {
-                g.poison(poison("user.hide", "one.next", Place::Element(40), Bad::Nan));
+                g.poison(poison("user.hide", "one.next", Place::Element(40), PoisonValue::Nan));
             }
             Ok(())
         })?;
     }
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     println!("{report}");
     ensure!((report.frame, report.origin.pass.as_str(), report.last_frame) == (3, "user.reveal", 3), "{report}");
     ensure!(report.origin.place == Place::Element(40), "{report}");
-    ensure!(input(&report.origin.inputs, "two.previous")?.seen == Seen::Not(Unseen::Raw), "{report}");
+    ensure!(input(&report.origin.inputs, "two.previous")?.seen == InputValue::Unknown(NotScannable::Raw), "{report}");
     ensure!(report.to_string().contains("two.previous: not scanned"), "{report}");
     Ok(())
 }
@@ -330,7 +330,7 @@ fn more_outputs_than_one_buffer_of_findings_holds() -> Result<()> {
             }));
         }
         g.output(last.context("no pass")?);
-        g.poison(poison("user.pass190", "x", Place::Element(3), Bad::Nan));
+        g.poison(poison("user.pass190", "x", Place::Element(3), PoisonValue::Nan));
         Ok(())
     })?;
     ensure!(
@@ -339,7 +339,7 @@ fn more_outputs_than_one_buffer_of_findings_holds() -> Result<()> {
         ran.findings.len(),
         ran.unscanned
     );
-    let report = only(&bench.trail)?;
+    let report = only(&bench.tracker)?;
     ensure!((report.origin.pass.as_str(), report.path.len()) == ("user.pass190", 10), "{report}");
     Ok(())
 }

@@ -6,23 +6,23 @@ use magpie::measure::SlotReport;
 use magpie::prelude::Rays;
 use magpie::scene::{Light, Material, Scene};
 use magpie_passes::{FramePlan, Slots, plan_frame};
+use magpie_tests::fixtures;
 use magpie_tests::harness::{builtin, config};
-use magpie_tests::made;
 
 /// Pixels of a picture.
 pub const SIZE: [u32; 2] = [64, 36];
 
 /// A ball on a plane of this material, under a sun, without a sky.
 pub fn still_life(material: Material) -> Scene {
-    let mut scene = made::scene("still life", made::camera(DVec3::new(0.0, 1.5, 4.0), DVec3::ZERO));
-    made::add(&mut scene, made::plane(4.0), material.clone(), Affine3A::IDENTITY);
-    made::add(&mut scene, made::sphere(12), material, Affine3A::from_translation(Vec3::Y));
-    scene.lights.push(made::sun(Vec3::new(0.3, 1.0, 0.4).normalize()));
+    let mut scene = fixtures::scene("still life", fixtures::camera(DVec3::new(0.0, 1.5, 4.0), DVec3::ZERO));
+    fixtures::add(&mut scene, fixtures::plane(4.0), material.clone(), Affine3A::IDENTITY);
+    fixtures::add(&mut scene, fixtures::sphere(12), material, Affine3A::from_translation(Vec3::Y));
+    scene.lights.push(fixtures::sun(Vec3::new(0.3, 1.0, 0.4).normalize()));
     scene
 }
 
 pub fn with_sky(mut scene: Scene) -> Scene {
-    scene.environment = Some(made::environment());
+    scene.environment = Some(fixtures::environment());
     scene
 }
 
@@ -58,9 +58,9 @@ pub type Reasons = [Option<&'static str>; 6];
 pub const EFFECTS: [&str; 6] = ["shadows", "ao", "direct.emitters", "gi", "reflections", "sky"];
 
 pub fn scenes() -> Result<Vec<(&'static str, Scene, Reasons)>> {
-    let matte = || made::material([0.5; 3], 0.0, 0.6);
-    let metal = || made::material([0.9; 3], 1.0, 0.3);
-    let glass = Material { transmission: 1.0, roughness: 0.0, ..made::material([1.0; 3], 0.0, 0.0) };
+    let matte = || fixtures::material([0.5; 3], 0.0, 0.6);
+    let metal = || fixtures::material([0.9; 3], 1.0, 0.3);
+    let glass = Material { transmission: 1.0, roughness: 0.0, ..fixtures::material([1.0; 3], 0.0, 0.0) };
     let lambert = Material { specular: 0.0, ..matte() };
     let glowing = Material { emission: Vec3::splat(4.0), ..matte() };
     let mut dark = still_life(glowing);
@@ -68,10 +68,10 @@ pub fn scenes() -> Result<Vec<(&'static str, Scene, Reasons)>> {
     let mut unlit = still_life(matte());
     unlit.lights.clear();
     let mut black = still_life(matte());
-    black.environment = Some(magpie::scene::Environment { scale: 0.0, ..made::environment() });
+    black.environment = Some(magpie::scene::Environment { scale: 0.0, ..fixtures::environment() });
     let mut switched_off = still_life(matte());
     switched_off.lights = vec![Light::Point { position: DVec3::Y, intensity: Vec3::ZERO, range: None }];
-    let empty = made::scene("empty", made::camera(DVec3::Z, DVec3::ZERO));
+    let empty = fixtures::scene("empty", fixtures::camera(DVec3::Z, DVec3::ZERO));
     Ok(vec![
         ("courtyard", builtin("courtyard")?, [None, None, NO_EMITTER, None, None, None]),
         ("carousel", builtin("carousel")?, [None, None, NO_EMITTER, None, None, None]),

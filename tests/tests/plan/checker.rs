@@ -9,16 +9,16 @@
 //! | `checker/cull` | the passes that run are those that the frame needs |
 //! | `checker/memory` | lifetimes, placement in heaps, statistics |
 //! | `checker/run` | execution order, visibility, layouts, queue ownership, contents, aliased memory |
-//! | `checker/words` | meaning of each access |
+//! | `checker/access` | meaning of each access |
 
+#[path = "checker/access.rs"]
+mod access;
 #[path = "checker/cull.rs"]
 mod cull;
 #[path = "checker/memory.rs"]
 mod memory;
 #[path = "checker/run.rs"]
 mod run;
-#[path = "checker/words.rs"]
-mod words;
 
 use magpie::graph::{
     Declaration, Domain, Part, Queue, Queues, Shape, Span, Switches, Use, Uses,
@@ -26,7 +26,7 @@ use magpie::graph::{
 };
 
 /// The request that a plan was made for.
-pub struct Asked<'a> {
+pub struct PlanRequest<'a> {
     /// Optional steps of the planner.
     pub switches: Switches,
     /// Queues of the device.
@@ -39,21 +39,21 @@ pub struct Asked<'a> {
 
 /// An error in a plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Complaint(pub String);
+pub struct PlanFault(pub String);
 
-type Found = Result<(), Complaint>;
+type Checked = Result<(), PlanFault>;
 
-fn wrong<T>(text: String) -> Result<T, Complaint> {
-    Err(Complaint(text))
+fn wrong<T>(text: String) -> Result<T, PlanFault> {
+    Err(PlanFault(text))
 }
 
 /// Checks a plan; returns the first error.
-pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
+pub fn check(d: &Declaration, plan: &Plan, request: &PlanRequest<'_>) -> Checked {
     check_lists(d, plan)?;
-    check_switches(d, plan, asked)?;
-    cull::check(d, plan, asked.switches.cull)?;
-    run::check(d, plan, asked)?;
-    memory::check(d, plan, asked)
+    check_switches(d, plan, request)?;
+    cull::check(d, plan, request.switches.cull)?;
+    run::check(d, plan, request)?;
+    memory::check(d, plan, request)
 }
 
 /// Most bytes of transients, unpadded, that are alive at one position of an order.
@@ -71,7 +71,7 @@ fn inside(span: Span, length: usize) -> bool {
     span.start <= span.end && span.end as usize <= length
 }
 
-fn check_lists(d: &Declaration, plan: &Plan) -> Found {
+fn check_lists(d: &Declaration, plan: &Plan) -> Checked {
     let mut all: Vec<u32> = plan.order.iter().copied().chain(plan.culled.iter().map(|c| c.pass)).collect();
     all.sort_unstable();
     if !all.iter().copied().eq(0..d.passes.len() as u32) {
@@ -132,9 +132,9 @@ fn can_run(queue: Queue, domain: Domain) -> bool {
     }
 }
 
-fn check_switches(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
-    let switches = asked.switches;
-    let (mut compute, mut transfer) = (asked.device.async_compute, asked.device.transfer);
+fn check_switches(d: &Declaration, plan: &Plan, request: &PlanRequest<'_>) -> Checked {
+    let switches = request.switches;
+    let (mut compute, mut transfer) = (request.device.async_compute, request.device.transfer);
     if let Some(count) = switches.queues {
         (compute, transfer) = (count > 1, count > 2);
     }
@@ -195,18 +195,18 @@ impl<'a> Versions<'a> {
 
     /// Whether a weak pass made this version from existing contents.
     fn is_mere_change(&self, resource: u32, version: u32) -> bool {
-        let first = u32::from(words::comes_empty(&self.d.resources[resource as usize]));
+        let first = u32::from(access::comes_empty(&self.d.resources[resource as usize]));
         let weak = |pass: u32| self.d.passes[pass as usize].weak;
         version > first && self.writer(resource, version).is_some_and(weak)
     }
 
     /// The version that a cell holds when `version` is read: the newest up to it that a pass which runs wrote there. `Ok(None)`: it was
     /// never written.
-    fn held(&self, resource: u32, version: u32, cell: (u32, u32), strict: bool) -> Result<Option<u32>, Complaint> {
+    fn held(&self, resource: u32, version: u32, cell: (u32, u32), strict: bool) -> Result<Option<u32>, PlanFault> {
         for v in (0..=version).rev() {
             let Some((pass, u)) = self.writers[resource as usize][v as usize] else {
                 // The initial contents of an import.
-                return Ok((!words::comes_empty(&self.d.resources[resource as usize])).then_some(v));
+                return Ok((!access::comes_empty(&self.d.resources[resource as usize])).then_some(v));
             };
             if !covers(u.part, cell) {
                 continue;

@@ -67,7 +67,7 @@ pub const MISTAKES: &[Mistake] = &[
     },
     Mistake {
         name: "a barrier does not wait for other queues",
-        places: |_, plan| barriers(plan, |b| b.from.is_waited()),
+        places: |_, plan| barriers(plan, |b| b.from.has_other_queues()),
         plant: |_, plan, at, _| plan.barriers[at.0].from = plan.barriers[at.0].from.iter().collect(),
         harmless: Some("a named use on this queue comes after the wait itself: the barrier goes on from it"),
     },

@@ -208,8 +208,8 @@ pub fn compare(scene: &Scene, kinds: &Kinds, camera: &Camera, both: &Both, label
                 && shown < 8
             {
                 shown += 1;
-                let tell = |s: &Seen| format!("{} {} {} {:.4}", s.instance, s.primitive, s.depth, s.normal);
-                println!("{label} ({x}, {y}) {what}: raster {}, ray {}", tell(raster), tell(ray));
+                let describe = |s: &Seen| format!("{} {} {} {:.4}", s.instance, s.primitive, s.depth, s.normal);
+                println!("{label} ({x}, {y}) {what}: raster {}, ray {}", describe(raster), describe(ray));
             }
         }
     }
@@ -217,9 +217,9 @@ pub fn compare(scene: &Scene, kinds: &Kinds, camera: &Camera, both: &Both, label
 }
 
 /// Least share of pixels that must agree.
-const LEAST: f64 = 0.999;
+const MIN_AGREEMENT: f64 = 0.999;
 /// The same for objects with small triangles, whose shared edges are ambiguous to 1/256 of a pixel.
-const LEAST_OF_SMALL: f64 = 0.995;
+const MIN_AGREEMENT_OF_SMALL: f64 = 0.995;
 
 /// Prints the statistics, and fails if a kind differs too often or without a known cause.
 pub fn check(counts: &Counts, label: &str) -> Result<()> {
@@ -236,7 +236,7 @@ pub fn check(counts: &Counts, label: &str) -> Result<()> {
     for (kind, count) in counts {
         // A single pixel is a large share of few.
         let small = matches!(*kind, "skinned" | "morphed" | "moving");
-        let least = if small { LEAST_OF_SMALL } else { LEAST };
+        let least = if small { MIN_AGREEMENT_OF_SMALL } else { MIN_AGREEMENT };
         let allowed = ((1.0 - least) * f64::from(count.pixels)).max(1.0);
         ensure!(
             f64::from(count.disagree()) <= allowed,

@@ -6,8 +6,8 @@ use magpie::gpu::Gpu;
 use magpie::graph::Extent;
 use magpie::scene::{Camera, Light, Mesh, Scene, Sphere, supply_missing};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, block, camera, material, mesh, plane, scene};
 use magpie_tests::harness::config;
-use magpie_tests::made::{add, block, camera, material, mesh, plane, scene};
 use magpie_tests::oracle::gbuffer::Eye;
 
 pub const SIZE: [u32; 2] = [160, 90];
@@ -83,7 +83,12 @@ pub fn things(lights: &[Light]) -> Scene {
     add(&mut made, block(Vec3::new(0.5, 1.0, 0.5)), grey(), at(-1.2, 1.0, 0.0));
     let slanted = at(1.5, 0.8, -1.0) * Affine3A::from_rotation_z(0.6) * Affine3A::from_rotation_x(0.4);
     add(&mut made, block(Vec3::new(0.7, 0.2, 0.5)), grey(), slanted);
-    add(&mut made, magpie_tests::made::sphere(16), grey(), at(0.3, 0.5, 1.2) * Affine3A::from_scale(Vec3::splat(0.5)));
+    add(
+        &mut made,
+        magpie_tests::fixtures::sphere(16),
+        grey(),
+        at(0.3, 0.5, 1.2) * Affine3A::from_scale(Vec3::splat(0.5)),
+    );
     let spheres = vec![Sphere { centre: Vec3::ZERO, radius: 0.4 }];
     add(&mut made, Mesh { name: "ball".to_owned(), spheres, ..Mesh::default() }, grey(), at(2.2, 0.4, 1.0));
     made.lights = lights.to_vec();
@@ -102,7 +107,7 @@ pub fn on_floor(camera: &Camera, pixel: usize) -> DVec3 {
 /// the disc goes from 10 to 90 % over 1.3745 times its radius, projected through the edge.
 pub fn penumbrae(visibility: impl Fn(&Scene) -> Result<Vec<[f32; 4]>>) -> Result<Vec<f64>> {
     let (height, radius) = (4.0, 0.4);
-    let mut told = Vec::new();
+    let mut ratios = Vec::new();
     for edge in [0.4, 0.8, 1.2, 1.6, 2.0] {
         let mut scene = floor(6.0, Vec3::new(0.0, 0.0, 0.0), Vec3::Y);
         // From below the sheet, so that it does not hide the floor.
@@ -142,9 +147,9 @@ pub fn penumbrae(visibility: impl Fn(&Scene) -> Result<Vec<[f32; 4]>>) -> Result
         let (from, to) = (crossing(0.1).context("never dark")?, crossing(0.9).context("never lit")?);
         let (width, ratio) = (to - from, (to - from) / want);
         println!("edge at {edge} m: {width:.4} m wide, {want:.4} by the area of the disc, ratio {ratio:.3}");
-        told.push(ratio);
+        ratios.push(ratio);
     }
-    Ok(told)
+    Ok(ratios)
 }
 
 /// Whether a pixel shows the floor rather than the sheet, which is at the left and above.

@@ -129,22 +129,22 @@ pub struct Input {
     /// Full name: `pass:output`, or the name under which it was imported.
     pub name: String,
     /// The value at the corresponding place, or why it is not known.
-    pub seen: Seen,
+    pub seen: InputValue,
 }
 
 /// What the scan could read of an input.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Seen {
+pub enum InputValue {
     /// The value, and the place where it was read. Places correspond by relative position: the same fraction of the width and
     /// height, or of the buffer's length.
     At(Place, Value),
     /// The input was not read back.
-    Not(Unseen),
+    Unknown(NotScannable),
 }
 
 /// Why the value of an input is not reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unseen {
+pub enum NotScannable {
     /// The pass overwrote it. If it was bad before, the finding of an earlier pass reports that.
     Overwritten,
     /// A buffer that was not declared to hold floats is not scanned.
@@ -157,7 +157,7 @@ pub enum Unseen {
     NotSampled,
 }
 
-impl Unseen {
+impl NotScannable {
     /// The reason, for the report.
     pub fn name(self) -> &'static str {
         match self {
@@ -173,8 +173,8 @@ impl Unseen {
 impl fmt::Display for Input {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.seen {
-            Seen::At(place, value) => write!(f, "{} at {place}: {value}", self.name),
-            Seen::Not(why) => write!(f, "{}: {}", self.name, why.name()),
+            InputValue::At(place, value) => write!(f, "{} at {place}: {value}", self.name),
+            InputValue::Unknown(why) => write!(f, "{}: {}", self.name, why.name()),
         }
     }
 }
@@ -209,7 +209,7 @@ impl fmt::Display for Finding {
 
 /// The index space of a [`Place`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ground {
+pub(super) enum IndexSpace {
     /// One mip of an image, with its size.
     Image(Extent),
     /// A buffer, with its number of 32-bit words.
@@ -217,22 +217,22 @@ pub(super) enum Ground {
 }
 
 /// The place in `to` at the same relative position as `place` in `from`. Must agree with `shaders/check/probe.comp`.
-pub(super) fn corresponding(place: Place, from: Ground, to: Ground, mip: u32, layers: (u32, u32)) -> Place {
+pub(super) fn corresponding(place: Place, from: IndexSpace, to: IndexSpace, mip: u32, layers: (u32, u32)) -> Place {
     let scaled = |at: u64, from: u64, to: u64| at * to / from.max(1);
     let (index, total) = match (place, from) {
-        (Place::Pixel { x, y, .. }, Ground::Image(e)) => {
+        (Place::Pixel { x, y, .. }, IndexSpace::Image(e)) => {
             (u64::from(y) * u64::from(e.width) + u64::from(x), u64::from(e.width) * u64::from(e.height))
         }
-        (Place::Element(index), Ground::Buffer(count)) => (index, count),
-        (Place::Pixel { .. }, Ground::Buffer(_)) | (Place::Element(_), Ground::Image(_)) => (0, 1),
+        (Place::Element(index), IndexSpace::Buffer(count)) => (index, count),
+        (Place::Pixel { .. }, IndexSpace::Buffer(_)) | (Place::Element(_), IndexSpace::Image(_)) => (0, 1),
     };
     let size = match to {
-        Ground::Buffer(count) => return Place::Element(scaled(index, total, count)),
-        Ground::Image(size) => size,
+        IndexSpace::Buffer(count) => return Place::Element(scaled(index, total, count)),
+        IndexSpace::Image(size) => size,
     };
     let (width, height) = (u64::from(size.width), u64::from(size.height));
     let (x, y, layer) = match (place, from) {
-        (Place::Pixel { x, y, layer, .. }, Ground::Image(e)) => {
+        (Place::Pixel { x, y, layer, .. }, IndexSpace::Image(e)) => {
             let centre = |at: u32, from: u32, to: u64| scaled(2 * u64::from(at) + 1, 2 * u64::from(from), to);
             (centre(x, e.width, width), centre(y, e.height, height), layer)
         }
@@ -250,16 +250,16 @@ mod tests {
 
     #[test]
     fn places_correspond_by_their_share_of_the_way() {
-        let (full, half) = (Ground::Image(Extent::new(37, 11)), Ground::Image(Extent::new(19, 6)));
+        let (full, half) = (IndexSpace::Image(Extent::new(37, 11)), IndexSpace::Image(Extent::new(19, 6)));
         let at = |place, from, to| corresponding(place, from, to, 0, (0, 0));
         for (x, y) in [(0, 0), (36, 10), (17, 2)] {
             assert_eq!(at(Place::pixel(x, y), full, full), Place::pixel(x, y));
         }
         assert_eq!(at(Place::pixel(36, 10), full, half), Place::pixel(18, 5));
         assert_eq!(at(Place::pixel(18, 5), half, full), Place::pixel(36, 10));
-        assert_eq!(at(Place::pixel(17, 2), full, Ground::Buffer(37 * 11)), Place::Element(2 * 37 + 17));
-        assert_eq!(at(Place::Element(91), Ground::Buffer(37 * 11), full), Place::pixel(17, 2));
-        assert_eq!(at(Place::Element(3), Ground::Buffer(4), Ground::Buffer(8)), Place::Element(6));
+        assert_eq!(at(Place::pixel(17, 2), full, IndexSpace::Buffer(37 * 11)), Place::Element(2 * 37 + 17));
+        assert_eq!(at(Place::Element(91), IndexSpace::Buffer(37 * 11), full), Place::pixel(17, 2));
+        assert_eq!(at(Place::Element(3), IndexSpace::Buffer(4), IndexSpace::Buffer(8)), Place::Element(6));
         let layered = corresponding(Place::Pixel { x: 1, y: 1, mip: 0, layer: 5 }, full, full, 2, (0, 3));
         assert_eq!(layered, Place::Pixel { x: 1, y: 1, mip: 2, layer: 3 });
     }

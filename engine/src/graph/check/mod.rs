@@ -2,9 +2,9 @@
 //!
 //! | file | does |
 //! |---|---|
-//! | `watch` | adds weak passes after every pass: one scans its outputs, one reads its inputs where something was found |
+//! | `scan` | adds weak passes after every pass: one scans its outputs, one reads its inputs where something was found |
 //! | `finding` | what one frame held: bad values, where they are, and the inputs at that place |
-//! | `trail` | follows findings through passes and frames to the pass where they arose |
+//! | `tracker` | follows findings through passes and frames to the pass where they arose |
 //! | `poison` | writes a NaN or infinity into an output on purpose, to test the rest |
 //!
 //! Scanned are images of floating-point formats, all mips and layers that the pass wrote, and buffers that were declared to hold
@@ -13,12 +13,12 @@
 
 mod finding;
 mod poison;
-mod trail;
-mod watch;
+mod scan;
+mod tracker;
 
-pub use finding::{Finding, Input, Place, Seen, Unseen, Value, Values};
-pub use poison::{Bad, Poison, PoisonError};
-pub use trail::{Link, Report, Trail};
-pub use watch::{Scan, Scanned, SharedImports, Unscanned};
+pub use finding::{Finding, Input, InputValue, NotScannable, Place, Value, Values};
+pub use poison::{Poison, PoisonError, PoisonValue};
+pub use scan::{Scan, Scanned, SharedImports, Unscanned};
+pub use tracker::{FindingTracker, Link, Report};
 
 pub(super) use poison::Poisoned;

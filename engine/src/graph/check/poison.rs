@@ -11,7 +11,7 @@ use super::{
 
 /// The value to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Bad {
+pub enum PoisonValue {
     /// A quiet NaN.
     Nan,
     /// Positive infinity.
@@ -28,7 +28,7 @@ pub struct Poison {
     /// The pixel or element. Its first channel gets `value`, the others become zero.
     pub place: Place,
     /// The value to write.
-    pub value: Bad,
+    pub value: PoisonValue,
 }
 
 /// Why an output cannot be poisoned.
@@ -95,7 +95,7 @@ impl Poison {
     }
 }
 
-impl Bad {
+impl PoisonValue {
     /// An `f32` (IEEE 754-2019, 3.4) as little-endian bytes, padded with zeros.
     fn float(self) -> [u8; 16] {
         let value = match self {

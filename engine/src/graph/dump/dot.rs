@@ -2,11 +2,11 @@
 
 use std::fmt::Write;
 
-use super::{Dump, words::Words};
+use super::{Dump, describe::Describer};
 
 pub(super) fn dot(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
-    let words = Words(declaration);
+    let describer = Describer(declaration);
     let mut out = String::from("digraph frame {\n  rankdir=LR;\n  compound=true;\n  node [fontname=\"sans-serif\"];\n");
     let mut line = |text: String| writeln!(out, "  {text}").unwrap_or_default();
     for (number, batch) in plan.batches.iter().enumerate() {
@@ -29,13 +29,13 @@ pub(super) fn dot(dump: &Dump<'_>) -> String {
         for version in 0..decl.versions {
             let wanted = declaration.outputs.iter().any(|o| (o.resource as usize, o.version) == (resource, version));
             let rims = if wanted { 2 } else { 1 };
-            let label = quoted(&words.version(resource as u32, version));
+            let label = quoted(&describer.version(resource as u32, version));
             line(format!("r{resource}_{version} [shape=ellipse style={style} peripheries={rims} label={label}];"));
         }
     }
     for index in 0..declaration.passes.len() as u32 {
         for u in declaration.uses_of(index) {
-            let label = quoted(&format!("{}{}", u.access.name(), words.part(u.resource, u.part)));
+            let label = quoted(&format!("{}{}", u.access.name(), describer.part(u.resource, u.part)));
             if let Some(version) = u.reads {
                 line(format!("r{}_{version} -> p{index} [label={label}];", u.resource));
             }

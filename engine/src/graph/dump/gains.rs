@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use super::{super::plan::Plan, words::bytes};
+use super::{super::plan::Plan, describe::bytes};
 
 /// What the graph saved compared with running every declared pass in turn, each resource with memory of its own.
 ///

@@ -8,7 +8,7 @@ mod sheet;
 mod style;
 mod tables;
 
-use super::{Dump, words::made_for};
+use super::{Dump, describe::made_for};
 use sheet::Sheet;
 
 /// The whole page.

@@ -10,12 +10,12 @@ use super::{
         plan::{Barrier, Handover, Lane, Role},
     },
     Dump,
-    words::{Words, not_aliased, origin},
+    describe::{Describer, not_aliased, origin},
 };
 
 pub(super) fn json(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, gains } = *dump;
-    let words = Words(declaration);
+    let describer = Describer(declaration);
     let outputs: Vec<Value> = declaration
         .outputs
         .iter()
@@ -34,7 +34,7 @@ pub(super) fn json(dump: &Dump<'_>) -> String {
         "size": [declaration.full.width, declaration.full.height],
         "queues": queues, "serial": plan.serial, "alias": plan.alias,
         "gains": gains,
-        "batches": batches(dump), "passes": passes(dump, words), "end": barriers(dump, words, plan.end),
+        "batches": batches(dump), "passes": passes(dump, describer), "end": barriers(dump, describer, plan.end),
         "left_out": culled, "resources": resources(dump), "heaps": heaps, "outputs": outputs, "histories": histories,
     });
     format!("{all:#}\n")
@@ -50,7 +50,7 @@ fn batches(dump: &Dump<'_>) -> Vec<Value> {
     dump.plan.batches.iter().map(one).collect()
 }
 
-fn passes(dump: &Dump<'_>, words: Words<'_>) -> Vec<Value> {
+fn passes(dump: &Dump<'_>, describer: Describer<'_>) -> Vec<Value> {
     let Dump { declaration, plan, .. } = *dump;
     let mut passes = Vec::with_capacity(plan.order.len());
     for (number, batch) in plan.batches.iter().enumerate() {
@@ -61,7 +61,7 @@ fn passes(dump: &Dump<'_>, words: Words<'_>) -> Vec<Value> {
                 let u = &declaration.uses[at];
                 json!({
                     "resource": declaration.resource_name(u.resource), "access": u.access.name(),
-                    "part": part(words, u.resource, u.part), "reads": u.reads, "writes": u.writes,
+                    "part": part(describer, u.resource, u.part), "reads": u.reads, "writes": u.writes,
                     "stored": plan.unstored.binary_search(&(at as u32)).is_err(),
                 })
             };
@@ -69,7 +69,7 @@ fn passes(dump: &Dump<'_>, words: Words<'_>) -> Vec<Value> {
             passes.push(json!({
                 "name": declaration.pass_name(index), "stage": declaration.stage(index), "domain": pass.domain.name(),
                 "queue": batch.queue.name(), "wish": pass.queue.name(), "batch": number, "weak": pass.weak, "uses": uses,
-                "before": barriers(dump, words, plan.before[position]), "after": barriers(dump, words, plan.after[position]),
+                "before": barriers(dump, describer, plan.before[position]), "after": barriers(dump, describer, plan.after[position]),
             }));
         }
     }
@@ -117,14 +117,14 @@ fn shape(shape: Shape) -> Value {
 }
 
 /// First mip and layer of a part with their counts; null for the whole resource.
-fn part(words: Words<'_>, resource: u32, part: Part) -> Value {
-    if words.part(resource, part).is_empty() {
+fn part(describer: Describer<'_>, resource: u32, part: Part) -> Value {
+    if describer.part(resource, part).is_empty() {
         return Value::Null;
     }
     json!({"mip": part.mip, "mips": part.mips, "layer": part.layer, "layers": part.layers})
 }
 
-fn barriers(dump: &Dump<'_>, words: Words<'_>, span: Span) -> Vec<Value> {
+fn barriers(dump: &Dump<'_>, describer: Describer<'_>, span: Span) -> Vec<Value> {
     let one = |b: &Barrier| {
         let handover = |h: Handover| {
             let role = match h.role {
@@ -135,7 +135,7 @@ fn barriers(dump: &Dump<'_>, words: Words<'_>, span: Span) -> Vec<Value> {
         };
         let layout = |layout: Layout| (b.layout_to != Layout::Undefined).then(|| layout.name());
         json!({
-            "resource": dump.declaration.resource_name(b.resource), "part": part(words, b.resource, b.part),
+            "resource": dump.declaration.resource_name(b.resource), "part": part(describer, b.resource, b.part),
             "from": b.from.to_string(), "to": b.to.to_string(),
             "layout_from": layout(b.layout_from), "layout_to": layout(b.layout_to), "discard": b.discard,
             "handover": b.handover.map(handover),

@@ -5,12 +5,12 @@ use std::fmt::Write;
 use super::{
     super::{declaration::Span, plan::Sharing},
     Dump,
-    words::{Words, bytes, life, made_for, not_aliased, origin},
+    describe::{Describer, bytes, life, made_for, not_aliased, origin},
 };
 
 pub(super) fn text(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, gains } = *dump;
-    let words = Words(declaration);
+    let describer = Describer(declaration);
     let mut out = String::new();
     // Writing to a string cannot fail, hence the ignored results.
     let mut line = |text: String| writeln!(out, "{text}").unwrap_or_default();
@@ -32,18 +32,18 @@ pub(super) fn text(dump: &Dump<'_>) -> String {
                 declaration.pass_name(index),
                 declaration.stage(index),
                 pass.domain.name(),
-                words.queue(index, batch.queue)
+                describer.queue(index, batch.queue)
             ));
-            let barriers = |span: Span| plan.barriers[span.range()].iter().map(|b| words.barrier(b));
+            let barriers = |span: Span| plan.barriers[span.range()].iter().map(|b| describer.barrier(b));
             barriers(plan.before[position]).for_each(|b| line(format!("       wait   {b}")));
-            words.uses_of(plan, index).into_iter().for_each(|u| line(format!("       {u}")));
+            describer.uses_of(plan, index).into_iter().for_each(|u| line(format!("       {u}")));
             barriers(plan.after[position]).for_each(|b| line(format!("       after  {b}")));
         }
     }
     if !plan.end.is_empty() {
         line("end on graphics, waits for all".to_owned());
         let last = &plan.barriers[plan.end.range()];
-        last.iter().for_each(|b| line(format!("       wait   {}", words.barrier(b))));
+        last.iter().for_each(|b| line(format!("       wait   {}", describer.barrier(b))));
     }
 
     if !plan.culled.is_empty() {
@@ -58,7 +58,7 @@ pub(super) fn text(dump: &Dump<'_>) -> String {
         let kind = if decl.is_transient() { String::new() } else { format!(", {}", origin(decl.origin)) };
         let lived = plan.lifetimes[resource as usize]
             .map_or_else(|| "not used".to_owned(), |l| format!("{} bytes, {}", l.bytes, life(&l)));
-        line(format!("     {}  {}{kind}, {lived}", declaration.resource_name(resource), words.shape(decl.shape)));
+        line(format!("     {}  {}{kind}, {lived}", declaration.resource_name(resource), describer.shape(decl.shape)));
     }
 
     if !plan.heaps.is_empty() {
@@ -92,7 +92,7 @@ pub(super) fn text(dump: &Dump<'_>) -> String {
         line("\noutputs".to_owned());
     }
     for output in &declaration.outputs {
-        line(format!("     {}", words.version(output.resource, output.version)));
+        line(format!("     {}", describer.version(output.resource, output.version)));
     }
     for pair in &declaration.histories {
         let name = |resource: u32| declaration.resource_name(resource);

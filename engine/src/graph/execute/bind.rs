@@ -19,7 +19,7 @@ use super::{
     },
     ExecuteError, Imports,
     cache::Entry,
-    keep::Kept,
+    persistent::PersistentResources,
 };
 use crate::gpu::{self, Gpu, GpuError, Heap, ImageBarrier, ImageInfo, ImageUse, MemoryBarrier};
 
@@ -200,7 +200,13 @@ impl Pool {
     }
 
     /// Binds every resource of a plan to an object. What an earlier frame bound is reused, except for imports.
-    pub fn bind(&mut self, gpu: &Gpu, entry: &mut Entry, imports: &Imports, kept: &Kept) -> Result<(), ExecuteError> {
+    pub fn bind(
+        &mut self,
+        gpu: &Gpu,
+        entry: &mut Entry,
+        imports: &Imports,
+        persistent: &PersistentResources,
+    ) -> Result<(), ExecuteError> {
         self.fit_heaps(gpu, &entry.plan)?;
         if entry.bound.as_ref().is_none_or(|b| b.generation != self.generation) {
             entry.bound = Some(self.bind_transients(gpu, &entry.declaration, &entry.plan)?);
@@ -214,7 +220,7 @@ impl Pool {
         for &(resource, key) in &bound.imports {
             let object = match key {
                 ImportKey::Caller(at) => imports.0.get(at as usize).cloned(),
-                ImportKey::Previous(_) | ImportKey::Next(_) | ImportKey::Kept(_) => kept.object(key),
+                ImportKey::Previous(_) | ImportKey::Next(_) | ImportKey::Kept(_) => persistent.object(key),
             };
             bound.physical[resource as usize] = object.unwrap_or(Physical::Unused);
         }

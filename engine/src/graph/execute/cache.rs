@@ -18,7 +18,7 @@ use super::{
 use crate::gpu::GpuError;
 
 /// Number of plans that are kept: enough for a frame and its variants in which images are read back or viewed.
-const MOST: usize = 8;
+const MAX_ENTRIES: usize = 8;
 
 /// A planned declaration, with its objects if it has been bound.
 pub(super) struct Entry {
@@ -76,7 +76,7 @@ impl Cache {
         if let Some(bound) = &mut entry.bound {
             bound.release_imports();
         }
-        if self.0.len() == MOST {
+        if self.0.len() == MAX_ENTRIES {
             self.0.remove(0);
         }
         self.0.push(entry);

@@ -17,9 +17,9 @@ use super::{
         record::{Physical, Record, Recorded},
     },
     bind::{Bound, is_storage},
-    crumbs::Crumbs,
+    breadcrumbs::Breadcrumbs,
     nanoseconds,
-    spoil::Spoil,
+    poison::PoisonWrite,
     time::Clock,
 };
 use crate::{
@@ -46,8 +46,8 @@ pub(super) struct Frame<'a> {
     /// Counter memory for every pass.
     pub counters: &'a Clock,
     /// Values to write into outputs on purpose; empty outside tests.
-    pub spoils: &'a [Spoil],
-    pub crumbs: Option<&'a Crumbs>,
+    pub poison_writes: &'a [PoisonWrite],
+    pub breadcrumbs: Option<&'a Breadcrumbs>,
     /// For tests: recording stops at the beginning of this position, as if the device were lost there.
     pub stop: Option<usize>,
     pub begun: Instant,
@@ -230,8 +230,8 @@ impl Unit<'_> {
         let thread = rayon::current_thread_index().map_or(0, |index| index as u32 + 1);
         for position in self.positions.clone() {
             if frame.stop.is_some_and(|stop| position >= stop) {
-                if let Some(crumbs) = frame.crumbs.filter(|_| frame.stop == Some(position)) {
-                    crumbs.open_pass(&mut self.encoder, position);
+                if let Some(breadcrumbs) = frame.breadcrumbs.filter(|_| frame.stop == Some(position)) {
+                    breadcrumbs.open_pass(&mut self.encoder, position);
                 }
                 break;
             }
@@ -289,8 +289,8 @@ impl Unit<'_> {
         if labelled {
             encoder.begin_label(name);
         }
-        if let Some(crumbs) = frame.crumbs {
-            crumbs.open_pass(encoder, position);
+        if let Some(breadcrumbs) = frame.breadcrumbs {
+            breadcrumbs.open_pass(encoder, position);
         }
         if let Some(clock) = clock {
             clock.open_pass(encoder, position as u32);
@@ -323,14 +323,14 @@ impl Unit<'_> {
         if raster {
             self.encoder.end_rendering();
         }
-        for spoil in frame.spoils.iter().filter(|s| s.pass() == pass) {
-            spoil.record(&mut self.encoder, &bound.physical);
+        for poison_write in frame.poison_writes.iter().filter(|s| s.pass() == pass) {
+            poison_write.record(&mut self.encoder, &bound.physical);
         }
         if let Some(clock) = clock {
             clock.close_pass(&mut self.encoder, position as u32);
         }
-        if let Some(crumbs) = frame.crumbs {
-            crumbs.close_pass(&mut self.encoder, position);
+        if let Some(breadcrumbs) = frame.breadcrumbs {
+            breadcrumbs.close_pass(&mut self.encoder, position);
         }
         if labelled {
             self.encoder.end_label();

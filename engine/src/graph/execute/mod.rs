@@ -5,18 +5,18 @@
 //! | `mod` | one frame from its declaration to its end |
 //! | `cache` | plans of earlier declarations |
 //! | `bind` | device objects of a plan's resources, and its barriers translated to Vulkan |
-//! | `keep` | device objects that outlive the frame: histories, kept buffers and kept images |
+//! | `persistent` | device objects that outlive the frame: histories, kept buffers and kept images |
 //! | `commands` | command buffers, recorded on several threads where that pays, and their submission |
 //! | `time` | GPU times, and counts of rays, non-finite values and shader invocations |
-//! | `spoil` | writes NaN or infinity into outputs on purpose, for tests |
-//! | `crumbs` | which passes a lost device had begun and ended |
+//! | `poison` | writes NaN or infinity into outputs on purpose, for tests |
+//! | `breadcrumbs` | which passes a lost device had begun and ended |
 
 mod bind;
+mod breadcrumbs;
 mod cache;
 mod commands;
-mod crumbs;
-mod keep;
-mod spoil;
+mod persistent;
+mod poison;
 mod time;
 
 use magpie_shaders::Address;
@@ -27,7 +27,7 @@ use super::{
     check::PoisonError,
     declaration::{Declaration, ImportKey},
     error::GraphErrors,
-    history::Book,
+    history::SharedHistoryRegistry,
     pass::{FrameGraph, RecordFn},
     plan::Plan,
     record::{AccelObject, BufferRange, Physical},
@@ -38,7 +38,7 @@ use crate::{
     measure::{FrameSample, Memory},
 };
 
-pub use crumbs::Trail;
+pub use breadcrumbs::QueueProgress;
 
 /// Why a frame did not run.
 #[derive(Debug, thiserror::Error)]
@@ -58,12 +58,12 @@ pub enum ExecuteError {
     #[error(transparent)]
     Poison(#[from] PoisonError),
     /// The device was lost while it ran the frame.
-    #[error("the device was lost during {during}; {}", crumbs::describe(.trails))]
+    #[error("the device was lost during {during}; {}", breadcrumbs::describe(.progress))]
     Lost {
         /// The Vulkan call that reported it.
         during: &'static str,
         /// How far each queue came in the frame; empty without breadcrumbs.
-        trails: Vec<Trail>,
+        progress: Vec<QueueProgress>,
     },
     /// A failure outside any pass.
     #[error(transparent)]
@@ -162,13 +162,13 @@ pub struct Executor {
     gpu: Gpu,
     options: ExecuteOptions,
     /// The histories and kept buffers; the frame that is being declared shares them.
-    book: Arc<Book>,
-    kept: keep::Kept,
+    histories: Arc<SharedHistoryRegistry>,
+    persistent: persistent::PersistentResources,
     cache: cache::Cache,
     pool: bind::Pool,
     commands: commands::Commands,
     clock: time::Clock,
-    crumbs: crumbs::Crumbs,
+    breadcrumbs: breadcrumbs::Breadcrumbs,
     /// For tests: the pass in which the next frame stops.
     stop: Option<String>,
     /// Lists of the last frame, reused by the next.
@@ -192,13 +192,13 @@ impl Executor {
         Ok(Self {
             gpu: gpu.clone(),
             options,
-            book: Arc::default(),
-            kept: keep::Kept::default(),
+            histories: Arc::default(),
+            persistent: persistent::PersistentResources::default(),
             cache: cache::Cache::default(),
             pool: bind::Pool::new(gpu),
             commands: commands::Commands::new(gpu),
             clock: time::Clock::new(gpu)?,
-            crumbs: crumbs::Crumbs::new(gpu),
+            breadcrumbs: breadcrumbs::Breadcrumbs::new(gpu),
             stop: None,
             spare: None,
         })
@@ -218,17 +218,17 @@ impl Executor {
     pub fn begin(&mut self, full: Extent) -> FrameGraph {
         let (mut declaration, records) = self.spare.take().unwrap_or_else(|| (Declaration::new(full), Vec::new()));
         declaration.clear(full);
-        FrameGraph::on(declaration, records, self.book.clone())
+        FrameGraph::on(declaration, records, self.histories.clone())
     }
 
     /// Declares a camera cut: the next frame does not use what histories hold. Call it before that frame is declared.
     pub fn cut(&mut self) {
-        self.book.open().cut();
+        self.histories.lock().cut();
     }
 
     /// Discards all histories, kept buffers and kept images.
     pub fn restart(&mut self) {
-        self.book.open().clear();
+        self.histories.lock().clear();
     }
 
     /// For tests: the next frame behaves as if the device were lost in this pass.
@@ -238,15 +238,15 @@ impl Executor {
     }
 
     /// How far each queue came in the last frame that ran; empty without breadcrumbs.
-    pub fn trails(&self, ran: &Executed) -> Vec<Trail> {
-        self.trails_of(&ran.declaration, &ran.plan)
+    pub fn progress(&self, ran: &Executed) -> Vec<QueueProgress> {
+        self.progress_of(&ran.declaration, &ran.plan)
     }
 
-    fn trails_of(&self, declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
-        if self.lays_crumbs() { self.crumbs.trails(declaration, plan) } else { Vec::new() }
+    fn progress_of(&self, declaration: &Declaration, plan: &Plan) -> Vec<QueueProgress> {
+        if self.writes_breadcrumbs() { self.breadcrumbs.progress(declaration, plan) } else { Vec::new() }
     }
 
-    fn lays_crumbs(&self) -> bool {
+    fn writes_breadcrumbs(&self) -> bool {
         let Self { options, gpu, .. } = self;
         options.breadcrumbs || (options.measure && gpu.has_markers())
     }
@@ -259,7 +259,7 @@ impl Executor {
         let ran = self.try_run(graph, imports);
         if ran.is_err() {
             // The frame may have failed at any point, so the contents of the histories are unknown.
-            self.book.open().cut();
+            self.histories.lock().cut();
         }
         ran
     }
@@ -267,7 +267,7 @@ impl Executor {
     fn try_run(&mut self, mut graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
         let start = Instant::now();
         // Frames for uploads and tests are declared without this executor. They have no histories and leave those of this executor alone.
-        let own = Arc::ptr_eq(&graph.book, &self.book);
+        let own = Arc::ptr_eq(&graph.histories, &self.histories);
         assert!(
             own || !graph.has_history(),
             "a frame with histories must come from `begin` of the executor that runs it"
@@ -280,19 +280,19 @@ impl Executor {
         // Bind every resource.
         let (declaration, plan) = (entry.declaration.clone(), entry.plan.clone());
         if own {
-            self.kept.prepare(&self.gpu, &self.book)?;
+            self.persistent.prepare(&self.gpu, &self.histories)?;
         }
-        self.pool.bind(&self.gpu, &mut entry, imports, &self.kept)?;
+        self.pool.bind(&self.gpu, &mut entry, imports, &self.persistent)?;
         let passes = plan.order.len() as u32;
         self.clock.prepare(passes, self.options.measure && self.options.statistics)?;
-        let lays_crumbs = self.lays_crumbs();
-        if lays_crumbs {
-            self.crumbs.prepare(passes)?;
+        let writes_breadcrumbs = self.writes_breadcrumbs();
+        if writes_breadcrumbs {
+            self.breadcrumbs.prepare(passes)?;
         }
         let stop = self.stop.take().and_then(|name| plan.order.iter().position(|&p| declaration.pass_name(p) == name));
         let bind_ns = nanoseconds(start) - plan_ns;
 
-        let spoils = spoil::Spoil::all(&self.gpu, &poisons, &declaration, &plan)?;
+        let poison_writes = poison::PoisonWrite::all(&self.gpu, &poisons, &declaration, &plan)?;
 
         // Record the batches, submit them and wait.
         let record_start = Instant::now();
@@ -303,8 +303,8 @@ impl Executor {
                 plan: &plan,
                 bound: entry.bound()?,
                 counters: &self.clock,
-                spoils: &spoils,
-                crumbs: lays_crumbs.then_some(&self.crumbs),
+                poison_writes: &poison_writes,
+                breadcrumbs: writes_breadcrumbs.then_some(&self.breadcrumbs),
                 stop,
                 begun: start,
             },
@@ -319,7 +319,7 @@ impl Executor {
         });
         let mut ran = waited.map_err(|error| match error {
             GpuError::DeviceLost { during } => {
-                ExecuteError::Lost { during, trails: self.trails_of(&declaration, &plan) }
+                ExecuteError::Lost { during, progress: self.progress_of(&declaration, &plan) }
             }
             other => other.into(),
         })?;
@@ -343,14 +343,14 @@ impl Executor {
             sample.passes = ran.passes;
         }
         if own {
-            self.kept.end(&self.book, &declaration, &plan);
-            self.kept.distrust(&self.book, &declaration, &sample.passes);
+            self.persistent.end_frame(&self.histories, &declaration, &plan);
+            PersistentResources::invalidate_non_finite(&self.histories, &declaration, &sample.passes);
         }
         sample.memory = Memory {
             transient_bytes: self.pool.bytes(),
             transient_lower_bound: plan.memory.lower_bound,
             transient_unaliased: plan.memory.unaliased,
-            history_bytes: self.kept.bytes(),
+            history_bytes: self.persistent.bytes(),
             ..Default::default()
         };
         self.pool.end_frame();

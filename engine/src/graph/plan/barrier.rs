@@ -1,6 +1,6 @@
 //! Synchronisation on each queue: barriers and layout transitions.
 //!
-//! The uses of each slot are gathered into groups that need no synchronisation inside. Between consecutive groups on the same queue, one
+//! The uses of each subresource are gathered into groups that need no synchronisation inside. Between consecutive groups on the same queue, one
 //! barrier before the first pass of the second group covers all its uses. Between groups on different queues, the semaphore wait between
 //! their batches already orders memory. Only a layout transition or an ownership transfer remains, and it is done once: by the queue of
 //! the next group if it has only one, else on the writer's queue right after the write, else before the first of the readers.
@@ -13,7 +13,7 @@ use super::{
     },
     alias::{Sharing, Transient},
     group::{Group, Groups, NONE},
-    slots::Slots,
+    subresources::Subresources,
 };
 
 /// A barrier for one part of one resource.
@@ -68,7 +68,7 @@ pub(super) struct Synchronised {
 /// Input of this step.
 pub(super) struct Input<'a> {
     pub declaration: &'a Declaration,
-    pub slots: &'a Slots,
+    pub subresources: &'a Subresources,
     pub groups: &'a Groups,
     pub transients: &'a [Transient],
     pub successions: &'a [(u32, u32)],
@@ -122,7 +122,7 @@ struct Writer<'a> {
     inherited: Vec<Uses>,
 }
 
-/// State of a slot before the frame.
+/// State of a subresource before the frame.
 struct Start {
     layout: Layout,
     /// Uses that a layout transition or a write must wait for.
@@ -138,9 +138,9 @@ impl<'a> Writer<'a> {
         if !input.successions.is_empty() {
             inherited = vec![Uses::EMPTY; input.declaration.resources.len()];
             for &(after, before) in input.successions {
-                for slot in input.slots.of_resource(before) {
+                for subresource in input.subresources.of_resource(before) {
                     // Both are on the same queue, or they would not alias.
-                    if let Some(last) = input.groups.all.get(input.groups.newest[slot as usize] as usize) {
+                    if let Some(last) = input.groups.all.get(input.groups.newest[subresource as usize] as usize) {
                         let uses = last.uses.into_iter().fold(Uses::EMPTY, Uses::union);
                         inherited[after as usize] = inherited[after as usize].union(uses);
                     }
@@ -199,13 +199,14 @@ impl<'a> Writer<'a> {
                     let from = previous.uses[other.index()];
                     let release = Barrier { from, handover: handover(Role::Release), ..between };
                     let to = group.uses[q];
-                    let acquire = Barrier { from: Uses::WAITED, to, handover: handover(Role::Acquire), ..between };
+                    let acquire =
+                        Barrier { from: Uses::OTHER_QUEUES, to, handover: handover(Role::Acquire), ..between };
                     self.place(after_pass(previous.last[other.index()]), release);
                     self.place(before_pass(first), acquire);
                 }
                 None => {
                     let others = previous.single() != Some(queue);
-                    let waited = if others { Uses::WAITED } else { Uses::EMPTY };
+                    let waited = if others { Uses::OTHER_QUEUES } else { Uses::EMPTY };
                     if moves || !previous.uses[q].is_empty() {
                         let from = previous.uses[q].union(waited).union(beside(queue));
                         self.place(before_pass(first), self.barrier(group, from, group.uses[q], previous.layout));
@@ -228,13 +229,13 @@ impl<'a> Writer<'a> {
             }
             None => {
                 let q = group.leader().index();
-                let from = previous.uses[q].union(Uses::WAITED).union(beside(group.leader()));
+                let from = previous.uses[q].union(Uses::OTHER_QUEUES).union(beside(group.leader()));
                 self.place(before_pass(group.first[q]), self.barrier(group, from, group.uses[q], previous.layout));
             }
         }
     }
 
-    /// Places the barriers before the first group of a slot.
+    /// Places the barriers before the first group of a subresource.
     fn begin(&mut self, group: &Group) {
         let start = self.start(group.resource);
         let leader = group.leader();
@@ -258,17 +259,22 @@ impl<'a> Writer<'a> {
 
     /// Places the barriers at the end of the frame that leave imports in the state asked for.
     fn leave(&mut self) {
-        let Input { declaration, slots, groups, .. } = *self.input;
+        let Input { declaration, subresources, groups, .. } = *self.input;
         for (resource, decl) in declaration.resources.iter().enumerate() {
             let Origin::Imported { leave: Some(at), .. } = decl.origin else { continue };
             let resource = resource as u32;
-            for slot in slots.of_resource(resource) {
-                self.leave_slot(resource, slot, at, groups.all.get(groups.newest[slot as usize] as usize));
+            for subresource in subresources.of_resource(resource) {
+                self.leave_subresource(
+                    resource,
+                    subresource,
+                    at,
+                    groups.all.get(groups.newest[subresource as usize] as usize),
+                );
             }
         }
     }
 
-    fn leave_slot(&mut self, resource: u32, slot: u32, at: (Access, Domain), last: Option<&Group>) {
+    fn leave_subresource(&mut self, resource: u32, subresource: u32, at: (Access, Domain), last: Option<&Group>) {
         let layout_to = self.input.declaration.resources[resource as usize].shape.layout(at.0);
         let (layout_from, from, visible, discard) = match last {
             None => {
@@ -277,7 +283,7 @@ impl<'a> Writer<'a> {
             }
             Some(group) => {
                 let graphics = Queue::Graphics;
-                let waited = if group.single() == Some(graphics) { Uses::EMPTY } else { Uses::WAITED };
+                let waited = if group.single() == Some(graphics) { Uses::EMPTY } else { Uses::OTHER_QUEUES };
                 let own = group.uses[graphics.index()];
                 let visible = if group.write { Uses::EMPTY } else { own };
                 // Only other queues used it: the wait at the end of the frame makes it visible to everything but the host.
@@ -292,7 +298,7 @@ impl<'a> Writer<'a> {
         };
         let is_new = discard && last.is_none();
         if layout_from != layout_to || !visible.includes(Uses::of(at)) {
-            let part = self.input.slots.part(self.input.declaration, resource, slot);
+            let part = self.input.subresources.part(self.input.declaration, resource, subresource);
             let to = Uses::of(at);
             self.place(
                 END,
@@ -302,7 +308,7 @@ impl<'a> Writer<'a> {
     }
 
     fn barrier(&self, group: &Group, from: Uses, to: Uses, layout_from: Layout) -> Barrier {
-        let part = self.input.slots.part(self.input.declaration, group.resource, group.slot);
+        let part = self.input.subresources.part(self.input.declaration, group.resource, group.subresource);
         let (resource, layout_to) = (group.resource, group.layout);
         Barrier { resource, part, from, to, layout_from, layout_to, discard: false, handover: None }
     }
@@ -345,7 +351,7 @@ fn unstored(input: &Input<'_>) -> Vec<u32> {
             continue;
         }
         let wanted = || declaration.outputs.iter().any(|o| o.resource == u.resource && Some(o.version) == u.writes);
-        let is_last = input.groups.newest[group.slot as usize] == index as u32;
+        let is_last = input.groups.newest[group.subresource as usize] == index as u32;
         if is_last && !wanted() { &mut unstored } else { &mut stored }.push(group.use_index);
     }
     // If mips or layers are tracked separately, one attachment has several groups.

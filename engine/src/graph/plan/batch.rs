@@ -166,7 +166,7 @@ mod tests {
         g.output(f);
         let frame = g.finish().unwrap();
         let plan = plan_with(&frame.declaration, "queues=2,no-reorder");
-        let told: Vec<(Queue, Vec<&str>, Vec<u32>)> = plan
+        let batches: Vec<(Queue, Vec<&str>, Vec<u32>)> = plan
             .batches
             .iter()
             .map(|b| {
@@ -175,7 +175,7 @@ mod tests {
             })
             .collect();
         assert_eq!(
-            told,
+            batches,
             [
                 (Queue::Graphics, vec!["a", "b"], vec![]),
                 (Queue::AsyncCompute, vec!["c", "d"], vec![0]),

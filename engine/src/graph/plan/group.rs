@@ -1,12 +1,12 @@
 //! Groups of uses that need no synchronisation among each other: one write, or reads of the same contents in the same layout.
-//! Between consecutive groups of a slot there is a barrier, a wait for another queue, or both.
+//! Between consecutive groups of a subresource there is a barrier, a wait for another queue, or both.
 
 use super::{
     super::{
         access::{Layout, Queue, Uses},
         declaration::Declaration,
     },
-    slots::Slots,
+    subresources::Subresources,
 };
 
 pub(super) const NONE: u32 = u32::MAX;
@@ -16,8 +16,8 @@ const QUEUES: usize = Queue::ALL.len();
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Group {
     pub resource: u32,
-    pub slot: u32,
-    /// Index of the previous group of the slot, or [`NONE`].
+    pub subresource: u32,
+    /// Index of the previous group of the subresource, or [`NONE`].
     pub previous: u32,
     pub layout: Layout,
     pub write: bool,
@@ -48,13 +48,13 @@ impl Group {
 pub(super) struct Groups {
     /// In the order of their first passes.
     pub all: Vec<Group>,
-    /// Index of each slot's last group, or [`NONE`].
+    /// Index of each subresource's last group, or [`NONE`].
     pub newest: Vec<u32>,
 }
 
-/// Follows each slot through the passes in order.
-pub(super) fn groups(declaration: &Declaration, order: &[u32], slots: &Slots, lanes: &[Queue]) -> Groups {
-    let mut newest = vec![NONE; slots.count()];
+/// Follows each subresource through the passes in order.
+pub(super) fn groups(declaration: &Declaration, order: &[u32], subresources: &Subresources, lanes: &[Queue]) -> Groups {
+    let mut newest = vec![NONE; subresources.count()];
     let mut all: Vec<Group> = Vec::with_capacity(declaration.uses.len());
     for (position, &pass) in order.iter().enumerate() {
         let (position, decl) = (position as u32, &declaration.passes[pass as usize]);
@@ -63,14 +63,14 @@ pub(super) fn groups(declaration: &Declaration, order: &[u32], slots: &Slots, la
             let u = &declaration.uses[use_index];
             let layout = declaration.resources[u.resource as usize].shape.layout(u.access);
             let (write, at) = (u.access.writes(), u.access.at(decl.domain));
-            for slot in slots.of(u) {
-                let known = newest[slot as usize];
+            for subresource in subresources.of(u) {
+                let known = newest[subresource as usize];
                 let joins = !write && all.get(known as usize).is_some_and(|g| !g.write && g.layout == layout);
                 if !joins {
-                    newest[slot as usize] = all.len() as u32;
+                    newest[subresource as usize] = all.len() as u32;
                     all.push(Group {
                         resource: u.resource,
-                        slot,
+                        subresource,
                         previous: known,
                         layout,
                         write,
@@ -80,7 +80,7 @@ pub(super) fn groups(declaration: &Declaration, order: &[u32], slots: &Slots, la
                         last: [NONE; QUEUES],
                     });
                 }
-                let group = &mut all[newest[slot as usize] as usize];
+                let group = &mut all[newest[subresource as usize] as usize];
                 group.uses[lane].insert(at);
                 if group.first[lane] == NONE {
                     group.first[lane] = position;

@@ -9,7 +9,7 @@ use super::{
         access::{Layout, Queue},
         declaration::{Declaration, Origin},
     },
-    slots::Slots,
+    subresources::Subresources,
 };
 
 /// Dependencies between kept passes, by their index in the declaration.
@@ -28,7 +28,7 @@ impl Hazards {
 
 const NONE: u32 = u32::MAX;
 
-/// State of one slot while it is followed.
+/// State of one subresource while it is followed.
 #[derive(Clone, Copy)]
 struct State {
     writer: u32,
@@ -40,18 +40,23 @@ struct State {
 }
 
 /// The dependencies of the passes in `kept`, which are in the order of declaration.
-pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, queues: &[Queue]) -> Hazards {
+pub(super) fn hazards(
+    declaration: &Declaration,
+    kept: &[u32],
+    subresources: &Subresources,
+    queues: &[Queue],
+) -> Hazards {
     let several_queues = queues.iter().any(|queue| *queue != Queue::Graphics);
     let unused = State { writer: NONE, readers: NONE, leader: NONE, layout: Layout::Undefined };
-    let mut states = vec![unused; slots.count()];
+    let mut states = vec![unused; subresources.count()];
     for (resource, decl) in declaration.resources.iter().enumerate() {
         if let Origin::Imported { layout, .. } = decl.origin {
-            for slot in slots.of_resource(resource as u32) {
-                states[slot as usize].layout = layout;
+            for subresource in subresources.of_resource(resource as u32) {
+                states[subresource as usize].layout = layout;
             }
         }
     }
-    // Reads of all slots; each is linked to the previous one of its slot.
+    // Reads of all subresources; each is linked to the previous one of its subresource.
     let mut reads: Vec<(u32, u32)> = Vec::with_capacity(declaration.uses.len());
     let mut first = vec![0; declaration.passes.len() + 1];
     let mut before: Vec<u32> = Vec::with_capacity(declaration.uses.len());
@@ -64,8 +69,8 @@ pub(super) fn hazards(declaration: &Declaration, kept: &[u32], slots: &Slots, qu
         position += 1;
         let begin = before.len();
         for u in declaration.uses_of(pass) {
-            for slot in slots.of(u) {
-                let state = &mut states[slot as usize];
+            for subresource in subresources.of(u) {
+                let state = &mut states[subresource as usize];
                 let layout = declaration.resources[u.resource as usize].shape.layout(u.access);
                 let moves = several_queues && layout != state.layout && !u.access.writes();
                 if u.access.writes() || moves {
@@ -124,7 +129,7 @@ mod tests {
 
     fn hazards_of(declaration: &Declaration, queues: &[Queue]) -> Vec<Vec<u32>> {
         let kept: Vec<u32> = (0..declaration.passes.len() as u32).collect();
-        let found = hazards(declaration, &kept, &Slots::new(declaration), queues);
+        let found = hazards(declaration, &kept, &Subresources::new(declaration), queues);
         kept.iter().map(|&p| found.before(p).to_vec()).collect()
     }
 

@@ -19,7 +19,7 @@ mod hazard;
 mod lifetime;
 mod order;
 mod pack;
-mod slots;
+mod subresources;
 
 pub use alias::{Footprint, Footprints, HeapPlan, Memory, Packed, Sharing, Transient};
 pub use barrier::{Barrier, Handover, Role};
@@ -91,20 +91,20 @@ impl Plan {
 /// Plans a frame. `queues` are those of the device, and `footprints` tells the memory requirements of its objects.
 pub fn plan(declaration: &Declaration, switches: &Switches, queues: Queues, footprints: &mut dyn Footprints) -> Plan {
     let queues = switches.queues(queues);
-    let slots = slots::Slots::new(declaration);
+    let subresources = subresources::Subresources::new(declaration);
     let (kept, culled) = cull::cull(declaration, switches.cull);
     let lanes = batch::lanes(declaration, queues);
-    let hazards = hazard::hazards(declaration, &kept, &slots, &lanes);
+    let hazards = hazard::hazards(declaration, &kept, &subresources, &lanes);
     let order = order::order(declaration, kept, &hazards, &lanes, switches.reorder && !switches.serial);
     let batch::Batches { order, batches, waits } = batch::batches(order, &hazards, &lanes, queues);
     let lifetimes = lifetime::lifetimes(declaration, &order, &lanes);
-    let groups = group::groups(declaration, &order, &slots, &lanes);
+    let groups = group::groups(declaration, &order, &subresources, &lanes);
     let alias = switches.alias && !switches.serial;
     let alias::Placed { transients, heaps, successions, memory } =
         alias::place(declaration, &groups, &lifetimes, alias, footprints);
     let barrier::Synchronised { barriers, before, after, end, unstored } = barrier::barriers(&barrier::Input {
         declaration,
-        slots: &slots,
+        subresources: &subresources,
         groups: &groups,
         transients: &transients,
         successions: &successions,

@@ -1,8 +1,8 @@
 //! A fairground with everything that can move, in a loop of four seconds: a carousel (rigid), a stem that bends (skin), a blob
 //! and a flag that change shape (morph targets), a cloud of spheres, a swinging lamp, a clock; and plants that stand still.
-use super::foliage::{Dice, core, crown, leaf_texture};
+use super::foliage::{Random, core, crown, leaf_texture};
 use super::shapes::{Shape, block, curve, cushion, lathe, line, sphere};
-use super::stage::{Stage, at, dielectric, finish, matte, metal};
+use super::stage::{Keyframes, Stage, at, dielectric, finish, matte, metal};
 use crate::scene::{
     AlphaMode, Camera, Daylight, Influence, Interpolation, Light, Local, Material, Mesh, MorphTarget, Property,
     Sampler, Scene, Skin, Sphere, TextureUse, Wrap,
@@ -40,7 +40,7 @@ pub(super) fn scene() -> Scene {
 }
 
 /// Keys of a cubic spline through `f`, with tangents from its slope; `keys` keys per loop.
-fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>, Vec<f32>) {
+fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
     const STEP: f32 = 1.0 / 256.0;
     let (mut times, mut values) = (Vec::new(), Vec::new());
     for key in 0..=keys {
@@ -50,13 +50,14 @@ fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>
         times.push(t * LOOP);
         values.extend(slope.into_iter().chain(f(t)).chain(slope));
     }
-    (times, values)
+    Keyframes { times, values }
 }
 
 /// Linear keys of `f`; `keys` keys per loop.
-fn sampled<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> (Vec<f32>, Vec<f32>) {
+fn sampled<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
     let at = |key| key as f32 / keys as f32;
-    ((0..=keys).map(|k| at(k) * LOOP).collect(), (0..=keys).flat_map(|k| f(at(k))).collect())
+    let times = (0..=keys).map(|k| at(k) * LOOP).collect();
+    Keyframes { times, values: (0..=keys).flat_map(|k| f(at(k))).collect() }
 }
 
 /// Height of a sine wave, with its position given in turns.
@@ -330,14 +331,14 @@ fn spheres(stage: &mut Stage) {
         stage.material(dielectric("white spheres", [0.78, 0.77, 0.74], 0.12)),
         stage.material(dielectric("teal spheres", [0.02, 0.30, 0.33], 0.35)),
     ];
-    let mut dice = Dice::new(23);
+    let mut random = Random::new(23);
     let mut placed: Vec<Sphere> = Vec::new();
     let mut tries = 0;
     while placed.len() < 60 && tries < 20_000 {
         tries += 1;
         // Large spheres first; none overlaps another.
-        let radius = [0.13, 0.085, 0.055, 0.035][(placed.len() / 8).min(3)] * dice.range(0.85, 1.15);
-        let centre = dice.direction() * dice.range(0.0, 0.52);
+        let radius = [0.13, 0.085, 0.055, 0.035][(placed.len() / 8).min(3)] * random.range(0.85, 1.15);
+        let centre = random.direction() * random.range(0.0, 0.52);
         if placed.iter().all(|s| s.centre.distance(centre) > s.radius + radius) {
             placed.push(Sphere { centre, radius });
         }

@@ -2,7 +2,7 @@
 //!
 //! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. The sun is to the
 //! left, behind the camera, so that the shadow of the pergola falls across the floor.
-use super::foliage::{Dice, climber, core, crown, leaf_texture};
+use super::foliage::{Random, climber, core, crown, leaf_texture};
 use super::shapes::{Shape, arcade, block, curve, cushion, lathe, line, sphere};
 use super::stage::{Stage, at, dielectric, matte, metal, scaled};
 use crate::scene::{AlphaMode, Daylight, Light, Material, Sampler, Scene, TextureUse, Wrap};
@@ -99,12 +99,12 @@ fn ground(stage: &mut Stage) {
     let bed = stage.material(matte("joints", [0.27, 0.23, 0.18]));
     let grass = stage.material(matte("dry grass", [0.30, 0.29, 0.13]));
     let slab = stage.mesh("slab", block(0.985, 0.10, 0.985, 0.008));
-    let mut dice = Dice::new(7);
+    let mut random = Random::new(7);
     for z in 0..12 {
         for x in 0..12 {
-            let tone = tones[(dice.range(0.0, 4.999)) as usize];
+            let tone = tones[(random.range(0.0, 4.999)) as usize];
             // Slabs are slightly uneven.
-            let height = -0.10 - dice.range(0.0, 0.003);
+            let height = -0.10 - random.range(0.0, 0.003);
             stage.put(slab, tone, at(x as f32 - HALF + 0.5, height, z as f32 - HALF + 0.5, 0.0));
         }
     }
@@ -530,14 +530,14 @@ fn plants(stage: &mut Stage, p: &Palette) {
     stage.add("wall climber", climbing, p.leaves, at(HALF - 0.16, 1.75, 1.6, 0.0));
     let hedge = stage.mesh("hedge bush", crown(33, Vec3::new(0.75, 0.55, 0.55), 200, 0.33));
     let hedge_core = stage.mesh("hedge core", core(Vec3::new(0.58, 0.42, 0.42)));
-    let mut dice = Dice::new(4);
+    let mut random = Random::new(4);
     for i in 0..9 {
         let place = scaled(
-            -7.2 - dice.range(0.0, 0.4),
+            -7.2 - random.range(0.0, 0.4),
             0.42,
             -5.4 + 1.3 * i as f32,
-            dice.range(0.0, 360.0),
-            dice.range(0.9, 1.25),
+            random.range(0.0, 360.0),
+            random.range(0.9, 1.25),
         );
         stage.put(hedge, p.olive, place);
         stage.put(hedge_core, p.shade, place);

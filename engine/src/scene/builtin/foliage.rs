@@ -8,13 +8,13 @@ use std::f32::consts::TAU;
 const EDGE: usize = 128;
 
 /// A small pseudo-random generator (PCG, O'Neill 2014), so that every run has the same plants.
-pub(super) struct Dice(u64);
+pub(super) struct Random(u64);
 
-impl Dice {
+impl Random {
     pub fn new(seed: u64) -> Self {
-        let mut dice = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        dice.next();
-        dice
+        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        random.next();
+        random
     }
 
     fn next(&mut self) -> u32 {
@@ -83,18 +83,18 @@ pub(super) fn leaf_texture() -> Texture {
 
 /// Leaf cards scattered over an ellipsoid around the origin, with normals pointing outwards. Needs a double-sided material.
 pub(super) fn crown(seed: u64, half: Vec3, cards: usize, size: f32) -> Shape {
-    let mut dice = Dice::new(seed);
+    let mut random = Random::new(seed);
     let mut shape = Shape::default();
     for _ in 0..cards {
-        let out = dice.direction();
+        let out = random.direction();
         // A few bumps on the ellipsoid give it an irregular outline.
         let lump = 1.0 + 0.10 * (5.0 * out.x + 1.0).sin() * (4.0 * out.y).cos() + 0.06 * (7.0 * out.z + 2.0).sin();
-        let centre = out * half * lump * dice.range(0.80, 1.0);
+        let centre = out * half * lump * random.range(0.80, 1.0);
         let normal = (out / half).normalize();
-        let size = size * dice.range(0.75, 1.25);
+        let size = size * random.range(0.75, 1.25);
         // Twigs point outwards and upwards, with some randomness.
-        let up = (normal * 0.6 + Vec3::Y * 0.5 + dice.direction() * 0.7).normalize_or(Vec3::Y);
-        let right = up.cross(dice.direction()).normalize_or(Vec3::X);
+        let up = (normal * 0.6 + Vec3::Y * 0.5 + random.direction() * 0.7).normalize_or(Vec3::Y);
+        let right = up.cross(random.direction()).normalize_or(Vec3::X);
         card(&mut shape, centre, right * (0.5 * size), up * (0.5 * size), normal);
     }
     shape
@@ -102,17 +102,17 @@ pub(super) fn crown(seed: u64, half: Vec3, cards: usize, size: f32) -> Shape {
 
 /// Leaf cards in a box around the origin: a climber on a wall (thin in z) or on a pergola (thin in y).
 pub(super) fn climber(seed: u64, half: Vec3, outward: Vec3, cards: usize, size: f32) -> Shape {
-    let mut dice = Dice::new(seed);
+    let mut random = Random::new(seed);
     let mut shape = Shape::default();
     for _ in 0..cards {
         // Denser in the middle than at the edges.
-        let mut bell = || 0.5 * (dice.range(-1.0, 1.0) + dice.range(-1.0, 1.0));
+        let mut bell = || 0.5 * (random.range(-1.0, 1.0) + random.range(-1.0, 1.0));
         let centre = half * Vec3::new(bell(), bell(), bell()) * 1.2;
-        let turn = Quat::from_axis_angle(outward, dice.range(0.0, TAU));
-        let normal = (outward + dice.direction() * 0.55).normalize_or(outward);
+        let turn = Quat::from_axis_angle(outward, random.range(0.0, TAU));
+        let normal = (outward + random.direction() * 0.55).normalize_or(outward);
         let right = turn * normal.any_orthonormal_vector();
         let right = (right - normal * normal.dot(right)).normalize_or(normal.any_orthonormal_vector());
-        let size = 0.5 * size * dice.range(0.75, 1.25);
+        let size = 0.5 * size * random.range(0.75, 1.25);
         card(&mut shape, centre, right * size, normal.cross(right) * size, normal);
     }
     shape

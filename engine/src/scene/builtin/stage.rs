@@ -9,6 +9,12 @@ pub(super) struct Stage {
     pub scene: Scene,
 }
 
+/// Times of an animation channel, and the values at them.
+pub(super) struct Keyframes {
+    pub times: Vec<f32>,
+    pub values: Vec<f32>,
+}
+
 /// A matte material with an albedo.
 pub(super) fn matte(name: &str, colour: [f32; 3]) -> Material {
     dielectric(name, colour, 0.9)
@@ -99,13 +105,8 @@ impl Stage {
     }
 
     /// Adds a channel to the last animation; `times` are in seconds.
-    pub fn channel(
-        &mut self,
-        node: u32,
-        property: Property,
-        interpolation: Interpolation,
-        (times, values): (Vec<f32>, Vec<f32>),
-    ) {
+    pub fn channel(&mut self, node: u32, property: Property, interpolation: Interpolation, keyframes: Keyframes) {
+        let Keyframes { times, values } = keyframes;
         if let Some(animation) = self.scene.animations.last_mut() {
             animation.duration = times.last().map_or(animation.duration, |t| animation.duration.max(f64::from(*t)));
             animation.channels.push(Channel { node, property, interpolation, times, values });

@@ -13,7 +13,7 @@ use magpie_shaders::{ACCELERATION_DEFORM_COMP, Address};
 use std::sync::Arc;
 
 /// Workgroups per dimension that every Vulkan device supports (`maxComputeWorkGroupCount`).
-const MOST_GROUPS: u32 = 65535;
+const MAX_GROUPS: u32 = 65535;
 
 /// All deforming instances.
 pub(super) struct Deformation {
@@ -150,7 +150,8 @@ impl Deformation {
         g: &mut FrameGraph,
         imports: &mut Imports,
         pose: &Pose,
-        (animated, cut): (bool, bool),
+        animated: bool,
+        cut: bool,
         vertices: Handle<GraphBuffer>,
     ) -> Result<(Handle<GraphBuffer>, bool), GpuError> {
         let desc = BufferDesc::new(self.memory.bytes());
@@ -184,7 +185,7 @@ impl Deformation {
             first: first.into(),
         };
         let kernel = self.kernel;
-        let across = self.job_count.min(MOST_GROUPS);
+        let across = self.job_count.min(MAX_GROUPS);
         let groups = [across, self.job_count.div_ceil(across), 1];
         let memory = g.pass("acceleration.deform", Queue::Graphics, |p| {
             p.read(posed.read());

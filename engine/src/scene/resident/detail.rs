@@ -2,10 +2,10 @@
 use crate::scene::Mesh;
 
 /// Meshes with fewer triangles are not simplified.
-const LEAST: usize = 64;
+const MIN_TRIANGLES: usize = 64;
 
 /// Largest deviation of a simplified surface, as a fraction of the mesh's diagonal. A mesh that exceeds it keeps more triangles.
-const FURTHEST: f32 = 0.01;
+const MAX_DEVIATION: f32 = 0.01;
 
 /// A simplified mesh: other triangles over the same vertices.
 pub(super) struct Reduced {
@@ -19,12 +19,12 @@ pub(super) struct Reduced {
 /// The mesh with a fraction `detail` of its triangles, 0 to 1; `None` if it is not simplified.
 pub(super) fn reduce(mesh: &Mesh, detail: f32) -> Option<Reduced> {
     let triangles = mesh.indices.len() / 3;
-    if detail >= 1.0 || triangles < LEAST {
+    if detail >= 1.0 || triangles < MIN_TRIANGLES {
         return None;
     }
     let [min, max] = mesh.bounds()?;
     let wanted = (triangles as f32 * detail).ceil() as usize * 3;
-    let furthest = (max - min).length() * FURTHEST;
+    let furthest = (max - min).length() * MAX_DEVIATION;
     let positions = bytemuck::cast_slice(&mesh.positions);
     let vertices = meshopt::VertexDataAdapter::new(positions, size_of::<glam::Vec3>(), 0).ok()?;
     let mut deviation = 0.0;
@@ -66,7 +66,7 @@ mod tests {
             mesh.indices.len()
         );
         let diagonal = 2.0_f32.sqrt() * 1.01;
-        assert!(reduced.deviation <= FURTHEST * diagonal, "{}", reduced.deviation);
+        assert!(reduced.deviation <= MAX_DEVIATION * diagonal, "{}", reduced.deviation);
         assert!(reduced.indices.iter().all(|i| (*i as usize) < mesh.positions.len()));
     }
 

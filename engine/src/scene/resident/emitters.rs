@@ -4,13 +4,13 @@ use super::{ResidentError, ResidentScene};
 use crate::gpu::{Buffer, BufferUse, Gpu};
 use crate::graph::execute::Executor;
 use crate::scene::Scene;
-use crate::scene::odds::Emitters;
+use crate::scene::light_sampling::Emitters;
 use magpie_shaders::reference::LightTables;
 use std::sync::Arc;
 
 /// The emitters of a scene.
 pub(super) struct Emission {
-    odds: Option<Emitters>,
+    emitters: Option<Emitters>,
     /// [`LightTables`] with only `near` and `emitters` set, followed by these two tables.
     pub buffer: Option<Arc<Buffer>>,
 }
@@ -18,7 +18,7 @@ pub(super) struct Emission {
 impl Emission {
     /// Computes the table, without uploading it.
     pub fn new(scene: &Scene) -> Self {
-        Self { odds: Emitters::new(scene), buffer: None }
+        Self { emitters: Emitters::new(scene), buffer: None }
     }
 
     pub fn bytes(&self) -> u64 {
@@ -34,7 +34,7 @@ impl ResidentScene {
     /// Out of memory, or device loss.
     pub fn want_emitters(&mut self, gpu: &Gpu, wanted: bool) -> Result<(), ResidentError> {
         let emission = &mut self.emission;
-        let Some(odds) = emission.odds.as_ref().filter(|_| wanted) else {
+        let Some(emitters) = emission.emitters.as_ref().filter(|_| wanted) else {
             emission.buffer = None;
             return Ok(());
         };
@@ -43,11 +43,11 @@ impl ResidentScene {
         }
         let mut block = Block::default();
         block.add(&[LightTables::default()]);
-        let (near, first) = (block.add(&odds.choices), block.add(&odds.first));
+        let (near, first) = (block.add(&emitters.choices), block.add(&emitters.first));
         let buffer = block.buffer(gpu, "scene emitters", BufferUse::Storage)?;
         let root = LightTables {
             near: buffer.address().offset(near),
-            near_count: odds.choices.len() as u32,
+            near_count: emitters.choices.len() as u32,
             emitters: buffer.address().offset(first),
             ..LightTables::default()
         };

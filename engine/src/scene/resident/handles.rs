@@ -14,7 +14,7 @@ pub struct SceneHandles {
     pub deformed: Option<Handle<Buffer>>,
     /// Indices of every mesh, one after another.
     pub indices: Handle<Buffer>,
-    /// By what odds emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
+    /// The probabilities with which emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
     /// nobody [asked](super::ResidentScene::want_emitters).
     pub emitters: Option<Handle<Buffer>>,
     /// The acceleration structure.

@@ -18,7 +18,7 @@ pub use policy::{Culling, Policy};
 pub use sketch::SceneSketch;
 pub use state::Moment;
 
-use super::odds::emits;
+use super::light_sampling::emits;
 use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene, SceneFacts};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
@@ -340,9 +340,9 @@ impl ResidentScene {
     }
 
     /// Goes to a moment: the next frame that is declared shows it.
-    pub fn go(&mut self, moment: &Moment) {
+    pub fn set_moment(&mut self, moment: &Moment) {
         let shifted = self.state.origin != moment.origin;
-        self.changed |= self.state.go(moment);
+        self.changed |= self.state.set_moment(moment);
         self.cut = moment.cut;
         if shifted || self.state.is_animated() {
             self.place();
@@ -360,9 +360,9 @@ impl ResidentScene {
 
     /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off. Without such a light
     /// nothing happens.
-    pub fn dim(&mut self, light: u32, factor: f32) {
-        self.state.dim(light as usize, factor);
-        Arc::make_mut(&mut self.facts).dim(light as usize, factor);
+    pub fn scale_light(&mut self, light: u32, factor: f32) {
+        self.state.scale_light(light as usize, factor);
+        Arc::make_mut(&mut self.facts).scale_light(light as usize, factor);
     }
 
     /// What the scene is made of, with lights as they are dimmed now.
@@ -412,8 +412,8 @@ impl ResidentScene {
         // Vertices that move.
         let (mut deformed, mut changed) = (None, None);
         if let Some(deformation) = &mut self.deformation {
-            let how = (self.state.is_animated(), self.cut);
-            let (made, anew) = deformation.declare(g, imports, &self.state.pose, how, vertices)?;
+            let (made, anew) =
+                deformation.declare(g, imports, &self.state.pose, self.state.is_animated(), self.cut, vertices)?;
             deformed = Some(made);
             changed = deformed.filter(|_| anew);
         }

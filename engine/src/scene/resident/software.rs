@@ -42,7 +42,9 @@ impl Software {
     ) -> Result<Self, ResidentError> {
         let start = Instant::now();
         let scene = geometry.scene;
-        let trees: Vec<MeshBvh> = scene.meshes.par_iter().zip(geometry.reduced).map(tree).collect::<Result<_, _>>()?;
+        let meshes = scene.meshes.par_iter().zip(geometry.reduced);
+        let trees: Vec<MeshBvh> =
+            meshes.map(|(mesh, reduced)| tree(mesh, reduced.as_ref())).collect::<Result<_, _>>()?;
         let deforming = deformation.map(|(d, pose)| Trees::new(gpu, executor, scene, &d.meshes, pose)).transpose()?;
         report.bottom_ms = start.elapsed().as_secs_f64() * 1e3;
 
@@ -112,9 +114,9 @@ impl Software {
 }
 
 /// The bottom level of a mesh, simplified if it has less detail for rays.
-fn tree((mesh, reduced): (&Mesh, &Option<Reduced>)) -> Result<MeshBvh, crate::ray::RayError> {
+fn tree(mesh: &Mesh, reduced: Option<&Reduced>) -> Result<MeshBvh, crate::ray::RayError> {
     let built = if mesh.spheres.is_empty() {
-        MeshBvh::build(&mesh.positions, reduced.as_ref().map_or(&mesh.indices, |r| &r.indices))
+        MeshBvh::build(&mesh.positions, reduced.map_or(&mesh.indices, |r| &r.indices))
     } else {
         MeshBvh::build_spheres(&mesh.spheres.iter().map(|s| (s.centre, s.radius)).collect::<Vec<_>>())
     };
@@ -230,7 +232,7 @@ struct Tree {
 }
 
 /// Limit on the levels of a BVH; one that deep would be refused earlier because of its stack.
-const MOST_LEVELS: usize = 256;
+const MAX_LEVELS: usize = 256;
 
 impl Trees {
     fn new(
@@ -385,6 +387,6 @@ impl Piece {
         let boxes = primitives_at + align(primitives * size_of::<magpie_shaders::scene::BvhPrimitive>());
         let order = boxes + align(nodes * size_of::<NodeBox>());
         let levels = order + align(nodes * 4);
-        Self { primitives: primitives_at, boxes, order, levels, bytes: levels + align(MOST_LEVELS * 4) }
+        Self { primitives: primitives_at, boxes, order, levels, bytes: levels + align(MAX_LEVELS * 4) }
     }
 }

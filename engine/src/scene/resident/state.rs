@@ -29,10 +29,10 @@ pub(super) struct State {
     animator: Animator,
     pub pose: Pose,
     previous: Vec<DAffine3>,
-    /// For each instance, the number of the call to [`Self::go`] at which it last moved or changed its shape.
+    /// For each instance, the number of the call to [`Self::set_moment`] at which it last moved or changed its shape.
     pub changed: Vec<u64>,
     moments: u64,
-    /// For each light, whether it moved in the last call to [`Self::go`].
+    /// For each light, whether it moved in the last call to [`Self::set_moment`].
     moved_lights: Vec<bool>,
     pub origin: DVec3,
     /// Factor on the intensity of each light.
@@ -100,7 +100,7 @@ impl State {
     }
 
     /// Moves the scene to another time and origin. Returns whether anything changed for ray tracing.
-    pub fn go(&mut self, moment: &Moment) -> bool {
+    pub fn set_moment(&mut self, moment: &Moment) -> bool {
         let shifted = self.origin != moment.origin;
         self.origin = moment.origin;
         self.stale |= shifted;
@@ -133,13 +133,13 @@ impl State {
         shared::Light { intensity: placed.intensity.map(|x| x * self.factors[index]), ..placed }
     }
 
-    /// Whether a light moved in the last call to [`Self::go`].
+    /// Whether a light moved in the last call to [`Self::set_moment`].
     pub fn light_moved(&self, index: usize) -> bool {
         self.moved_lights.get(index).copied().unwrap_or(false)
     }
 
     /// Scales the intensity of a light by a factor, from the next frame on. Ignored if the light does not exist.
-    pub fn dim(&mut self, light: usize, factor: f32) {
+    pub fn scale_light(&mut self, light: usize, factor: f32) {
         if let Some(known) = self.factors.get_mut(light) {
             self.stale |= *known != factor;
             *known = factor;

@@ -20,7 +20,7 @@ pub(super) fn upload_textures(
             ColourSpace::Linear => Format::Rgba8Unorm,
         };
         let mips: Vec<&[u8]> = texture.mips.iter().map(Vec::as_slice).collect();
-        upload(gpu, executor, &texture.name, (format, Extent::new(texture.size[0], texture.size[1])), &mips)
+        upload(gpu, executor, &texture.name, format, Extent::new(texture.size[0], texture.size[1]), &mips)
     };
     scene.textures.iter().map(one).collect()
 }
@@ -36,7 +36,7 @@ pub(super) fn upload_environment(
     let format = Format::Rgba32Float;
     let texels: Vec<[f32; 4]> = environment.radiance.iter().map(|texel| texel.extend(1.0).to_array()).collect();
     let extent = Extent::new(environment.width, environment.height);
-    let image = upload(gpu, executor, &environment.name, (format, extent), &[bytemuck::cast_slice(&texels)])?;
+    let image = upload(gpu, executor, &environment.name, format, extent, &[bytemuck::cast_slice(&texels)])?;
     let sampler = gpu.bilinear(format, [Wrap::Repeat, Wrap::Clamp])?;
     let sky = environment.to_gpu(image.sampled().unwrap_or(SampledImage::NONE), sampler);
     Ok((image, sky))
@@ -47,7 +47,8 @@ fn upload(
     gpu: &Gpu,
     executor: &mut Executor,
     name: &str,
-    (format, extent): (Format, Extent),
+    format: Format,
+    extent: Extent,
     mips: &[&[u8]],
 ) -> Result<Arc<Image>, ResidentError> {
     let usage = ImageUse { sampled: true, ..Default::default() };

@@ -34,7 +34,7 @@ fn parts(of: [Picture; 4], default: &[Picture; 4]) -> Parts {
 
 fn composer(parts: BTreeMap<String, Parts>) -> Composer {
     let default = frame(1.0, 1.0, 1.0);
-    Composer::new(sum(&default), Display::PLAIN, (sum(&default), Some(default)), parts)
+    Composer::new(sum(&default), Display::PLAIN, sum(&default), Some(default), parts)
 }
 
 fn near(a: &Picture, b: &Picture) {

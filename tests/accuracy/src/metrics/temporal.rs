@@ -8,7 +8,7 @@ use std::cmp::Ordering;
 /// Share of a step at which it counts as complete.
 const REACHED: f64 = 0.9;
 /// Least squared step of a pixel in [`Lag::median_frames`], relative to the greatest.
-const LEAST_STEP: f64 = 1e-4;
+const MIN_STEP: f64 = 1e-4;
 
 /// Temporal variance at a static camera.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -158,7 +158,7 @@ pub fn lag(test: &[Picture], before: &Picture, after: &Picture) -> Result<Lag, M
         test.iter().map(|frame| (0..steps.len()).map(|at| response(frame, at)).sum::<f64>() / all).collect();
     let frames = curve.iter().position(|&part| part >= REACHED).map(|at| at + 1);
 
-    let changed = (0..steps.len()).filter(|&at| steps[at] > 0.0 && steps[at] >= LEAST_STEP * greatest);
+    let changed = (0..steps.len()).filter(|&at| steps[at] > 0.0 && steps[at] >= MIN_STEP * greatest);
     let reach = |at: usize| test.iter().position(|frame| response(frame, at) >= REACHED * steps[at]).map(|at| at + 1);
     let mut reached: Vec<usize> = changed.map(|at| reach(at).unwrap_or(usize::MAX)).collect();
     reached.sort_unstable();

@@ -9,7 +9,7 @@ pub use combination::Combination;
 pub use crate::metric::{Image, Judge, Metric};
 
 use crate::AccuracyError;
-use crate::front::{LEAST_OF_FRAME, Point, Standing, interval, middle, quantile};
+use crate::front::{MIN_FRAME_SHARE, Point, Standing, interval, middle, quantile};
 use crate::measure::AREA;
 use crate::metrics::Comparison;
 use crate::plan::Variant;
@@ -33,7 +33,7 @@ pub const REPORT_HTML: &str = "report.html";
 /// Which time counts as a row's price.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Price {
+pub enum TimeScope {
     /// The time of the slot's own passes.
     Stage,
     /// The time of the whole frame, for slots whose settings change the passes of others.
@@ -50,7 +50,8 @@ pub struct Effect {
     /// Metric of the run, which is shown first and used for fronts by default.
     pub metric: Metric,
     /// Which time is the price of its rows.
-    pub price: Price,
+    #[serde(rename = "price")]
+    pub time_scope: TimeScope,
     /// Its variants, the default first.
     pub rows: Vec<Row>,
 }
@@ -223,12 +224,12 @@ pub(crate) fn effect(run: &Run, measurements: &[Measurement], truths: &[TruthInf
     let variants = run.plan.variants.iter().filter(|v| v.slot == slot);
     // These two change the times of other stages: acceleration structures have no passes of their own while nothing moves, and `post` sets
     // the resolution.
-    let price = if ["acceleration", AREA].contains(&slot) { Price::Frame } else { Price::Stage };
-    let rows: Vec<Row> = variants.filter_map(|variant| row(run, measurements, variant, price)).collect();
+    let time_scope = if ["acceleration", AREA].contains(&slot) { TimeScope::Frame } else { TimeScope::Stage };
+    let rows: Vec<Row> = variants.filter_map(|variant| row(run, measurements, variant, time_scope)).collect();
     let Judge { metric, image } = run.judge;
     let has = |image: Image| !rows.is_empty() && rows.iter().all(|r| r.error(image).is_some());
     let judged_by = if has(image) { image } else { Image::Picture };
-    let mut effect = Effect { slot: slot.to_owned(), judged_by, metric, price, rows };
+    let mut effect = Effect { slot: slot.to_owned(), judged_by, metric, time_scope, rows };
     for image in Image::ALL {
         for metric in Metric::ALL {
             let floor = effect.floor(truths, image, metric);
@@ -244,7 +245,7 @@ fn rank(effect: &mut Effect, image: Image, metric: Metric, floor: f64) {
     let Some(errors) = errors else { return };
     let points: Vec<Point> = errors.iter().zip(&effect.rows).map(|(error, row)| row.point(*error)).collect();
     // The default of a slot comes first.
-    let least_ms = LEAST_OF_FRAME * effect.rows.first().map_or(0.0, |r| r.frame_ms);
+    let least_ms = MIN_FRAME_SHARE * effect.rows.first().map_or(0.0, |r| r.frame_ms);
     let (standings, sure) = certainties(&points, floor, least_ms);
     for (((row, standing), error), sure) in effect.rows.iter_mut().zip(standings).zip(errors).zip(sure) {
         row.standing.entry(image).or_default().insert(metric, standing);
@@ -273,7 +274,7 @@ fn change(row: &Row, image: Image, metric: Metric) -> f64 {
 }
 
 /// Results of a variant; none if it was not measured.
-fn row(run: &Run, measurements: &[Measurement], variant: &Variant, price: Price) -> Option<Row> {
+fn row(run: &Run, measurements: &[Measurement], variant: &Variant, time_scope: TimeScope) -> Option<Row> {
     let mut all: Vec<&Measurement> = measurements.iter().filter(|m| m.setup == variant.setup).collect();
     all.sort_by_key(|m| m.round);
     all.first().filter(|m| m.round == 0)?;
@@ -292,9 +293,9 @@ fn row(run: &Run, measurements: &[Measurement], variant: &Variant, price: Price)
         passes: stages.iter().map(|s| s.passes).max().unwrap_or(0),
     };
     let frames: Vec<f64> = of().map(|m| m.cost.frame_ms).collect();
-    let rounds_ms: Vec<f64> = match price {
-        Price::Stage => stages.iter().map(|s| s.ms).collect(),
-        Price::Frame => frames.clone(),
+    let rounds_ms: Vec<f64> = match time_scope {
+        TimeScope::Stage => stages.iter().map(|s| s.ms).collect(),
+        TimeScope::Frame => frames.clone(),
     };
     let mut stages_ms: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for (name, cost) in of().flat_map(|m| &m.cost.stages) {

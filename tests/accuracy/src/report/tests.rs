@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{digits, folder, report};
+use crate::fixture::{digits, folder, report};
 use serde_json::Value;
 
 #[test]
@@ -11,7 +11,10 @@ fn rows_hold_medians_and_know_their_place() {
     // Rounds take 1, 2 and 3 times as long.
     assert_eq!((shadows.rows[0].ms, shadows.rows[0].stage.min_ms, shadows.rows[0].frame_ms), (8.0, 4.0, 40.0));
     assert_eq!(shadows.rows[3].ms, 0.0);
-    assert_eq!((shadows.judged_by, shadows.metric, shadows.price), (Image::Picture, Metric::FlipLdr, Price::Stage));
+    assert_eq!(
+        (shadows.judged_by, shadows.metric, shadows.time_scope),
+        (Image::Picture, Metric::FlipLdr, TimeScope::Stage)
+    );
     assert!(shadows.rows.iter().all(|r| shadows.is_front(r) && r.rounds == [1, 2, 3] && r.sure > 0.9));
     // Shadows are also judged by their own image.
     assert!(shadows.rows.iter().all(|r| r.is_front(Image::Slot, Metric::Rmse)));

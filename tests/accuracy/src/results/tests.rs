@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{digits, folder, measurement, run};
+use crate::fixture::{digits, folder, measurement, run};
 
 #[test]
 fn results_stay_and_a_line_that_is_cut_off_goes() {

@@ -4,7 +4,7 @@ use super::truths::SAMPLE_UNITS;
 use crate::AccuracyError;
 use crate::metric::Judge;
 use crate::plan::Setup;
-use crate::race::{MOST_ROUNDS, Runner, next};
+use crate::race::{MAX_ROUNDS, Runner, next};
 use crate::report::{Effect, effect};
 use crate::results::{Measurement, Results, Run};
 use crate::truth::{Truth, TruthInfo};
@@ -90,7 +90,7 @@ struct Course<'a> {
 }
 
 impl Course<'_> {
-    fn tell(&mut self, what: String) {
+    fn report(&mut self, what: String) {
         self.at.done = (self.by.seconds() as u64).min(self.at.all);
         self.at.what = what;
         (self.progress)(self.at);
@@ -110,7 +110,7 @@ impl Course<'_> {
             if at > 0 && begin + longest > self.limit * ERRORS_UNTIL {
                 break;
             }
-            self.tell(format!("errors, {} of {all}: {}", at + 1, setup.label));
+            self.report(format!("errors, {} of {all}: {}", at + 1, setup.label));
             let measurement = self.by.measure(setup, 0)?;
             self.results.push(measurement)?;
             // The first measurement includes loading the scene.
@@ -137,14 +137,14 @@ impl Course<'_> {
                     if begin + longest > self.limit {
                         return Ok(());
                     }
-                    self.tell(format!("times, round {round}, undecided in {slot}: {}", setup.label));
+                    self.report(format!("times, round {round}, undecided in {slot}: {}", setup.label));
                     let measurement = self.by.measure(setup, round)?;
                     self.results.push(measurement)?;
                     longest = longest.max(self.by.seconds() - begin);
                 }
             }
             if is_decided {
-                self.tell("every place is clear".to_owned());
+                self.report("every place is clear".to_owned());
                 return Ok(());
             }
         }
@@ -155,7 +155,7 @@ impl Course<'_> {
     fn mine<'s>(&self, setups: &[&'s Setup], runners: &[String]) -> Vec<&'s Setup> {
         let default = self.run.plan.default_setup().map_or("", |s| s.id.as_str());
         let rounds = |id: &str| self.results.measurements.iter().filter(|m| m.setup == id).count();
-        let goes_on = |id: &str| id == default || rounds(id) < 2 * MOST_ROUNDS;
+        let goes_on = |id: &str| id == default || rounds(id) < 2 * MAX_ROUNDS;
         let known = runners.iter().filter_map(|id| setups.iter().copied().find(|s| s.id == *id));
         let mine: Vec<&Setup> = known.filter(|s| goes_on(&s.id)).collect();
         if mine.iter().all(|s| s.id == default) { Vec::new() } else { mine }

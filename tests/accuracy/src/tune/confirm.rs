@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Most combinations that are rendered per goal.
-const MOST_RENDERED: usize = 8;
+const MAX_RENDERED: usize = 8;
 /// Rounds in which a choice and the default are timed alternately.
 const ROUNDS: u32 = 5;
 
@@ -112,13 +112,13 @@ impl<'a> Confirmer<'a> {
 /// # Errors
 /// [`AccuracyError::Unreachable`], and any error of `render`.
 pub fn confirmed(tuner: &mut Tuner<'_>, goal: Goal, render: Render<'_>) -> Result<Choice, AccuracyError> {
-    for _ in 0..MOST_RENDERED {
+    for _ in 0..MAX_RENDERED {
         let choice = tuner.choose(goal)?;
         if choice.found.is_some() {
             return Ok(choice);
         }
         let found = render(&tuner.config(&choice))?;
-        tuner.learn(&choice, found);
+        tuner.record_result(&choice, found);
     }
     // Out of attempts: the best of those that were rendered.
     tuner.choose_rendered(goal)

@@ -67,7 +67,8 @@ pub fn table(tuner: &Tuner<'_>, rungs: &[Rung]) -> String {
             Ok(choice) => {
                 let stops = choice.found.map_or("-".to_owned(), |f| format!("{:+.2}", f.stops));
                 let error = figure(choice.error());
-                let _ = writeln!(text, "{:>10.3} {error:>10} {stops:>8}  {}", choice.ms(), tuner.told(choice));
+                let _ =
+                    writeln!(text, "{:>10.3} {error:>10} {stops:>8}  {}", choice.ms(), tuner.describe_changes(choice));
             }
             Err(why) => {
                 let _ = writeln!(text, "{why}");

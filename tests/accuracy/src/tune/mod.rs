@@ -15,7 +15,7 @@ use crate::compose::Composer;
 use crate::display::Display;
 use crate::front::middle;
 use crate::metric::{Image, Metric};
-use crate::report::{Effect, Price, Report, Row};
+use crate::report::{Effect, Report, Row, TimeScope};
 use crate::results::{IMAGES, Run};
 use magpie::config::Config;
 use rayon::prelude::*;
@@ -139,9 +139,9 @@ impl<'a> Tuner<'a> {
             let mut own = *usual;
             for (effect, (at, d)) in chosen() {
                 let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
-                if effect.slot == *stage && effect.price == Price::Stage {
+                if effect.slot == *stage && effect.time_scope == TimeScope::Stage {
                     own = row.ms * speed(effect, row, d);
-                } else if effect.price == Price::Frame && at_differs(row, d) {
+                } else if effect.time_scope == TimeScope::Frame && at_differs(row, d) {
                     let (now, before) = (row.stages_ms.get(stage), d.stages_ms.get(stage));
                     let ratio = now.zip(before).filter(|(_, b)| **b > 0.0).map(|(now, before)| now / before);
                     own *= ratio.map_or(1.0, |ratio| ratio * speed(effect, row, d));
@@ -149,12 +149,14 @@ impl<'a> Tuner<'a> {
             }
             ms += own;
         }
-        // Slots without passes by default, and time between passes that rows with `Price::Frame` change.
+        // Slots without passes by default, and time between passes that rows with `TimeScope::Frame` change.
         for (effect, (at, d)) in chosen() {
             let (row, d) = (&effect.rows[*at], &effect.rows[*d]);
-            match effect.price {
-                Price::Stage if !default.stages_ms.contains_key(&effect.slot) => ms += row.ms * speed(effect, row, d),
-                Price::Frame if at_differs(row, d) => ms += rest(row) * speed(effect, row, d) - rest(d),
+            match effect.time_scope {
+                TimeScope::Stage if !default.stages_ms.contains_key(&effect.slot) => {
+                    ms += row.ms * speed(effect, row, d)
+                }
+                TimeScope::Frame if at_differs(row, d) => ms += rest(row) * speed(effect, row, d) - rest(d),
                 _ => {}
             }
         }
@@ -227,7 +229,7 @@ impl<'a> Tuner<'a> {
     }
 
     /// Stores the measured result of a choice.
-    pub fn learn(&mut self, choice: &Choice, found: Found) {
+    pub fn record_result(&mut self, choice: &Choice, found: Found) {
         if let Some(known) = self.choices.iter_mut().find(|c| c.rows == choice.rows) {
             known.found = Some(found);
         }
@@ -328,13 +330,13 @@ impl<'a> Tuner<'a> {
     }
 
     /// Lists what differs from the defaults.
-    pub fn told(&self, choice: &Choice) -> String {
+    pub fn describe_changes(&self, choice: &Choice) -> String {
         let all = self.report.effects.iter().zip(choice.rows.iter().zip(&self.defaults));
-        let told = |(effect, (at, default)): (&Effect, (&usize, &usize))| {
+        let describe = |(effect, (at, default)): (&Effect, (&usize, &usize))| {
             (at != default).then(|| format!("{}: {}", effect.slot, effect.rows[*at].variant.label))
         };
-        let told: Vec<String> = all.filter_map(told).collect();
-        if told.is_empty() { "none".to_owned() } else { told.join("; ") }
+        let changes: Vec<String> = all.filter_map(describe).collect();
+        if changes.is_empty() { "none".to_owned() } else { changes.join("; ") }
     }
 }
 
@@ -348,7 +350,7 @@ fn speed(effect: &Effect, row: &Row, default: &Row) -> f64 {
     let (a, b) = (row.point(0.0).ms, default.point(0.0).ms);
     let ratio = |(round, ms): (&u32, &f64)| b.get(round).filter(|b| **b > 0.0).map(|b| ms / b);
     let mut ratios: Vec<f64> = a.range(1..).filter_map(ratio).collect();
-    if ratios.is_empty() && effect.price == Price::Stage {
+    if ratios.is_empty() && effect.time_scope == TimeScope::Stage {
         let others = |row: &Row| -> f64 { row.stages_ms.iter().filter(|s| *s.0 != effect.slot).map(|s| s.1).sum() };
         return if others(row) > 0.0 { others(default) / others(row) } else { 1.0 };
     }

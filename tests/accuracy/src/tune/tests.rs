@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{catalogue, composer, report};
+use crate::fixture::{catalogue, composer, report};
 
 fn tuner(report: &Report) -> Tuner<'_> {
     Tuner::with(report, Path::new("made up"), composer(), Metric::FlipLdr).unwrap()
@@ -56,7 +56,7 @@ fn the_default_promises_what_was_measured() {
     let measured = report.effects[0].rows[tuner.defaults[0]].error(Image::Picture).unwrap();
     assert!((defaults.predicted_error - measured.flip_ldr).abs() < 1e-9);
     assert_eq!(tuner.config(&defaults), report.run.plan.default_setup().unwrap().config);
-    assert_eq!(tuner.told(&defaults), "none");
+    assert_eq!(tuner.describe_changes(&defaults), "none");
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn sky_or_none(metric: Metric) -> String {
     };
     let whole = crate::compose::Parts::of_whole;
     let parts = [(id("gi", "off"), whole(off)), (id("gi", "sky, precision 16"), whole(default.clone()))];
-    let composer = Composer::new(truth, Display::PLAIN, (default, None), parts.into());
+    let composer = Composer::new(truth, Display::PLAIN, default, None, parts.into());
     let tuner = Tuner::with(&report, Path::new("made up"), composer, metric).unwrap();
     let best = tuner.choose(Goal::Budget(1000.0)).unwrap();
     tuner.config(&best).stages["gi"].clone()
@@ -153,12 +153,12 @@ fn one_wrong_prediction_does_not_hide_better_choices() {
     let wrong = tuner.choices.iter().find(|c| unlike(c) > 1).unwrap().clone();
     for (choice, factor) in [(&like, 1.0), (&wrong, 4.0)] {
         let found = Found { ms: choice.predicted_ms, error: factor * choice.predicted_error, stops: 0.0 };
-        tuner.learn(choice, found);
+        tuner.record_result(choice, found);
     }
     assert_eq!(tuner.choose(Goal::Budget(1000.0)).unwrap().rows, best.rows);
     // Nor does a deviation of the nearest one change their order.
     let found = Found { ms: like.predicted_ms, error: 1.3 * like.predicted_error, stops: 0.0 };
-    tuner.learn(&like, found);
+    tuner.record_result(&like, found);
     assert_eq!(tuner.choose(Goal::Budget(1000.0)).unwrap().rows, best.rows);
 }
 

@@ -1,6 +1,6 @@
 //! A choice as a commented configuration file.
 use super::{Choice, Goal, Tuner, figure};
-use crate::report::{Effect, Price, Row};
+use crate::report::{Effect, Row, TimeScope};
 use magpie::config::{Catalogue, STAGES, Value};
 use std::fmt::Write;
 
@@ -35,7 +35,7 @@ impl Tuner<'_> {
         let _ = writeln!(toml, "# defaults: {metric} {}, {:.3} ms\n\n[{STAGES}]", figure(default), self.frame_ms);
         let mut lines: Vec<(String, String)> = Vec::new();
         for (slot, implementation) in &config.stages {
-            lines.push((format!("{slot} = \"{implementation}\""), self.about_slot(choice, slot)));
+            lines.push((format!("{slot} = \"{implementation}\""), self.slot_comment(choice, slot)));
         }
         aligned(&mut toml, &lines);
         for (slot, values) in &config.settings {
@@ -44,7 +44,7 @@ impl Tuner<'_> {
                 .iter()
                 .map(|(key, value)| {
                     let unit = specs.and_then(|i| i.settings.iter().find(|s| s.key == key)).map_or("", |s| s.unit);
-                    (format!("{key} = {}", toml_value(value)), self.about_setting(choice, slot, key, unit))
+                    (format!("{key} = {}", toml_value(value)), self.setting_comment(choice, slot, key, unit))
                 })
                 .collect();
             let _ = writeln!(toml, "\n[{slot}]");
@@ -58,11 +58,11 @@ impl Tuner<'_> {
     }
 
     /// Cost of a slot's row, and the effect of its neighbours on the front.
-    fn about_slot(&self, choice: &Choice, slot: &str) -> String {
+    fn slot_comment(&self, choice: &Choice, slot: &str) -> String {
         let Some((place, effect)) = self.place(slot) else { return "not measured: as by default".to_owned() };
         let at = choice.rows[place];
         let row = &effect.rows[at];
-        let of_what = if effect.price == Price::Frame { " of the whole frame" } else { "" };
+        let of_what = if effect.time_scope == TimeScope::Frame { " of the whole frame" } else { "" };
         let mut text = format!("{:.3} ms{of_what}", row.ms);
         if effect.rows.len() < 2 {
             return text;
@@ -79,7 +79,7 @@ impl Tuner<'_> {
             }
         }
         for other in [cheaper, better].into_iter().flatten() {
-            text += &format!("; {}", self.instead(choice, place, other));
+            text += &format!("; {}", self.effect_of_change(choice, place, other));
         }
         if cheaper.is_none() && better.is_none() {
             text += "; nothing else is on its front";
@@ -88,7 +88,7 @@ impl Tuner<'_> {
     }
 
     /// `"off" would save 3.1 ms, relMSE 0.21 -> 0.45`.
-    fn instead(&self, choice: &Choice, place: usize, other: usize) -> String {
+    fn effect_of_change(&self, choice: &Choice, place: usize, other: usize) -> String {
         let mut rows = choice.rows.clone();
         rows[place] = other;
         let label = &self.report.effects[place].rows[other].variant.label;
@@ -101,7 +101,7 @@ impl Tuner<'_> {
     }
 
     /// Effect of another value of a setting.
-    fn about_setting(&self, choice: &Choice, slot: &str, key: &str, unit: &str) -> String {
+    fn setting_comment(&self, choice: &Choice, slot: &str, key: &str, unit: &str) -> String {
         let unit = if unit.is_empty() { String::new() } else { format!("{unit}; ") };
         let Some((place, effect)) = self.place(slot) else { return format!("{unit}not measured: as by default") };
         let row = &effect.rows[choice.rows[place]];
@@ -117,7 +117,7 @@ impl Tuner<'_> {
         let default = self.report.run.plan.default_setup().map_or("", |s| s.id.as_str());
         let known = |other: &Row| self.composer.knows(&other.variant.setup, default);
         match effect.rows.iter().position(|other| differs_in_key(other) && known(other)) {
-            Some(other) => format!("{unit}{}", self.instead(choice, place, other)),
+            Some(other) => format!("{unit}{}", self.effect_of_change(choice, place, other)),
             None => format!("{unit}as by default"),
         }
     }

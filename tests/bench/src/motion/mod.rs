@@ -6,11 +6,12 @@ mod report;
 pub use paths::{Moment, Path, Turned, around, paths, stand};
 pub use report::MotionReport;
 
-use magpie::config::{Catalogue, Config, ConfigError};
+use crate::FrameBenchError;
+use magpie::config::{Catalogue, Config};
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
 use magpie::scene::Scene;
-use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use serde::Serialize;
 
 /// Frames of eight rays per pixel that a ground truth is the mean of.
@@ -35,30 +36,6 @@ pub struct MotionOptions {
     pub config: Config,
     /// Commit of the build, for the report.
     pub commit: String,
-}
-
-/// Why nothing was measured.
-#[derive(Debug, thiserror::Error)]
-pub enum MotionError {
-    /// Rendering a frame failed.
-    #[error("{label}: {source}")]
-    Render {
-        /// Label of the contestant.
-        label: String,
-        /// Its error.
-        source: Box<RenderError>,
-    },
-    /// The slot does not accept the required settings.
-    #[error(transparent)]
-    Config(Box<ConfigError>),
-    /// The slot has no output image.
-    #[error("{path}: the slot `{slot}` gives no image here")]
-    NoImage {
-        /// Name of the path.
-        path: &'static str,
-        /// Name of the slot.
-        slot: String,
-    },
 }
 
 /// A variant of the slot's settings to compare.
@@ -122,24 +99,25 @@ impl Bench {
         gpu: &Gpu,
         scene: &Scene,
         options: &MotionOptions,
-        (label, changes): (&str, &[(&str, &str)]),
-    ) -> Result<Self, MotionError> {
+        label: &str,
+        changes: &[(&str, &str)],
+    ) -> Result<Self, FrameBenchError> {
         let config = config(options, changes)?;
         let MotionOptions { size: [width, height], rays, seed, .. } = *options;
         let render = RenderOptions { width, height, seed, rays, check: false };
-        let failed = |source| MotionError::Render { label: label.to_owned(), source: Box::new(source) };
+        let failed = FrameBenchError::render(label);
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, render).map_err(failed)?;
         renderer.read_slots(&[&options.slot]).map_err(failed)?;
         Ok(Self { renderer, slot: options.slot.clone(), lights: scene.lights.len() as u32, label: label.to_owned() })
     }
 
-    fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, MotionError> {
-        (0..self.lights).for_each(|light| self.renderer.dim(light, moment.light));
+    fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, FrameBenchError> {
+        (0..self.lights).for_each(|light| self.renderer.scale_light(light, moment.light));
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
-        let failed = |source| MotionError::Render { label: self.label.clone(), source: Box::new(source) };
+        let failed = FrameBenchError::render(&self.label);
         let result = self.renderer.frame(request).map_err(failed)?;
         let image = result.and_then(|r| r.slots.into_iter().next()).and_then(|(_, image)| image);
-        let none = || MotionError::NoImage { path: path.name, slot: self.slot.clone() };
+        let none = || FrameBenchError::NoImage { path: path.name, slot: self.slot.clone() };
         let image = image.ok_or_else(none)?;
         let channels = image.format.channels() as usize;
         Ok(image.values().iter().flat_map(|v| v[..channels].iter().map(|x| f64::from(*x))).collect())
@@ -147,25 +125,24 @@ impl Bench {
 }
 
 /// The configuration with changes to the slot's settings; those that its implementation does not have are skipped.
-fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, MotionError> {
-    let wrong = |error| MotionError::Config(Box::new(error));
+fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, FrameBenchError> {
     let catalogue: Catalogue = Slots::default().catalogue();
     let slot = catalogue.slot(&options.slot);
     let mut config = options.config.clone();
-    config.set(&format!("stages.{}=ray-traced", options.slot)).map_err(wrong)?;
+    config.set(&format!("stages.{}=ray-traced", options.slot))?;
     for (key, value) in changes {
         let known = slot.and_then(|s| s.implementation("ray-traced"));
         if known.is_none_or(|i| i.settings.iter().any(|s| s.key == *key)) {
-            config.set(&format!("{}.{key}={value}", options.slot)).map_err(wrong)?;
+            config.set(&format!("{}.{key}={value}", options.slot))?;
         }
     }
-    catalogue.check(&config, "bench motion").map_err(wrong)?;
+    catalogue.check(&config, "bench motion")?;
     Ok(config)
 }
 
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
-fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>, MotionError> {
-    let mut bench = Bench::new(gpu, &path.scene, options, ("truth", TRUE))?;
+fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>, FrameBenchError> {
+    let mut bench = Bench::new(gpu, &path.scene, options, "truth", TRUE)?;
     let mut truths = Vec::with_capacity(path.moments.len());
     for moment in &path.moments {
         let mut sums = bench.frame(path, moment)?;
@@ -181,8 +158,8 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>
 /// Renders one path with every contestant.
 ///
 /// # Errors
-/// [`MotionError`].
-pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Course>, MotionError> {
+/// [`FrameBenchError`].
+pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Course>, FrameBenchError> {
     let truths = truths(gpu, path, options)?;
     let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
     let true_means: Vec<f64> = truths.iter().map(mean).collect();
@@ -194,7 +171,7 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
             continue; // the effect does not have this setting
         }
         configs.push(config);
-        let mut bench = Bench::new(gpu, &path.scene, options, (label, changes))?;
+        let mut bench = Bench::new(gpu, &path.scene, options, label, changes)?;
         if let Some(before) = &path.before {
             for _ in 0..WARM_UP {
                 bench.frame(path, before)?;
@@ -215,13 +192,13 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
 /// Renders every path of the scene.
 ///
 /// # Errors
-/// [`MotionError`].
+/// [`FrameBenchError`].
 pub fn run(
     gpu: &Gpu,
     scene: &Scene,
     options: &MotionOptions,
     mut progress: impl FnMut(&str),
-) -> Result<MotionReport, MotionError> {
+) -> Result<MotionReport, FrameBenchError> {
     let mut courses = Vec::new();
     for path in paths(scene, options.frames) {
         progress(path.name);

@@ -1,5 +1,5 @@
 //! The features to combine. A new effect is added as a line of [`FEATURES`].
-use super::{PairsError, wrong};
+use crate::FrameBenchError;
 use glam::{DVec3, Vec3};
 use magpie::config::{Config, Value};
 use magpie::graph::Switches;
@@ -69,22 +69,22 @@ const TRUE: [&str; 8] = [
 ];
 
 /// The configuration with changes; settings that the slot's implementation does not have are skipped.
-fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, PairsError> {
+fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Result<Config, FrameBenchError> {
     let catalogue = Slots::default().catalogue();
     let mut config = config.clone();
     let changes: Vec<&str> = changes.into_iter().collect();
     // Implementations first, as they decide which settings exist.
     for stage in changes.iter().filter(|change| change.starts_with("stages.")) {
-        config.set(stage).map_err(wrong)?;
+        config.set(stage)?;
     }
     for change in changes.iter().filter(|change| !change.starts_with("stages.")) {
         let mut with = config.clone();
-        with.set(change).map_err(wrong)?;
+        with.set(change)?;
         if catalogue.check(&with, "bench pairs").is_ok() {
             config = with;
         }
     }
-    catalogue.check(&config, "bench pairs").map_err(wrong)?;
+    catalogue.check(&config, "bench pairs")?;
     Ok(config)
 }
 
@@ -101,7 +101,7 @@ pub fn traces_ao(config: &Config) -> bool {
 }
 
 /// The configuration without noise, sampled at pixel centres or averaged over pixels.
-pub fn settle(config: &Config, anti_aliased: bool, traced_ao: bool) -> Result<Config, PairsError> {
+pub fn settle(config: &Config, anti_aliased: bool, traced_ao: bool) -> Result<Config, FrameBenchError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
     let traced = traced_ao.then_some("stages.ao=ray-traced");
     change(config, TRUE.into_iter().chain([sampled]).chain(traced))
@@ -112,7 +112,7 @@ pub fn combine(
     config: &Config,
     rays: Rays,
     [first, second]: [&Feature; 2],
-) -> Result<Option<(Config, Rays, Switches)>, PairsError> {
+) -> Result<Option<(Config, Rays, Switches)>, FrameBenchError> {
     let key = |setting: &str| setting.split_once('=').map(|(key, _)| key.to_owned());
     let opposed = first.settings.iter().any(|a| second.settings.iter().any(|b| key(a) == key(b) && a != b));
     let ways = first.rays.is_some() && second.rays.is_some() && first.rays != second.rays;

@@ -6,13 +6,14 @@ mod report;
 pub use features::{FEATURES, Feature};
 pub use report::PairsReport;
 
+use crate::FrameBenchError;
 use crate::motion::{Moment, Path, paths};
 use features::{is_anti_aliased, light_up, settle, traces_ao};
-use magpie::config::{Config, ConfigError};
+use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
 use magpie::scene::Scene;
-use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -42,33 +43,6 @@ pub struct PairsOptions {
     pub config: Config,
     /// Commit of the build, for the report.
     pub commit: String,
-}
-
-/// Why nothing was measured.
-#[derive(Debug, thiserror::Error)]
-pub enum PairsError {
-    /// Rendering a frame failed.
-    #[error("{label}: {source}")]
-    Render {
-        /// Names of the features.
-        label: String,
-        /// Its error.
-        source: Box<RenderError>,
-    },
-    /// The slots do not accept the required settings.
-    #[error(transparent)]
-    Config(Box<ConfigError>),
-    /// The scene has no camera.
-    #[error("the scene has no camera")]
-    NoCamera,
-    /// There is no feature of that name.
-    #[error("no feature is named `{name}`; there are {known}")]
-    Unknown {
-        /// The given name.
-        name: String,
-        /// Names of all features.
-        known: String,
-    },
 }
 
 /// Error with two features on, one feature (given twice), or none.
@@ -103,8 +77,8 @@ impl Truths {
     fn of(
         &mut self,
         kind: Kind,
-        make: impl FnOnce() -> Result<Vec<Picture>, PairsError>,
-    ) -> Result<&[Picture], PairsError> {
+        make: impl FnOnce() -> Result<Vec<Picture>, FrameBenchError>,
+    ) -> Result<&[Picture], FrameBenchError> {
         Ok(match self.0.entry(kind) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(free) => free.insert(make()?),
@@ -121,9 +95,9 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(scene: &Scene) -> Result<Self, PairsError> {
+    fn new(scene: &Scene) -> Result<Self, FrameBenchError> {
         let path = paths(scene, MOVING_FRAMES).into_iter().find(|path| path.name == "camera");
-        let Some(Path { before: Some(still), moments, .. }) = path else { return Err(PairsError::NoCamera) };
+        let Some(Path { before: Some(still), moments, .. }) = path else { return Err(FrameBenchError::NoCamera) };
         Ok(Self { scene: scene.clone(), lit: light_up(scene), still, moving: moments })
     }
 
@@ -148,19 +122,21 @@ impl Bench {
         gpu: &Gpu,
         scene: &Scene,
         options: &PairsOptions,
-        (label, config, rays): (&str, &Config, Rays),
-    ) -> Result<Self, PairsError> {
+        label: &str,
+        config: &Config,
+        rays: Rays,
+    ) -> Result<Self, FrameBenchError> {
         let render =
             RenderOptions { width: options.size[0], height: options.size[1], seed: options.seed, rays, check: false };
-        let failed = |source| PairsError::Render { label: label.to_owned(), source: Box::new(source) };
+        let failed = FrameBenchError::render(label);
         let renderer = Renderer::new(gpu, scene, &Slots::default(), config, render).map_err(failed)?;
         Ok(Self { renderer, label: label.to_owned() })
     }
 
     /// The next frame's picture, or the slot's image that is read back; empty unless `looks`.
-    fn frame(&mut self, moment: &Moment, looks: bool) -> Result<Picture, PairsError> {
+    fn frame(&mut self, moment: &Moment, looks: bool) -> Result<Picture, FrameBenchError> {
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: looks };
-        let failed = |source| PairsError::Render { label: self.label.clone(), source: Box::new(source) };
+        let failed = FrameBenchError::render(&self.label);
         let result = self.renderer.frame(request).map_err(failed)?;
         let slot = |image: Option<&magpie::pixels::Pixels>| image.map(magpie::pixels::Pixels::values);
         let picture = result.and_then(|r| match r.slots.first() {
@@ -172,10 +148,10 @@ impl Bench {
 }
 
 /// Ground truths: the mean over frames with many rays and without denoising or post-processing.
-fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, PairsError> {
+fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, FrameBenchError> {
     let config = settle(&options.config, kind.anti_aliased, kind.traced_ao)?;
-    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, ("truth", &config, options.rays))?;
-    let failed = |source| PairsError::Render { label: "truth".to_owned(), source: Box::new(source) };
+    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, "truth", &config, options.rays)?;
+    let failed = FrameBenchError::render("truth");
     bench.renderer.read_slots(&["sky"]).map_err(failed)?;
     let mut pictures = Vec::new();
     for moment in walk.compared() {
@@ -202,7 +178,7 @@ fn cell(
     pair: [&Feature; 2],
     truths: &mut Truths,
     options: &PairsOptions,
-) -> Result<Option<Cell>, PairsError> {
+) -> Result<Option<Cell>, FrameBenchError> {
     let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair)? else {
         return Ok(None);
     };
@@ -210,7 +186,7 @@ fn cell(
     let kind = Kind { anti_aliased, traced_ao, lights: pair.iter().any(|f| f.lights) };
     let truth = truths.of(kind, || self::truths(gpu, walk, kind, options))?;
     let label = format!("{} with {}", pair[0].name, pair[1].name);
-    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, (&label, &config, rays))?;
+    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, &label, &config, rays)?;
     bench.renderer.set_switches(switches);
     for _ in 1..STILL_FRAMES {
         bench.frame(&walk.still, false)?;
@@ -228,24 +204,20 @@ fn cell(
     Ok(Some(Cell { features: pair.map(|f| f.name), still, moving }))
 }
 
-fn wrong(error: ConfigError) -> PairsError {
-    PairsError::Config(Box::new(error))
-}
-
 /// Measures every feature alone and every pair.
 ///
 /// # Errors
-/// [`PairsError`].
+/// [`FrameBenchError`].
 pub fn run(
     gpu: &Gpu,
     scene: &Scene,
     options: &PairsOptions,
     mut progress: impl FnMut(&str),
-) -> Result<PairsReport, PairsError> {
+) -> Result<PairsReport, FrameBenchError> {
     for name in &options.only {
         if !FEATURES.iter().any(|f| f.name == name) {
             let known = FEATURES.map(|f| f.name).join(", ");
-            return Err(PairsError::Unknown { name: name.clone(), known });
+            return Err(FrameBenchError::UnknownFeature { name: name.clone(), known });
         }
     }
     let walk = Walk::new(scene)?;

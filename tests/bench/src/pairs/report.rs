@@ -79,7 +79,7 @@ impl PairsReport {
     #[must_use]
     pub fn table(&self) -> String {
         let suspicious = self.suspicious();
-        let told = |cell: Option<&Cell>| {
+        let cell_text = |cell: Option<&Cell>| {
             cell.map_or("-".to_owned(), |cell| {
                 let star = if suspicious.iter().any(|(pair, _)| *pair == cell.features) { " *" } else { "" };
                 format!("{:.1} / {:.1}{star}", 1e3 * cell.still, 1e3 * cell.moving)
@@ -87,12 +87,12 @@ impl PairsReport {
         };
         let mut text = format!("| | alone | {} |\n|---|---|", self.features.join(" | "));
         text.push_str(&"---|".repeat(self.features.len()));
-        let _ = write!(text, "\n| nothing | {} |{}", told(self.cell("", "")), " |".repeat(self.features.len()));
+        let _ = write!(text, "\n| nothing | {} |{}", cell_text(self.cell("", "")), " |".repeat(self.features.len()));
         for (at, row) in self.features.iter().enumerate() {
-            let _ = write!(text, "\n| {row} | {} |", told(self.cell(row, row)));
+            let _ = write!(text, "\n| {row} | {} |", cell_text(self.cell(row, row)));
             for (column, name) in self.features.iter().enumerate() {
                 let _ = match column.cmp(&at) {
-                    std::cmp::Ordering::Less => write!(text, " {} |", told(self.cell(row, name))),
+                    std::cmp::Ordering::Less => write!(text, " {} |", cell_text(self.cell(row, name))),
                     _ => write!(text, " |"),
                 };
             }

@@ -5,13 +5,29 @@ use magpie_shaders::bench::RayAnswer;
 /// Relative difference up to which distances count as equal.
 pub const SAME_DISTANCE: f64 = 1e-4;
 
-/// Compares closest hits; each backend is given by name.
+/// What a backend answers to the rays of a table.
+pub struct BackendAnswers<'a, T> {
+    /// Name of the backend.
+    pub name: String,
+    /// One answer per ray.
+    pub answers: &'a [T],
+}
+
+impl<'a, T> BackendAnswers<'a, T> {
+    /// The answers of a backend.
+    pub fn new(name: impl Into<String>, answers: &'a [T]) -> Self {
+        Self { name: name.into(), answers }
+    }
+}
+
+/// Compares closest hits.
 pub fn agreement_of_closest(
     case: &Case,
-    (first, a): (String, &[RayAnswer]),
-    (second, b): (String, &[RayAnswer]),
+    first: BackendAnswers<'_, RayAnswer>,
+    second: BackendAnswers<'_, RayAnswer>,
 ) -> Agreement {
-    let mut agreement = empty(case, first, second, a.len());
+    let (a, b) = (first.answers, second.answers);
+    let mut agreement = empty(case, first.name, second.name, a.len());
     // Missing answers count as different.
     agreement.differ = a.len().abs_diff(b.len()) as u64;
     for (a, b) in a.iter().zip(b) {
@@ -30,8 +46,9 @@ pub fn agreement_of_closest(
 }
 
 /// Compares any-hit results.
-pub fn agreement_of_any(case: &Case, (first, a): (String, &[bool]), (second, b): (String, &[bool])) -> Agreement {
-    let mut agreement = empty(case, first, second, a.len());
+pub fn agreement_of_any(case: &Case, first: BackendAnswers<'_, bool>, second: BackendAnswers<'_, bool>) -> Agreement {
+    let (a, b) = (first.answers, second.answers);
+    let mut agreement = empty(case, first.name, second.name, a.len());
     agreement.differ = a.len().abs_diff(b.len()) as u64 + a.iter().zip(b).filter(|(a, b)| a != b).count() as u64;
     agreement
 }
@@ -58,7 +75,7 @@ mod tests {
 
     fn compare(a: &[RayAnswer], b: &[RayAnswer]) -> (u64, u64, f64) {
         let case = Case::new("scene", "", 0.0, "");
-        let found = agreement_of_closest(&case, (String::new(), a), (String::new(), b));
+        let found = agreement_of_closest(&case, BackendAnswers::new("", a), BackendAnswers::new("", b));
         (found.differ, found.differ_at_same_distance, found.worst_distance)
     }
 

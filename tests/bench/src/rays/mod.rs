@@ -15,7 +15,7 @@ mod software_tree;
 mod trace;
 mod world;
 
-pub use agreement::{SAME_DISTANCE, agreement_of_any, agreement_of_closest};
+pub use agreement::{BackendAnswers, SAME_DISTANCE, agreement_of_any, agreement_of_closest};
 pub use charts::charts;
 pub use make::{Random, Surfaces, bounds, extent_of, primary, random, rotation};
 pub use report::{Agreement, Case, DeviceLine, Quantity, Ratio, RayReport, Row};
@@ -219,13 +219,15 @@ impl Run<'_> {
             let wanted = self.tracer.any(first.rays, first.target, table)?;
             for other in others {
                 let got = self.tracer.any(other.rays, other.target, table)?;
-                self.report.agreement.push(agreement_of_any(case, (name(first), &wanted), (name(other), &got)));
+                let (wanted, got) = (BackendAnswers::new(name(first), &wanted), BackendAnswers::new(name(other), &got));
+                self.report.agreement.push(agreement_of_any(case, wanted, got));
             }
         } else {
             let wanted = self.tracer.closest(first.rays, first.target, table)?;
             for other in others {
                 let got = self.tracer.closest(other.rays, other.target, table)?;
-                self.report.agreement.push(agreement_of_closest(case, (name(first), &wanted), (name(other), &got)));
+                let (wanted, got) = (BackendAnswers::new(name(first), &wanted), BackendAnswers::new(name(other), &got));
+                self.report.agreement.push(agreement_of_closest(case, wanted, got));
             }
         }
         Ok(())

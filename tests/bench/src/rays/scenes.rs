@@ -1,7 +1,8 @@
 //! Benchmark of rendering effects' rays on whole scenes.
 use super::{
     Case, Contender, Quantity, Question, RayBenchError, RayTable, Run, Surfaces, Target,
-    agreement::agreement_of_closest, bounds, extent_of, primary, random,
+    agreement::{BackendAnswers, agreement_of_closest},
+    bounds, extent_of, primary, random,
 };
 use glam::Vec3;
 use magpie::ray::Bounds;
@@ -82,9 +83,9 @@ impl Run<'_> {
             if table.question() == Question::Closest {
                 let plain = self.tracer.closest(rays, target, &table)?;
                 let sorted = self.tracer.closest_sorted(rays, target, &table, &bounds)?;
-                let names = (format!("{rays}"), format!("{rays}, sorted"));
-                let (first, second) = ((names.0, plain.as_slice()), (names.1, sorted.as_slice()));
-                self.report.agreement.push(agreement_of_closest(&of("sorted"), first, second));
+                let plain = BackendAnswers::new(format!("{rays}"), &plain);
+                let sorted = BackendAnswers::new(format!("{rays}, sorted"), &sorted);
+                self.report.agreement.push(agreement_of_closest(&of("sorted"), plain, sorted));
             }
         }
         Ok(())

@@ -12,9 +12,9 @@ const DIFFUSE_LOSS: f64 = 0.002;
 /// Reflectance of a clear coat at normal incidence (KHR_materials_clearcoat).
 const COAT_F0: f64 = 0.04;
 /// Least sampling probability of a lobe that contributes.
-const LEAST_SHARE: f64 = 0.05;
+const MIN_PROBABILITY: f64 = 0.05;
 /// Least sampling probability of transmission through glass.
-const LEAST_THROUGH: f64 = 0.3;
+const MIN_TRANSMISSION_PROBABILITY: f64 = 0.3;
 
 /// Reflected and transmitted light by lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -242,14 +242,14 @@ impl Scatterer {
         let reflected = (1.0 - glass) * self.schlick().at(n_v).max_element() + glass * fresnel(n_v, self.eta());
         let diffuse = (1.0 - glass) * (1.0 - m.metalness) * m.base.max_element();
         let through = glass * (1.0 - fresnel(n_v, self.eta())) * m.base.max_element();
-        let at_least = |share: f64, exists: bool| if exists { share.max(LEAST_SHARE) } else { 0.0 };
+        let at_least = |share: f64, exists: bool| if exists { share.max(MIN_PROBABILITY) } else { 0.0 };
         // The cosine strategy also covers the tails of wide lobes at grazing angles, which half vectors sample badly.
         let ways = [
             (Way::Cosine, at_least((1.0 - coat) * diffuse, glass < 1.0)),
             (Way::Mirror, at_least((1.0 - coat) * reflected, true)),
             (Way::Coat, at_least(coat, coat > 0.0)),
             // Rough glass transmits some of what smooth glass would totally reflect.
-            (Way::Through, at_least((1.0 - coat) * through.max(LEAST_THROUGH * glass), glass > 0.0)),
+            (Way::Through, at_least((1.0 - coat) * through.max(MIN_TRANSMISSION_PROBABILITY * glass), glass > 0.0)),
         ];
         let sum: f64 = ways.iter().map(|w| w.1).sum();
         ways.map(|(way, share)| (way, share / sum))

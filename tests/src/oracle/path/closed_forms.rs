@@ -1,6 +1,6 @@
 //! Scenes with closed-form solutions: tests the whole CPU path tracer.
-use super::{Witness, WitnessOptions};
-use crate::made::{add, camera, plane, scene};
+use super::{CpuPathTracer, CpuPathTracerOptions};
+use crate::fixtures::{add, camera, plane, scene};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::scene::{AlphaMode, Camera, Environment, Light, Material, Mesh, Scene, Sphere};
 use magpie_passes::reference::{Only, PixelSampling};
@@ -33,10 +33,10 @@ fn uniform(radiance: Vec3) -> Environment {
 }
 
 /// Mean over a few pixels of the same value, and its standard error.
-fn measure(scene: &Scene, camera: &Camera, options: WitnessOptions) -> (DVec3, DVec3) {
+fn measure(scene: &Scene, camera: &Camera, options: CpuPathTracerOptions) -> (DVec3, DVec3) {
     let n = 64.0;
     let samples = if env::var_os("MAGPIE_FULL").is_some() { options.samples * 16 } else { options.samples };
-    let pixels = Witness::new(scene, 0.0).radiance(camera, 8, 8, WitnessOptions { samples, ..options });
+    let pixels = CpuPathTracer::new(scene, 0.0).radiance(camera, 8, 8, CpuPathTracerOptions { samples, ..options });
     let mean = pixels.iter().map(|p| p.0).sum::<DVec3>() / n;
     let error = pixels.iter().map(|p| p.1 * p.1).sum::<DVec3>().map(f64::sqrt) / n;
     (mean, error)
@@ -51,8 +51,8 @@ fn assert_is(what: &str, got: (DVec3, DVec3), want: DVec3) {
     }
 }
 
-fn options(samples: u32) -> WitnessOptions {
-    WitnessOptions { samples, ..WitnessOptions::default() }
+fn options(samples: u32) -> CpuPathTracerOptions {
+    CpuPathTracerOptions { samples, ..CpuPathTracerOptions::default() }
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn light_in_a_closed_sphere_is_emission_over_one_minus_albedo() {
     for depth in [1, 2, 7] {
         // A truncated geometric series.
         let want = emission.as_dvec3() * (DVec3::ONE - albedo.powf(f64::from(depth) + 1.0)) / (DVec3::ONE - albedo);
-        let got = measure(&room, &room.cameras[0].clone(), WitnessOptions { depth, ..options(2048) });
+        let got = measure(&room, &room.cameras[0].clone(), CpuPathTracerOptions { depth, ..options(2048) });
         assert_is(&format!("closed sphere, {depth} scatterings"), got, want);
     }
     // Stretched, the room has no closed form except for the same limit, as all points are alike.
@@ -98,10 +98,10 @@ fn lit(what: &str, lights: Vec<Light>, shapes: Vec<(Mesh, Material, Affine3A)>, 
     let albedo = f64::from(0.6_f32);
     let want = DVec3::new(1.0, 0.5, 0.25) * albedo / PI * irradiance;
     let depth = 1;
-    let got = measure(&world, &world.cameras[0].clone(), WitnessOptions { depth, ..options(samples) });
+    let got = measure(&world, &world.cameras[0].clone(), CpuPathTracerOptions { depth, ..options(samples) });
     assert_is(what, got, want);
     // All of it is direct light.
-    let direct = WitnessOptions { only: Only::Direct, pixel: PixelSampling::Centre, ..options(samples) };
+    let direct = CpuPathTracerOptions { only: Only::Direct, pixel: PixelSampling::Centre, ..options(samples) };
     assert_is(what, measure(&world, &world.cameras[0].clone(), direct), want);
 }
 
@@ -224,7 +224,8 @@ fn openness_and_shadows_are_shares() {
     let mut world = scene("corner", spy([0.0, 3.0, 3.0], [0.0; 3]));
     world.cameras[0].near = 1e-3;
     add(&mut world, plane(50.0), lambertian(0.6), Affine3A::IDENTITY);
-    let only = |only, samples| WitnessOptions { only, ao_range: 1e6, pixel: PixelSampling::Centre, ..options(samples) };
+    let only =
+        |only, samples| CpuPathTracerOptions { only, ao_range: 1e6, pixel: PixelSampling::Centre, ..options(samples) };
     let share = |world: &Scene, options| measure(world, &world.cameras[0].clone(), options);
     assert_is("open", share(&world, only(Only::AmbientOcclusion, 64)), DVec3::ONE);
     // A wall beside the point occludes half of its hemisphere; within half of the range it occludes nothing.
@@ -234,7 +235,7 @@ fn openness_and_shadows_are_shares() {
     );
     add(&mut world, plane(50.0), lambertian(0.6), turn);
     assert_is("corner", share(&world, only(Only::AmbientOcclusion, 40_000)), DVec3::splat(0.5));
-    let near = WitnessOptions { ao_range: 5e-4, ..only(Only::AmbientOcclusion, 64) };
+    let near = CpuPathTracerOptions { ao_range: 5e-4, ..only(Only::AmbientOcclusion, 64) };
     assert_is("corner within its range", share(&world, near), DVec3::ONE);
     // A wall occludes half of a light above its edge.
     world.lights =
@@ -259,11 +260,11 @@ fn the_parts_sum_to_the_whole() {
     let upright = Quat::from_rotation_x(std::f32::consts::FRAC_PI_2);
     add(&mut world, plane(0.4), half, Affine3A::from_rotation_translation(upright, Vec3::new(0.0, 0.8, 1.0)));
     world.environment = Some(uniform(Vec3::new(0.2, 0.3, 0.5)));
-    let witness = Witness::new(&world, 0.0);
+    let cpu = CpuPathTracer::new(&world, 0.0);
     let mean = |only| {
         let options =
-            WitnessOptions { only, pixel: PixelSampling::Centre, samples: 512, seed: only as u64, ..options(0) };
-        let pixels = witness.radiance(&world.cameras[0], 24, 16, options);
+            CpuPathTracerOptions { only, pixel: PixelSampling::Centre, samples: 512, seed: only as u64, ..options(0) };
+        let pixels = cpu.radiance(&world.cameras[0], 24, 16, options);
         let n = pixels.len() as f64;
         let error = pixels.iter().map(|p| p.1 * p.1).sum::<DVec3>().map(f64::sqrt) / n;
         (pixels.iter().map(|p| p.0).sum::<DVec3>() / n, error)
@@ -283,8 +284,8 @@ fn the_parts_sum_to_the_whole() {
 #[test]
 fn the_same_seed_gives_the_same_picture() {
     let world = super::super::scenes::many_lights();
-    let witness = Witness::new(&world, 0.0);
-    let run = |seed| witness.radiance(&world.cameras[0], 6, 4, WitnessOptions { seed, ..options(8) });
+    let cpu = CpuPathTracer::new(&world, 0.0);
+    let run = |seed| cpu.radiance(&world.cameras[0], 6, 4, CpuPathTracerOptions { seed, ..options(8) });
     assert_eq!(run(1), run(1));
     assert_ne!(run(1), run(2));
 }

@@ -4,7 +4,7 @@ use super::geometry::{Hit, Ray};
 use super::lights::{self, chances, choose, draw, has_size, meet};
 use super::random::{Random, frame, from_polar};
 use super::surface::Surface;
-use super::{Witness, WitnessOptions};
+use super::{CpuPathTracer, CpuPathTracerOptions};
 use glam::DVec3;
 use magpie::scene::Light;
 use magpie_passes::reference::Only;
@@ -63,14 +63,14 @@ fn begin(position: DVec3) -> f64 {
     GAP * (1.0 + position.abs().max_element())
 }
 
-impl Witness {
+impl CpuPathTracer {
     /// One sample of a pixel. `direction` has unit view depth, in which `near` is measured too.
     pub(super) fn path(
         &self,
         eye: DVec3,
         direction: DVec3,
         near: f64,
-        options: &WitnessOptions,
+        options: &CpuPathTracerOptions,
         random: &mut Random,
     ) -> DVec3 {
         let (length, only) = (direction.length(), options.only);

@@ -31,7 +31,7 @@ use surface::Materials;
 
 /// Options of the path tracer.
 #[derive(Clone, Copy, Debug)]
-pub struct WitnessOptions {
+pub struct CpuPathTracerOptions {
     /// Samples per pixel, at least 2.
     pub samples: u32,
     /// Seed; results with different seeds are independent.
@@ -46,14 +46,14 @@ pub struct WitnessOptions {
     pub ao_range: f64,
 }
 
-impl Default for WitnessOptions {
+impl Default for CpuPathTracerOptions {
     fn default() -> Self {
         Self { samples: 64, seed: 1, depth: 0, pixel: PixelSampling::Area, only: Only::All, ao_range: 2.0 }
     }
 }
 
 /// A scene at one time, prepared for tracing.
-pub struct Witness {
+pub struct CpuPathTracer {
     geometry: Geometry,
     materials: Materials,
     lights: Vec<Light>,
@@ -61,7 +61,7 @@ pub struct Witness {
     sky: Option<Sky>,
 }
 
-impl Witness {
+impl CpuPathTracer {
     /// Prepares a scene at a time in seconds.
     ///
     /// # Panics
@@ -74,7 +74,13 @@ impl Witness {
     }
 
     /// Mean and standard error of every pixel, rows from the top. Deterministic for a seed, independently of the number of threads.
-    pub fn radiance(&self, camera: &Camera, width: u32, height: u32, options: WitnessOptions) -> Vec<(DVec3, DVec3)> {
+    pub fn radiance(
+        &self,
+        camera: &Camera,
+        width: u32,
+        height: u32,
+        options: CpuPathTracerOptions,
+    ) -> Vec<(DVec3, DVec3)> {
         let eye = Eye::new(camera, Extent::new(width, height));
         let pixel = |pixel: u32| {
             let mut random = Random::new(options.seed, pixel.into());

@@ -1,5 +1,5 @@
 //! Whole pictures of the CPU path tracer, compared with another renderer and with each other.
-use super::{Witness, WitnessOptions};
+use super::{CpuPathTracer, CpuPathTracerOptions};
 use crate::oracle::scenes::{all, cornell_diffuse};
 use glam::DVec3;
 use std::env;
@@ -31,8 +31,8 @@ const MITSUBA: [[f64; 3]; 4] = [
 fn the_cornell_box_is_that_of_mitsuba() {
     let scene = cornell_diffuse();
     let samples = if is_full() { 4096 } else { 256 };
-    let options = WitnessOptions { samples, depth: 6, ..WitnessOptions::default() };
-    let pixels = Witness::new(&scene, 0.0).radiance(&scene.cameras[0], 96, 96, options);
+    let options = CpuPathTracerOptions { samples, depth: 6, ..CpuPathTracerOptions::default() };
+    let pixels = CpuPathTracer::new(&scene, 0.0).radiance(&scene.cameras[0], 96, 96, options);
     for (got, want) in quarters(&pixels, 96, 96).iter().zip(MITSUBA.map(DVec3::from)) {
         println!("{:.5} ± {:.5}, want {want}", got.0, got.1);
         assert!((got.1 / want).max_element() < 0.003, "{} ± {}", got.0, got.1);
@@ -45,9 +45,9 @@ fn the_cornell_box_is_that_of_mitsuba() {
 fn the_small_scenes_converge() {
     let samples = if is_full() { 2048 } else { 192 };
     for scene in all() {
-        let witness = Witness::new(&scene, 0.0);
-        let options = WitnessOptions { samples, ..WitnessOptions::default() };
-        let pixels = witness.radiance(&scene.cameras[0], 48, 32, options);
+        let cpu = CpuPathTracer::new(&scene, 0.0);
+        let options = CpuPathTracerOptions { samples, ..CpuPathTracerOptions::default() };
+        let pixels = cpu.radiance(&scene.cameras[0], 48, 32, options);
         let n = pixels.len() as f64;
         let mean = pixels.iter().map(|p| p.0).sum::<DVec3>() / n;
         let variance = pixels.iter().map(|p| p.1 * p.1).sum::<DVec3>();

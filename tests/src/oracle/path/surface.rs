@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, DVec4};
 use magpie::scene::{AlphaMode, ColourSpace, Material, Sampler, Scene, Texture, TextureUse, Wrap};
 
 /// Least cosine between the shading normal and the direction to the viewer.
-const LEAST_COSINE: f64 = 0.01;
+const MIN_COSINE: f64 = 0.01;
 
 /// Materials and textures of a scene.
 pub struct Materials {
@@ -133,8 +133,8 @@ impl Materials {
         }
         normal *= side;
         let cosine = normal.dot(to_viewer);
-        if cosine < LEAST_COSINE {
-            normal = (normal + to_viewer * (LEAST_COSINE.max(-cosine) - cosine)).normalize();
+        if cosine < MIN_COSINE {
+            normal = (normal + to_viewer * (MIN_COSINE.max(-cosine) - cosine)).normalize();
         }
 
         let shown = self.emission(m, &at, hit.front, base);

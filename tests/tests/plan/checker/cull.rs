@@ -16,9 +16,9 @@ use std::collections::BTreeSet;
 
 use magpie::graph::{Declaration, ImportKey, Origin, plan::Plan};
 
-use super::{Found, Versions, wrong};
+use super::{Checked, Versions, wrong};
 
-pub fn check(d: &Declaration, plan: &Plan, enabled: bool) -> Found {
+pub fn check(d: &Declaration, plan: &Plan, enabled: bool) -> Checked {
     let all = 0..d.passes.len() as u32;
     let expected = if enabled { kept(d, &Versions::new(d, plan)) } else { all.collect() };
     let planned: BTreeSet<u32> = plan.order.iter().copied().collect();
@@ -103,9 +103,9 @@ fn kept(d: &Declaration, v: &Versions<'_>) -> BTreeSet<u32> {
 /// Adds the passes that `more` returns for members, until nothing changes.
 fn grow(set: &mut BTreeSet<u32>, more: impl Fn(u32) -> Vec<u32>) {
     loop {
-        let asked: Vec<u32> = set.iter().flat_map(|&p| more(p)).collect();
+        let added: Vec<u32> = set.iter().flat_map(|&p| more(p)).collect();
         let before = set.len();
-        set.extend(asked);
+        set.extend(added);
         if set.len() == before {
             return;
         }

@@ -5,7 +5,7 @@ use magpie::graph::{
     plan::{Lane, Lifetime, Plan, Sharing},
 };
 
-use super::{Asked, Found, words, wrong};
+use super::{Checked, PlanRequest, access, wrong};
 
 /// Bytes of the contents.
 pub fn bytes(shape: Shape) -> u64 {
@@ -43,7 +43,7 @@ struct Placed {
     queue: Option<Queue>,
 }
 
-pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
+pub fn check(d: &Declaration, plan: &Plan, request: &PlanRequest<'_>) -> Checked {
     let queue_at = |at: u32| plan.batches.iter().find(|b| b.passes.range().contains(&(at as usize))).map(|b| b.queue);
     let lives = lives(d, &plan.order);
     if plan.lifetimes.len() != d.resources.len() {
@@ -51,12 +51,12 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     }
     // Each lifetime, with all queues that use the resource.
     let mut queues: Vec<Vec<Queue>> = vec![Vec::new(); d.resources.len()];
-    let mut uses: Vec<words::Set> = vec![0; d.resources.len()];
+    let mut uses: Vec<access::Set> = vec![0; d.resources.len()];
     for (at, &pass) in (0..).zip(&plan.order) {
         let decl = &d.passes[pass as usize];
         for u in &d.uses[decl.uses.range()] {
             queues[u.resource as usize].extend(queue_at(at));
-            uses[u.resource as usize] |= words::pair(u.access, decl.domain);
+            uses[u.resource as usize] |= access::pair(u.access, decl.domain);
         }
     }
     let mut expected_transients = Vec::new();
@@ -80,7 +80,7 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     let mut placed = Vec::new();
     for t in &plan.transients {
         let shape = d.resources[t.resource as usize].shape;
-        if words::Scope::of(t.uses).pairs != uses[t.resource as usize] {
+        if access::Scope::of(t.uses).pairs != uses[t.resource as usize] {
             return wrong(format!("transient {} is planned for {}", t.resource, t.uses));
         }
         let lane = plan.lifetimes[t.resource as usize].map(|l| l.lane);
@@ -96,12 +96,12 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
             return wrong(format!("transient {} is shared as {:?}, used on {lane:?}", t.resource, t.sharing));
         }
         let Some(heap) = plan.heaps.get(t.heap as usize) else { return wrong(format!("no heap {}", t.heap)) };
-        let print = (asked.footprint)(shape, t.uses, t.sharing);
+        let print = (request.footprint)(shape, t.uses, t.sharing);
         // If images and other resources share a heap, each may need whole pages.
         let here = || plan.transients.iter().filter(|o| o.heap == t.heap);
         let mixed = here().any(|o| is_image(o.resource)) && here().any(|o| !is_image(o.resource));
-        let padded = if mixed { round_up(print.bytes, asked.granularity) } else { print.bytes };
-        let align = if mixed { print.align.max(asked.granularity) } else { print.align };
+        let padded = if mixed { round_up(print.bytes, request.granularity) } else { print.bytes };
+        let align = if mixed { print.align.max(request.granularity) } else { print.align };
         if heap.kind != print.kind || t.bytes != padded || t.offset % print.align != 0 {
             return wrong(format!("transient {} needs {print:?}, planned {t:?} in {heap:?}", t.resource));
         }
@@ -116,7 +116,7 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
 
 /// Checks the totals, and the lower bound for any placement: on each queue the most that is alive at one position; resources used by
 /// several queues count as alive throughout.
-fn check_figures(plan: &Plan, placed: &[Placed]) -> Found {
+fn check_figures(plan: &Plan, placed: &[Placed]) -> Checked {
     let mut least = 0;
     for heap in 0..plan.heaps.len() as u32 {
         let here = || placed.iter().filter(|p| p.heap == heap);

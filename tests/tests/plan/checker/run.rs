@@ -16,9 +16,9 @@ use magpie::graph::{
 };
 
 use super::{
-    Asked, Complaint, Found, Versions, covers,
-    words::{self, Scope, Set},
-    wrong,
+    Checked, PlanFault, PlanRequest, Versions,
+    access::{self, Scope, Set},
+    covers, wrong,
 };
 
 /// Time before the first command of the frame.
@@ -96,8 +96,8 @@ struct Model<'a> {
     ended: Vec<Option<u32>>,
 }
 
-pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
-    let mut model = Model::new(d, plan, asked)?;
+pub fn check(d: &Declaration, plan: &Plan, request: &PlanRequest<'_>) -> Checked {
+    let mut model = Model::new(d, plan, request)?;
     let mut signals: Vec<[i64; QUEUES]> = Vec::new();
     let mut newest: [Option<usize>; QUEUES] = [None; QUEUES];
     for (index, batch) in plan.batches.iter().enumerate() {
@@ -119,14 +119,14 @@ pub fn check(d: &Declaration, plan: &Plan, asked: &Asked<'_>) -> Found {
     model.stop(GRAPHICS, plan.end)?;
     model.leave()?;
     model.check_unstored()?;
-    if !asked.switches.alias || asked.switches.serial {
+    if !request.switches.alias || request.switches.serial {
         model.check_apart()?;
     }
     model.check_successions()
 }
 
 impl<'a> Model<'a> {
-    fn new(d: &'a Declaration, plan: &'a Plan, asked: &Asked<'_>) -> Result<Self, Complaint> {
+    fn new(d: &'a Declaration, plan: &'a Plan, request: &PlanRequest<'_>) -> Result<Self, PlanFault> {
         let (mut cells, mut cells_of) = (Vec::new(), Vec::new());
         for (resource, decl) in (0..).zip(&d.resources) {
             let start = cells.len() as u32;
@@ -146,7 +146,7 @@ impl<'a> Model<'a> {
             }
             let here = || plan.transients.iter().filter(|o| o.heap == t.heap);
             let mixed = here().any(|o| is_image(o.resource)) && here().any(|o| !is_image(o.resource));
-            let page = if mixed { asked.granularity } else { 1 };
+            let page = if mixed { request.granularity } else { 1 };
             let (start, end) = (t.offset / page * page, (t.offset + t.bytes).div_ceil(page) * page);
             sharing[t.resource as usize] = Some(t.sharing);
             places[t.resource as usize] = Some((t.heap, start, end));
@@ -176,19 +176,19 @@ impl<'a> Model<'a> {
     }
 
     /// Whether a semaphore makes an event known to this queue.
-    fn told(&self, q: usize, e: &Event) -> bool {
+    fn is_known(&self, q: usize, e: &Event) -> bool {
         e.time <= self.seen[q][e.queue]
     }
 
     /// Whether the first scope of a barrier covers an event.
     fn covers(&self, q: usize, scope: Scope, e: &Event) -> bool {
-        let told = self.told(q, e);
-        let chained = e.before[q] & scope.pairs != 0 || (told && scope.pairs != 0);
+        let known_by_wait = self.is_known(q, e);
+        let chained = e.before[q] & scope.pairs != 0 || (known_by_wait && scope.pairs != 0);
         let here = e.queue == q && e.pair & scope.pairs != 0;
-        let any = scope.any && (e.queue == q || e.before[q] != 0 || told);
+        let any = scope.any && (e.queue == q || e.before[q] != 0 || known_by_wait);
         // Frames do not overlap: for other queues, the previous frame is complete without any wait.
         let long_over = e.time == BEFORE && q != GRAPHICS;
-        here || chained || any || (scope.waited && told) || long_over
+        here || chained || any || (scope.waited && known_by_wait) || long_over
     }
 
     fn name(&self, resource: u32) -> String {
@@ -196,7 +196,7 @@ impl<'a> Model<'a> {
     }
 
     /// Describes an event.
-    fn tell(&self, e: &Event) -> String {
+    fn describe(&self, e: &Event) -> String {
         let what = match e.what {
             What::BeforeFrame => "what was before the frame".to_owned(),
             What::Pass(pass) => format!("pass {}", self.d.pass_name(pass)),
@@ -210,7 +210,7 @@ impl<'a> Model<'a> {
     }
 
     /// The first use or barrier of a transient, which takes over memory.
-    fn begin(&mut self, resource: u32) -> Found {
+    fn begin(&mut self, resource: u32) -> Checked {
         if let Some(by) = self.ended[resource as usize] {
             return wrong(format!("{} is used when {} has its memory", self.name(resource), self.name(by)));
         }
@@ -247,7 +247,7 @@ impl<'a> Model<'a> {
     }
 
     /// Executes all barriers of one place, which are issued together.
-    fn stop(&mut self, q: usize, stop: Span) -> Found {
+    fn stop(&mut self, q: usize, stop: Span) -> Checked {
         let plan = self.plan;
         let mut ordered: Vec<(usize, usize, Set)> = Vec::new();
         let mut changed: Vec<usize> = Vec::new();
@@ -261,11 +261,11 @@ impl<'a> Model<'a> {
             let (from, to) = (Scope::of(b.from), Scope::of(b.to));
             let cells = self.cells_in(b.resource, b.part);
             let inside = usize::from(b.part.mips) * usize::from(b.part.layers) == cells.len() && !cells.is_empty();
-            let known = words::stages_of(Queue::ALL[q]);
+            let known = access::stages_of(Queue::ALL[q]);
             if !inside || to.waited || (from.pairs | to.pairs) & !known != 0 {
                 return wrong(format!("barrier {index} makes no sense on {:?}: {b:?}", Queue::ALL[q]));
             }
-            let set = if to.any { words::ALL } else { to.pairs };
+            let set = if to.any { access::ALL } else { to.pairs };
             for &c in &cells {
                 let changes = self.changes(q, b, c)?;
                 for (i, e) in self.cells[c].events.iter().enumerate() {
@@ -273,7 +273,10 @@ impl<'a> Model<'a> {
                         ordered.push((c, i, set));
                     } else if changes {
                         let what = self.name(b.resource);
-                        return wrong(format!("barrier {index} changes {what} without waiting for {}", self.tell(e)));
+                        return wrong(format!(
+                            "barrier {index} changes {what} without waiting for {}",
+                            self.describe(e)
+                        ));
                     }
                 }
                 if changes {
@@ -304,7 +307,7 @@ impl<'a> Model<'a> {
     }
 
     /// Whether a barrier changes a cell's layout or owner, if it is allowed to.
-    fn changes(&self, q: usize, b: &Barrier, c: usize) -> Result<bool, Complaint> {
+    fn changes(&self, q: usize, b: &Barrier, c: usize) -> Result<bool, PlanFault> {
         let cell = &self.cells[c];
         let name = || self.name(b.resource);
         if !cell.is_image {
@@ -355,7 +358,7 @@ impl<'a> Model<'a> {
                 cell.owner = Owner::Between(h.from as usize, h.to as usize, b.layout_from, b.layout_to);
             }
             _ => {
-                event.before[q] = if to.any { words::ALL } else { to.pairs };
+                event.before[q] = if to.any { access::ALL } else { to.pairs };
                 (cell.layout, cell.owner) = (b.layout_to, Owner::Has(q));
             }
         }
@@ -370,21 +373,21 @@ impl<'a> Model<'a> {
         }
     }
 
-    fn pass(&mut self, q: usize, pass: u32) -> Found {
+    fn pass(&mut self, q: usize, pass: u32) -> Checked {
         let (d, decl) = (self.d, &self.d.passes[pass as usize]);
         let uses: Vec<(usize, &Use)> = decl.uses.range().map(|i| (i, &d.uses[i])).collect();
         uses.iter().try_for_each(|(_, u)| self.begin(u.resource))?;
         for &(_, u) in &uses {
             // Another resource of the pass may have taken its memory.
             self.begin(u.resource)?;
-            let pair = words::pair(u.access, decl.domain);
+            let pair = access::pair(u.access, decl.domain);
             for c in self.cells_in(u.resource, u.part) {
                 self.check_use(q, pass, u, pair, c)?;
             }
         }
         self.clock[q] += 1;
         for &(index, u) in &uses {
-            let (pair, write) = (words::pair(u.access, decl.domain), words::changes(u.access));
+            let (pair, write) = (access::pair(u.access, decl.domain), access::changes(u.access));
             let event =
                 Event { what: What::Pass(pass), queue: q, time: self.clock[q], pair, write, before: [0; QUEUES] };
             for c in self.cells_in(u.resource, u.part) {
@@ -406,10 +409,10 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    fn check_use(&self, q: usize, pass: u32, u: &Use, pair: Set, c: usize) -> Found {
+    fn check_use(&self, q: usize, pass: u32, u: &Use, pair: Set, c: usize) -> Checked {
         let cell = &self.cells[c];
         let who = || format!("{} at {:?} of {}", self.d.pass_name(pass), cell.at, self.name(u.resource));
-        if cell.is_image && cell.layout != words::layout(u.access) {
+        if cell.is_image && cell.layout != access::layout(u.access) {
             return wrong(format!("{} finds {:?}, wants {:?}", who(), cell.layout, u.access));
         }
         match self.sharing[u.resource as usize] {
@@ -419,7 +422,7 @@ impl<'a> Model<'a> {
             }
             _ => {}
         }
-        self.check_order(q, pair, words::changes(u.access), c).or_else(|e| wrong(format!("{}: {}", who(), e.0)))?;
+        self.check_order(q, pair, access::changes(u.access), c).or_else(|e| wrong(format!("{}: {}", who(), e.0)))?;
         let Some(version) = u.reads else { return Ok(()) };
         let Some(held) = self.versions.held(u.resource, version, cell.at, true)? else { return Ok(()) };
         if cell.content != Content::Version(held) {
@@ -429,13 +432,17 @@ impl<'a> Model<'a> {
     }
 
     /// Checks that a use is ordered after everything it depends on.
-    fn check_order(&self, q: usize, pair: Set, write: bool, c: usize) -> Found {
-        let late = |e: &&Event| (e.write || write) && e.before[q] & pair == 0 && !self.told(q, e);
-        self.cells[c].events.iter().find(late).map_or(Ok(()), |e| wrong(format!("does not wait for {}", self.tell(e))))
+    fn check_order(&self, q: usize, pair: Set, write: bool, c: usize) -> Checked {
+        let late = |e: &&Event| (e.write || write) && e.before[q] & pair == 0 && !self.is_known(q, e);
+        self.cells[c]
+            .events
+            .iter()
+            .find(late)
+            .map_or(Ok(()), |e| wrong(format!("does not wait for {}", self.describe(e))))
     }
 
     /// Checks that imports end in the requested state and hold their last version.
-    fn leave(&self) -> Found {
+    fn leave(&self) -> Checked {
         for cell in &self.cells {
             let decl = &self.d.resources[cell.resource as usize];
             let Origin::Imported { key, leave, .. } = decl.origin else { continue };
@@ -444,10 +451,10 @@ impl<'a> Model<'a> {
                 return wrong(format!("{name} is left for nobody"));
             }
             if let Some((access, domain)) = leave {
-                if cell.is_image && cell.layout != words::layout(access) {
+                if cell.is_image && cell.layout != access::layout(access) {
                     return wrong(format!("{name} is left in {:?}, not for {access:?}", cell.layout));
                 }
-                let (pair, write) = (words::pair(access, domain), words::changes(access));
+                let (pair, write) = (access::pair(access, domain), access::changes(access));
                 let c = self.cells_of[cell.resource as usize].range().find(|&c| std::ptr::eq(&self.cells[c], cell));
                 let ready = self.check_order(GRAPHICS, pair, write, c.unwrap_or_default());
                 ready.or_else(|e| wrong(format!("the end of the frame, {name}: {}", e.0)))?;
@@ -460,12 +467,12 @@ impl<'a> Model<'a> {
         Ok(())
     }
 
-    fn check_unstored(&self) -> Found {
+    fn check_unstored(&self) -> Checked {
         if !self.plan.unstored.is_sorted() {
             return wrong("attachments that are not stored are in no order".to_owned());
         }
         for &index in &self.plan.unstored {
-            let Some(u) = self.d.uses.get(index as usize).filter(|u| words::is_attachment(u.access)) else {
+            let Some(u) = self.d.uses.get(index as usize).filter(|u| access::is_attachment(u.access)) else {
                 return wrong(format!("use {index} is no attachment, and is not stored"));
             };
             if self.d.outputs.iter().any(|o| o.resource == u.resource && Some(o.version) == u.writes) {
@@ -476,7 +483,7 @@ impl<'a> Model<'a> {
     }
 
     /// Without aliasing no two transients overlap.
-    fn check_apart(&self) -> Found {
+    fn check_apart(&self) -> Checked {
         let places: Vec<&Place> = self.places.iter().flatten().collect();
         for (i, a) in places.iter().enumerate() {
             if let Some(b) = places[..i].iter().find(|b| b.0 == a.0 && b.1 < a.2 && a.1 < b.2) {
@@ -488,7 +495,7 @@ impl<'a> Model<'a> {
     }
 
     /// Checks that the plan's pairs of aliased transients overlap and are used in that order.
-    fn check_successions(&self) -> Found {
+    fn check_successions(&self) -> Checked {
         let at = |resource: u32| self.begun.iter().position(|&b| b == resource);
         for &(after, before) in &self.plan.successions {
             let meet = match (
@@ -537,12 +544,12 @@ impl Cell {
         }
         (cell.layout, cell.content) = (layout, Content::Version(0));
         let readers =
-            pairs.iter().filter(|(a, _)| !words::changes(*a)).fold(0, |set, (a, d)| set | words::pair(*a, *d));
+            pairs.iter().filter(|(a, _)| !access::changes(*a)).fold(0, |set, (a, d)| set | access::pair(*a, *d));
         if readers != 0 {
             // A read without a known write implies an earlier write.
             cell.events.push(event(0, true, readers));
         }
-        cell.events.extend(pairs.iter().map(|(a, d)| event(words::pair(*a, *d), words::changes(*a), 0)));
+        cell.events.extend(pairs.iter().map(|(a, d)| event(access::pair(*a, *d), access::changes(*a), 0)));
         cell
     }
 }

@@ -25,7 +25,7 @@ const HIDDEN: &str = "bool char str u8 u16 u32 u64 u128 usize i8 i16 i32 i64 i12
 /// Names of files and folders with a special meaning to cargo, the shader build or Windows.
 const TAKEN: &str = "main bin target aux con nul prn";
 /// Most characters of a name.
-const LONGEST: usize = 40;
+const MAX_LETTERS: usize = 40;
 
 /// The name of an effect.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -46,8 +46,8 @@ impl Name {
         if name.ends_with('_') || name.contains("__") {
             return bad("has a _ or - that no letter or digit follows"); // GLSL reserves names with __
         }
-        if name.len() > LONGEST {
-            return bad(&format!("has {} characters, at most {LONGEST} are allowed", name.len()));
+        if name.len() > MAX_LETTERS {
+            return bad(&format!("has {} characters, at most {MAX_LETTERS} are allowed", name.len()));
         }
         let among = |words: &str| words.split_whitespace().any(|word| word == name);
         if among(KEYWORDS) {

@@ -4,7 +4,7 @@ use super::{
     super::{
         super::declaration::{ImportKey, Origin},
         Dump,
-        words::{Words, bytes, life, origin},
+        describe::{Describer, bytes, life, origin},
     },
     sheet::{Area, NAMES, Sheet, shortened},
 };
@@ -17,11 +17,11 @@ const LETTER: f64 = 6.6;
 /// Draws a row for each import that is used.
 pub(super) fn draw(dump: &Dump<'_>, sheet: &mut Sheet) {
     let Dump { declaration, plan, .. } = *dump;
-    let words = Words(declaration);
+    let describer = Describer(declaration);
     let rank = |o: Origin| match o {
-        Origin::Imported { key: ImportKey::Previous(slot), .. } => (0, slot, 0),
-        Origin::Imported { key: ImportKey::Next(slot), .. } => (0, slot, 1),
-        Origin::Imported { key: ImportKey::Kept(slot), .. } => (1, slot, 0),
+        Origin::Imported { key: ImportKey::Previous(index), .. } => (0, index, 0),
+        Origin::Imported { key: ImportKey::Next(index), .. } => (0, index, 1),
+        Origin::Imported { key: ImportKey::Kept(index), .. } => (1, index, 0),
         Origin::Imported { key: ImportKey::Caller(key), .. } => (2, key, 0),
         Origin::Transient => (3, 0, 0),
     };
@@ -41,16 +41,16 @@ pub(super) fn draw(dump: &Dump<'_>, sheet: &mut Sheet) {
         let decl = &declaration.resources[resource as usize];
         let Some(lived) = plan.lifetimes[resource as usize] else { continue };
         let name = declaration.resource_name(resource);
-        let mut told = vec![
+        let mut tooltip = vec![
             format!("{name} ({})", origin(decl.origin)),
-            words.shape(decl.shape),
+            describer.shape(decl.shape),
             bytes(lived.bytes),
             life(&lived),
         ];
         if let Origin::Imported { leave: Some((access, domain)), .. } = decl.origin {
-            told.push(format!("left ready for {access} ({})", domain.name()));
+            tooltip.push(format!("left ready for {access} ({})", domain.name()));
         }
-        let told = told.join("\n");
+        let tooltip = tooltip.join("\n");
         let kind = match decl.origin {
             Origin::Imported { key: ImportKey::Previous(_) | ImportKey::Next(_), .. } => "history",
             Origin::Imported { key: ImportKey::Kept(_), .. } => "kept",
@@ -58,9 +58,9 @@ pub(super) fn draw(dump: &Dump<'_>, sheet: &mut Sheet) {
         };
         let (y, x) = (sheet.y, sheet.left(lived.first as usize) + 2.0);
         let room = ((NAMES - 16.0) / LETTER) as usize;
-        sheet.name(y + 15.0, "row", &shortened(&name, room), &told);
+        sheet.name(y + 15.0, "row", &shortened(&name, room), &tooltip);
         let area = Area { x, y: y + 5.0, width: sheet.left(lived.last as usize + 1) - 2.0 - x, height: ROW - 10.0 };
-        sheet.area(area, &format!("class=\"bar {kind}\" rx=\"3\""), &told);
+        sheet.area(area, &format!("class=\"bar {kind}\" rx=\"3\""), &tooltip);
         for (position, &pass) in plan.order.iter().enumerate() {
             let mut uses = declaration.uses_of(pass).iter().filter(|u| u.resource == resource).peekable();
             if uses.peek().is_some() {

@@ -7,8 +7,8 @@ use super::{
             plan::{Lane, Lifetime, Sharing, Transient},
         },
         Dump,
+        describe::{Describer, bytes, life, not_aliased},
         gains::counted,
-        words::{Words, bytes, life, not_aliased},
     },
     sheet::{Area, ROOM, Sheet, shortened},
     style,
@@ -16,7 +16,7 @@ use super::{
 
 /// Height of all heaps together, and least height of each, pixels.
 const HEIGHT: f64 = 380.0;
-const LEAST: f64 = 90.0;
+const MIN_HEIGHT: f64 = 90.0;
 /// Average width of a letter in a rectangle, pixels.
 const LETTER: f64 = 6.4;
 
@@ -63,14 +63,14 @@ fn draw_heap(dump: &Dump<'_>, sheet: &mut Sheet, heap: u32, all: u64) {
         ),
     );
 
-    let height = (HEIGHT * size.bytes as f64 / all as f64).max(LEAST);
+    let height = (HEIGHT * size.bytes as f64 / all as f64).max(MIN_HEIGHT);
     sheet.y += 4.0;
     let (top, floor) = (sheet.y, sheet.y + height);
     let up = |offset: u64| floor - height * (offset as f64 / size.bytes.max(1) as f64);
     sheet.grid(top, floor);
     for tick in ticks(size.bytes, height) {
-        let told = if tick == 0 { "0".to_owned() } else { bytes(tick) };
-        sheet.name(up(tick) + 4.0, "tick", &told, "");
+        let label = if tick == 0 { "0".to_owned() } else { bytes(tick) };
+        sheet.name(up(tick) + 4.0, "tick", &label, "");
     }
     for one in &placed {
         draw_transient(dump, sheet, one, &up);
@@ -81,8 +81,8 @@ fn draw_heap(dump: &Dump<'_>, sheet: &mut Sheet, heap: u32, all: u64) {
     sheet.draw(&format!("<path class=\"bound\" d=\"M0 {y:.1}H{:.1}\"/>", sheet.across()));
     // The label is above the line, unless the panel ends there.
     let text_y = if y - top < 18.0 { y + 15.0 } else { y - 5.0 };
-    let told = format!("lower bound {}", bytes(bound));
-    sheet.text((sheet.across().min(ROOM) - 6.0, text_y), "class=\"boundtext\" text-anchor=\"end\"", &told);
+    let label = format!("lower bound {}", bytes(bound));
+    sheet.text((sheet.across().min(ROOM) - 6.0, text_y), "class=\"boundtext\" text-anchor=\"end\"", &label);
     sheet.y = floor + 16.0;
 }
 
@@ -94,14 +94,14 @@ fn draw_transient(dump: &Dump<'_>, sheet: &mut Sheet, one: &Placed<'_>, up: &imp
     let stage = decl.maker.map_or("", |maker| declaration.stage(maker));
     let fill = style::fill(declaration, stage);
     let (y, bottom) = (up(transient.offset + transient.bytes), up(transient.offset));
-    let told = told(dump, one);
+    let tooltip = tooltip(dump, one);
     if held {
         let all = Area { x: 0.0, y, width: sheet.across(), height: bottom - y };
-        sheet.area(all, &format!("class=\"held\" fill=\"{fill}\""), &told);
+        sheet.area(all, &format!("class=\"held\" fill=\"{fill}\""), &tooltip);
     }
     let x = sheet.left(life.first as usize) + 1.0;
     let area = Area { x, y, width: sheet.left(life.last as usize + 1) - 1.0 - x, height: bottom - y };
-    sheet.area(area, &format!("class=\"life\" rx=\"2\" fill=\"{fill}\""), &told);
+    sheet.area(area, &format!("class=\"life\" rx=\"2\" fill=\"{fill}\""), &tooltip);
 
     // The full name if it fits, else the local name, else its beginning; nothing if too little of it fits.
     let own = declaration.text(decl.name);
@@ -124,28 +124,28 @@ fn draw_transient(dump: &Dump<'_>, sheet: &mut Sheet, one: &Placed<'_>, up: &imp
 }
 
 /// Tooltip of a transient.
-fn told(dump: &Dump<'_>, one: &Placed<'_>) -> String {
+fn tooltip(dump: &Dump<'_>, one: &Placed<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
     let t = one.transient;
     let names = |of: Vec<u32>| of.into_iter().map(|r| declaration.resource_name(r)).collect::<Vec<_>>().join(" and ");
     let before: Vec<u32> = plan.successions.iter().filter(|(a, _)| *a == t.resource).map(|(_, b)| *b).collect();
     let after: Vec<u32> = plan.successions.iter().filter(|(_, b)| *b == t.resource).map(|(a, _)| *a).collect();
-    let mut told = vec![
+    let mut tooltip = vec![
         declaration.resource_name(t.resource),
-        Words(declaration).shape(declaration.resources[t.resource as usize].shape),
+        Describer(declaration).shape(declaration.resources[t.resource as usize].shape),
         format!("{} at {} of heap {}", bytes(t.bytes), t.offset, t.heap),
         life(&one.life),
         format!("used as {}", t.uses),
         t.sharing.reason().to_owned(),
     ];
     if !before.is_empty() {
-        told.push(format!("takes memory over from {}", names(before)));
+        tooltip.push(format!("takes memory over from {}", names(before)));
     }
     if !after.is_empty() {
-        told.push(format!("leaves memory to {}", names(after)));
+        tooltip.push(format!("leaves memory to {}", names(after)));
     }
-    told.extend(not_aliased(plan, t.resource).map(|why| format!("not aliased: {why}")));
-    told.join("\n")
+    tooltip.extend(not_aliased(plan, t.resource).map(|why| format!("not aliased: {why}")));
+    tooltip.join("\n")
 }
 
 /// Largest number of bytes alive at one time: per queue, plus everything that several queues use.

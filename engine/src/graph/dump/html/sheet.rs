@@ -15,7 +15,7 @@ const COLUMN: (f64, f64) = (32.0, 126.0);
 /// Average width of a letter of the passes' names, pixels.
 const LETTER: f64 = 6.1;
 /// Letters of a pass's name that are shown; the tooltip has all of it.
-const LONGEST: usize = 40;
+const MAX_LETTERS: usize = 40;
 
 /// A rectangle, pixels.
 #[derive(Clone, Copy)]
@@ -53,7 +53,7 @@ impl Sheet {
         let plan = dump.plan;
         let count = plan.order.len() + 1;
         let column = (ROOM / count as f64).clamp(COLUMN.0, COLUMN.1);
-        let name = |index: &u32| shortened(dump.declaration.pass_name(*index), LONGEST);
+        let name = |index: &u32| shortened(dump.declaration.pass_name(*index), MAX_LETTERS);
         let names: Vec<String> = plan.order.iter().map(name).chain(["end".to_owned()]).collect();
         let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(0) as f64 * LETTER;
         // Names that do not fit side by side are drawn diagonally.
@@ -69,8 +69,8 @@ impl Sheet {
                 true => format!("class=\"head\" transform=\"translate({:.1} {y:.1}) rotate(-45)\"", x + 3.0),
                 false => format!("class=\"head\" text-anchor=\"middle\" transform=\"translate({x:.1} {y:.1})\""),
             };
-            let told = plan.order.get(position).map_or("end of the frame", |p| dump.declaration.pass_name(*p));
-            sheet.draw(&format!("<text {attributes}>{}<title>{}</title></text>", escape(name), escape(told)));
+            let tooltip = plan.order.get(position).map_or("end of the frame", |p| dump.declaration.pass_name(*p));
+            sheet.draw(&format!("<text {attributes}>{}<title>{}</title></text>", escape(name), escape(tooltip)));
         }
         sheet
     }
@@ -101,9 +101,9 @@ impl Sheet {
     }
 
     /// A rectangle in the columns, with a tooltip.
-    pub fn area(&mut self, area: Area, attributes: &str, told: &str) {
-        let told = if told.is_empty() { String::new() } else { format!("<title>{}</title>", escape(told)) };
-        self.draw(&format!("<rect {} {attributes}>{told}</rect>", area.attributes()));
+    pub fn area(&mut self, area: Area, attributes: &str, tooltip: &str) {
+        let tooltip = if tooltip.is_empty() { String::new() } else { format!("<title>{}</title>", escape(tooltip)) };
+        self.draw(&format!("<rect {} {attributes}>{tooltip}</rect>", area.attributes()));
     }
 
     /// Text in the columns. It takes no pointer events, so that the tooltip behind it shows.
@@ -112,12 +112,15 @@ impl Sheet {
     }
 
     /// A right-aligned name on the left, with a tooltip.
-    pub fn name(&mut self, y: f64, class: &str, text: &str, told: &str) {
-        let told = if told.is_empty() { String::new() } else { format!("<title>{}</title>", escape(told)) };
+    pub fn name(&mut self, y: f64, class: &str, text: &str, tooltip: &str) {
+        let tooltip = if tooltip.is_empty() { String::new() } else { format!("<title>{}</title>", escape(tooltip)) };
         let x = NAMES - 12.0;
         let text = escape(text);
-        writeln!(self.names, "<text class=\"{class}\" x=\"{x}\" y=\"{y:.1}\" text-anchor=\"end\">{text}{told}</text>")
-            .unwrap_or_default();
+        writeln!(
+            self.names,
+            "<text class=\"{class}\" x=\"{x}\" y=\"{y:.1}\" text-anchor=\"end\">{text}{tooltip}</text>"
+        )
+        .unwrap_or_default();
     }
 
     /// A heading across the names and the columns.

@@ -3,8 +3,8 @@
 use super::{
     super::{
         Dump,
+        describe::{Describer, bytes, life, not_aliased},
         gains::{Gains, counted},
-        words::{Words, bytes, life, not_aliased},
     },
     escape,
 };
@@ -70,7 +70,7 @@ pub(super) fn left_out(dump: &Dump<'_>) -> String {
 /// A table of every transient, folded.
 pub(super) fn transients(dump: &Dump<'_>) -> String {
     let Dump { declaration, plan, .. } = *dump;
-    let words = Words(declaration);
+    let describer = Describer(declaration);
     let mut rows = String::new();
     for t in &plan.transients {
         let before: Vec<String> = plan
@@ -85,7 +85,7 @@ pub(super) fn transients(dump: &Dump<'_>) -> String {
             None => format!("after {}", before.join(" and ")),
         };
         let lived = plan.lifetimes[t.resource as usize].map(|l| life(&l)).unwrap_or_default();
-        let shape = words.shape(declaration.resources[t.resource as usize].shape);
+        let shape = describer.shape(declaration.resources[t.resource as usize].shape);
         rows.push_str(&format!(
             "<tr><td>{}</td><td>{}</td><td>{lived}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td></tr>\n",
             escape(&declaration.resource_name(t.resource)),

@@ -193,17 +193,17 @@ impl Heap {
         let Block { mut offset, mut size, mut below, mut above, .. } = self.blocks[id as usize];
         if below != NONE && self.blocks[below as usize].free {
             self.pick(below);
-            let gone = self.blocks[below as usize];
-            (offset, size) = (gone.offset, size + gone.size);
+            let merged = self.blocks[below as usize];
+            (offset, size) = (merged.offset, size + merged.size);
             self.drop_block(below);
-            below = gone.below;
+            below = merged.below;
         }
         if above != NONE && self.blocks[above as usize].free {
             self.pick(above);
-            let gone = self.blocks[above as usize];
-            size += gone.size;
+            let merged = self.blocks[above as usize];
+            size += merged.size;
             self.drop_block(above);
-            above = gone.above;
+            above = merged.above;
         }
         let block = &mut self.blocks[id as usize];
         (block.offset, block.size, block.below, block.above) = (offset, size, below, above);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::made_up::{folder, measurement, run as made_up};
+use crate::fixture::{folder, measurement, run as fixture_run};
 use std::collections::BTreeMap;
 
 /// A machine that takes a fixed number of seconds for errors and a third of it for times, with synthetic measurements.
@@ -29,28 +29,28 @@ impl Measures for Machine {
 
 fn go(minutes: f64, errors_take: f64) -> (Machine, Vec<Measurement>, Vec<Progress>) {
     let place = tempfile::tempdir().unwrap();
-    let mut run = Run { minutes: Some(minutes), ..made_up() };
+    let mut run = Run { minutes: Some(minutes), ..fixture_run() };
     let mut results = Results::open(place.path(), &mut run).unwrap();
     let mut machine = Machine { run: run.clone(), seconds: 0.0, errors_take, measured: Vec::new() };
     let setups: Vec<&Setup> = run.plan.setups.iter().collect();
     let mut at = Progress { all: Units::of(&run, &setups, 3).all, ..Progress::default() };
-    let mut told = Vec::new();
-    let mut tell = |at: &Progress| told.push(at.clone());
-    super::run(&run, &setups, &BTreeMap::new(), &mut results, &mut machine, &mut at, &mut tell).unwrap();
-    (machine, std::mem::take(&mut results.measurements), told)
+    let mut progress = Vec::new();
+    let mut report = |at: &Progress| progress.push(at.clone());
+    super::run(&run, &setups, &BTreeMap::new(), &mut results, &mut machine, &mut at, &mut report).unwrap();
+    (machine, std::mem::take(&mut results.measurements), progress)
 }
 
 #[test]
 fn a_race_measures_each_error_once_and_ends_when_every_place_is_clear() {
-    let (machine, found, told) = go(10.0, 1.0);
+    let (machine, found, progress) = go(10.0, 1.0);
     let errors: Vec<&str> = machine.measured.iter().filter(|m| m.1 == 0).map(|m| m.0.as_str()).collect();
-    assert_eq!(errors.len(), made_up().plan.setups.len());
+    assert_eq!(errors.len(), fixture_run().plan.setups.len());
     assert_eq!(errors[0], "default");
     let timed = machine.measured.len() - errors.len();
-    let all_rounds = MOST_ROUNDS * made_up().plan.setups.len();
+    let all_rounds = MAX_ROUNDS * fixture_run().plan.setups.len();
     assert!(timed < all_rounds / 2, "{timed} of {all_rounds}");
     assert!(machine.seconds < 60.0, "{}", machine.seconds);
-    assert!(told.last().unwrap().what.contains("clear") && told.iter().all(|t| t.done <= t.all));
+    assert!(progress.last().unwrap().what.contains("clear") && progress.iter().all(|t| t.done <= t.all));
     // Each round of a race has at least two rows of one slot.
     for round in 1..=found.iter().map(|m| m.round).max().unwrap() {
         let runs: Vec<&(String, u32)> = machine.measured.iter().filter(|m| m.1 == round).collect();
@@ -66,7 +66,7 @@ fn what_has_no_time_is_left_out_and_the_limit_is_kept() {
     let errors: Vec<&str> = machine.measured.iter().filter(|m| m.1 == 0).map(|m| m.0.as_str()).collect();
     assert_eq!(errors, ["default", "shadows: off", "gi: off", "shadows: ray-traced, rays 16"]);
 
-    let run = Run { minutes: Some(1.0), ..made_up() };
+    let run = Run { minutes: Some(1.0), ..fixture_run() };
     let place = tempfile::tempdir().unwrap();
     let part = crate::results::Folder { measurements: found, run, ..folder() };
     let report = crate::report::Report::build(&part, place.path()).unwrap();
@@ -81,7 +81,7 @@ fn what_has_no_time_is_left_out_and_the_limit_is_kept() {
 #[test]
 fn without_a_limit_everything_has_all_its_rounds() {
     let place = tempfile::tempdir().unwrap();
-    let mut run = made_up();
+    let mut run = fixture_run();
     let mut results = Results::open(place.path(), &mut run).unwrap();
     let mut machine = Machine { run: run.clone(), seconds: 0.0, errors_take: 1.0, measured: Vec::new() };
     let setups: Vec<&Setup> = run.plan.setups.iter().collect();

@@ -71,7 +71,7 @@ pub struct Scope {
 impl Scope {
     pub fn of(uses: Uses) -> Self {
         let pairs = uses.iter().fold(0, |set, (access, domain)| set | pair(access, domain));
-        Self { pairs, any: uses.is_any(), waited: uses.is_waited() }
+        Self { pairs, any: uses.is_any(), waited: uses.has_other_queues() }
     }
 }
 

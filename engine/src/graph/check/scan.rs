@@ -18,19 +18,19 @@ use super::{
         record::Record,
         token::{BufferToken, SampleToken},
     },
-    Finding, Input, Place, Seen, Unseen, Value,
-    finding::{Ground, corresponding},
+    Finding, Input, InputValue, NotScannable, Place, Value,
+    finding::{IndexSpace, corresponding},
 };
 use crate::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
 
 /// Size of the first findings buffer of a frame, bytes. Each further one is twice as large.
-const ROOM: u64 = 1 << 12;
+const FIRST_BUFFER_BYTES: u64 = 1 << 12;
 
 /// Largest buffer that is scanned, in 32-bit words. Shader byte offsets stay below 2^33 and indices fit a positive 32-bit integer.
-const MOST_WORDS: u64 = (1 << 31) - 1;
+const MAX_WORDS: u64 = (1 << 31) - 1;
 
 /// Workgroups per dimension that every Vulkan device supports (`maxComputeWorkGroupCount`).
-const MOST_GROUPS: u64 = 65_535;
+const MAX_GROUPS: u64 = 65_535;
 
 /// The imports of a frame, shared because the scan adds to them while the frame is declared.
 pub type SharedImports = Rc<RefCell<Imports>>;
@@ -45,7 +45,7 @@ pub struct Scan {
 
 /// The scan of one frame. Read it after the frame has run.
 pub struct Scanned {
-    notes: Rc<RefCell<Notes>>,
+    log: Rc<RefCell<ScanLog>>,
 }
 
 /// An output that could not be scanned.
@@ -58,14 +58,14 @@ pub struct Unscanned {
 }
 
 #[derive(Default)]
-struct Notes {
+struct ScanLog {
     buffers: Vec<Arc<Buffer>>,
-    subjects: Vec<Noted>,
+    subjects: Vec<ScannedVersion>,
     unscanned: Vec<Unscanned>,
 }
 
 /// What was scanned, and where its results are in the findings buffers.
-struct Noted {
+struct ScannedVersion {
     pass: Option<(u32, String)>,
     output: String,
     subject: Subject,
@@ -95,25 +95,25 @@ enum Scannable {
 struct Source {
     name: String,
     resource: u32,
-    kind: Result<Scannable, Unseen>,
+    kind: Result<Scannable, NotScannable>,
 }
 
 /// The free space of the newest findings buffer.
-struct Room {
+struct FindingsSpace {
     target: WriteHandle<handle::Buffer>,
     buffer: usize,
     used: u64,
     bytes: u64,
 }
 
-struct Watcher {
+struct ScanObserver {
     gpu: Gpu,
     scan: Scan,
     imports: SharedImports,
-    notes: Rc<RefCell<Notes>>,
-    room: Option<Room>,
+    log: Rc<RefCell<ScanLog>>,
+    space: Option<FindingsSpace>,
     /// Imported resources that have already been scanned in this frame.
-    came: HashSet<u32>,
+    imports_scanned: HashSet<u32>,
 }
 
 impl Scan {
@@ -133,40 +133,41 @@ impl Scan {
     ///
     /// Its passes are weak: they keep nothing alive. Two follow each pass: `check.PASS` scans the outputs, and
     /// `check.PASS.inputs` reads the inputs where something was found.
-    pub fn watch(self, gpu: &Gpu, imports: &SharedImports) -> (Scanned, impl FnMut(&mut FrameGraph, u32) + 'static) {
-        let notes = Rc::<RefCell<Notes>>::default();
-        let mut watcher = Watcher {
+    pub fn observer(self, gpu: &Gpu, imports: &SharedImports) -> (Scanned, impl FnMut(&mut FrameGraph, u32) + 'static) {
+        let log = Rc::<RefCell<ScanLog>>::default();
+        let mut observer = ScanObserver {
             gpu: gpu.clone(),
             scan: self,
             imports: imports.clone(),
-            notes: notes.clone(),
-            room: None,
-            came: HashSet::new(),
+            log: log.clone(),
+            space: None,
+            imports_scanned: HashSet::new(),
         };
-        (Scanned { notes }, move |g: &mut FrameGraph, pass: u32| watcher.look(g, pass))
+        (Scanned { log }, move |g: &mut FrameGraph, pass: u32| observer.scan_pass(g, pass))
     }
 }
 
-impl Watcher {
+impl ScanObserver {
     /// Scans the outputs of a pass, and before that the imports that it is the first to read.
-    fn look(&mut self, g: &mut FrameGraph, pass: u32) {
+    fn scan_pass(&mut self, g: &mut FrameGraph, pass: u32) {
         let name = g.declaration().pass_name(pass).to_owned();
         let uses = g.declaration().uses_of(pass).to_vec();
         for u in &uses {
             let d = &g.declaration().resources[u.resource as usize];
-            let came = u.reads == Some(0) && d.versions == 1 && !d.is_transient() && !d.is_undefined();
-            if came && self.came.insert(u.resource) {
+            let holds_earlier_contents =
+                u.reads == Some(0) && d.versions == 1 && !d.is_transient() && !d.is_undefined();
+            if holds_earlier_contents && self.imports_scanned.insert(u.resource) {
                 let (_, layers) = d.shape.parts();
                 let all = Part::ALL.of(d.shape.parts().0, layers);
                 let Ok(kind) = self.scannable(g, u.resource, all) else { continue };
-                if !kind.can_be_bad() {
+                if !kind.can_hold_nan() {
                     continue;
                 }
                 let output = g.declaration().resource_name(u.resource);
                 let subject = Subject { resource: u.resource, version: 0, kind };
                 // Several instances of an effect have histories of the same name, so further ones are numbered.
                 let namesake = |r: &&u32| **r != u.resource && g.declaration().resource_name(**r) == output;
-                let name = match self.came.iter().filter(namesake).count() {
+                let name = match self.imports_scanned.iter().filter(namesake).count() {
                     0 => format!("import.{output}"),
                     others => format!("import.{output}_{}", others + 1),
                 };
@@ -177,11 +178,11 @@ impl Watcher {
         let written = uses.iter().filter_map(|u| Some((u, u.writes?)));
         for ((u, version), output) in written.zip(g.declaration().outputs_of(pass)) {
             match self.scannable(g, u.resource, u.part) {
-                Ok(kind) if kind.can_be_bad() => {
+                Ok(kind) if kind.can_hold_nan() => {
                     subjects.push((output.name, Subject { resource: u.resource, version, kind }));
                 }
-                Ok(_) | Err(Unseen::Raw | Unseen::Acceleration | Unseen::Overwritten) => {}
-                Err(why @ (Unseen::TooLarge | Unseen::NotSampled)) => {
+                Ok(_) | Err(NotScannable::Raw | NotScannable::Acceleration | NotScannable::Overwritten) => {}
+                Err(why @ (NotScannable::TooLarge | NotScannable::NotSampled)) => {
                     self.leave_out(format!("{name}:{}", output.name), why.name());
                 }
             }
@@ -193,23 +194,23 @@ impl Watcher {
     }
 
     fn leave_out(&self, name: String, why: &str) {
-        self.notes.borrow_mut().unscanned.push(Unscanned { name, why: why.to_owned() });
+        self.log.borrow_mut().unscanned.push(Unscanned { name, why: why.to_owned() });
     }
 
     /// Whether a part of a resource can be scanned, and as what.
-    fn scannable(&self, g: &FrameGraph, resource: u32, part: Part) -> Result<Scannable, Unseen> {
+    fn scannable(&self, g: &FrameGraph, resource: u32, part: Part) -> Result<Scannable, NotScannable> {
         let decl = &g.declaration().resources[resource as usize];
         match decl.shape {
-            Shape::Accel { .. } => Err(Unseen::Acceleration),
-            Shape::Buffer { .. } if !g.declaration().is_floats(resource) => Err(Unseen::Raw),
-            Shape::Buffer { bytes } if bytes / 4 > MOST_WORDS => Err(Unseen::TooLarge),
+            Shape::Accel { .. } => Err(NotScannable::Acceleration),
+            Shape::Buffer { .. } if !g.declaration().is_floats(resource) => Err(NotScannable::Raw),
+            Shape::Buffer { bytes } if bytes / 4 > MAX_WORDS => Err(NotScannable::TooLarge),
             Shape::Buffer { bytes } => Ok(Scannable::Words(bytes / 4)),
             Shape::Image { format, extent, .. } => {
                 if let Origin::Imported { key: key @ ImportKey::Caller(_), .. } = decl.origin {
                     // While somebody else has the imports borrowed, their usage is unknown.
                     let known = self.imports.try_borrow().is_ok_and(|imports| imports.is_sampled(key));
                     if !known {
-                        return Err(Unseen::NotSampled);
+                        return Err(NotScannable::NotSampled);
                     }
                 }
                 Ok(Scannable::Image { format, extent, part })
@@ -226,7 +227,7 @@ impl Watcher {
         }
         let written = |u: &Use| u.writes.is_some() && u.resource == read.resource && u.part.overlaps(read.part);
         let kind = if all.iter().any(written) {
-            Err(Unseen::Overwritten)
+            Err(NotScannable::Overwritten)
         } else {
             self.scannable(g, read.resource, Part { mips: 1, ..read.part })
         };
@@ -234,21 +235,21 @@ impl Watcher {
     }
 
     /// Zeroed space for `bytes` bytes of findings; makes another buffer where the last one is full.
-    fn room(&mut self, g: &mut FrameGraph, bytes: u64) -> Result<Room, String> {
-        if let Some(room) = self.room.take_if(|room| room.used + bytes <= room.bytes) {
-            return Ok(room);
+    fn space(&mut self, g: &mut FrameGraph, bytes: u64) -> Result<FindingsSpace, String> {
+        if let Some(space) = self.space.take_if(|space| space.used + bytes <= space.bytes) {
+            return Ok(space);
         }
         let mut imports = self.imports.try_borrow_mut().map_err(|_| "the imports were in use".to_owned())?;
-        let mut notes = self.notes.borrow_mut();
-        let size = bytes.max(ROOM << notes.buffers.len().min(12));
-        let name = format!("check.findings.{}", notes.buffers.len());
+        let mut log = self.log.borrow_mut();
+        let size = bytes.max(FIRST_BUFFER_BYTES << log.buffers.len().min(12));
+        let name = format!("check.findings.{}", log.buffers.len());
         let made = Buffer::new(&self.gpu, &name, size, BufferMemory::ReadBack, BufferUse::Storage);
         let mut buffer = made.map_err(|e| e.to_string())?;
         buffer.write(0, &vec![0; size as usize]).map_err(|e| e.to_string())?;
         let buffer = Arc::new(buffer);
         let target = g.import_buffer(&name, BufferDesc::new(size), Access::HostRead, imports.buffer(&buffer));
-        notes.buffers.push(buffer);
-        Ok(Room { target, buffer: notes.buffers.len() - 1, used: 0, bytes: size })
+        log.buffers.push(buffer);
+        Ok(FindingsSpace { target, buffer: log.buffers.len() - 1, used: 0, bytes: size })
     }
 
     /// Adds the passes that scan some outputs of one pass and read its inputs.
@@ -262,8 +263,8 @@ impl Watcher {
     ) {
         let sources: Rc<[Source]> = sources.into();
         let bytes = subjects.iter().map(|(_, s)| s.bytes(sources.len())).sum();
-        let Room { mut target, buffer, used, bytes: size } = match self.room(g, bytes) {
-            Ok(room) => room,
+        let FindingsSpace { mut target, buffer, used, bytes: size } = match self.space(g, bytes) {
+            Ok(space) => space,
             Err(why) => return subjects.into_iter().for_each(|(o, _)| self.leave_out(format!("{name}:{o}"), &why)),
         };
         let mut offset = used;
@@ -271,7 +272,7 @@ impl Watcher {
         for (output, subject) in subjects {
             let pass = pass.map(|p| (p, name.to_owned()));
             let inputs = sources.clone();
-            self.notes.borrow_mut().subjects.push(Noted { pass, output, subject, inputs, buffer, offset });
+            self.log.borrow_mut().subjects.push(ScannedVersion { pass, output, subject, inputs, buffer, offset });
             scans.push((subject, offset));
             offset += subject.bytes(sources.len());
         }
@@ -296,17 +297,17 @@ impl Watcher {
                 for (subject, offset, own) in &subjects {
                     let (counted, mut seen) =
                         (c.id(table).offset(*offset), c.id(table).offset(offset + subject.counts()));
-                    subject.probe(c, kernels.probe, own, (counted, seen), true);
+                    subject.probe(c, kernels.probe, own, counted, seen, true);
                     for source in &read {
                         seen = seen.offset(size_of::<SeenBits>() as u64);
                         if let Some(source) = source {
-                            subject.probe(c, kernels.probe, source, (counted, seen), false);
+                            subject.probe(c, kernels.probe, source, counted, seen, false);
                         }
                     }
                 }
             })
         });
-        self.room = Some(Room { target, buffer, used: offset, bytes: size });
+        self.space = Some(FindingsSpace { target, buffer, used: offset, bytes: size });
     }
 }
 
@@ -335,7 +336,7 @@ impl Tokens {
 
 impl Scannable {
     /// Whether the contents can hold a NaN.
-    fn can_be_bad(self) -> bool {
+    fn can_hold_nan(self) -> bool {
         match self {
             Self::Image { format, .. } => format.is_float(),
             Self::Words(count) => count > 0,
@@ -385,7 +386,7 @@ impl Subject {
             }
             (Scannable::Words(count), Tokens::Words(words)) => {
                 let groups = count.div_ceil(u64::from(kernels.words.local_size[0]));
-                let rows = groups.div_ceil(MOST_GROUPS);
+                let rows = groups.div_ceil(MAX_GROUPS);
                 let params = ScanWordsParams { words: c.id(*words), counted, count: count as u32 };
                 c.dispatch_groups(kernels.words, &params, [groups.div_ceil(rows) as u32, rows as u32, 1]);
             }
@@ -399,7 +400,8 @@ impl Subject {
         c: &mut Record<'_>,
         kernel: Kernel,
         (kind, tokens): &(Scannable, Tokens),
-        (counted, seen): (Address, Address),
+        counted: Address,
+        seen: Address,
         own: bool,
     ) {
         let mut params =
@@ -443,17 +445,17 @@ impl Part {
 impl Scanned {
     /// All findings of the frame, in the order of declaration.
     pub fn findings(&self) -> Vec<Finding> {
-        let notes = self.notes.borrow();
-        notes.subjects.iter().filter_map(|noted| noted.read(&notes.buffers)).collect()
+        let log = self.log.borrow();
+        log.subjects.iter().filter_map(|scanned| scanned.read(&log.buffers)).collect()
     }
 
     /// Outputs that could not be scanned. Raw buffers are not listed, since they were not declared to hold floats.
     pub fn unscanned(&self) -> Vec<Unscanned> {
-        self.notes.borrow().unscanned.clone()
+        self.log.borrow().unscanned.clone()
     }
 }
 
-impl Noted {
+impl ScannedVersion {
     /// The finding of this subject; `None` if it is clean.
     fn read(&self, buffers: &[Arc<Buffer>]) -> Option<Finding> {
         let Self { subject, .. } = self;
@@ -467,27 +469,27 @@ impl Noted {
         let index = !counts[first].last;
 
         let (ground, place) = match subject.kind {
-            Scannable::Words(count) => (Ground::Buffer(count), Place::Element(index.into())),
+            Scannable::Words(count) => (IndexSpace::Buffer(count), Place::Element(index.into())),
             Scannable::Image { extent, .. } => {
                 let one = subject.part(first);
                 let size = extent.mip(one.mip.into());
                 let (x, y) = (index % size.width, index / size.width);
-                (Ground::Image(size), Place::Pixel { x, y, mip: one.mip.into(), layer: one.layer.into() })
+                (IndexSpace::Image(size), Place::Pixel { x, y, mip: one.mip.into(), layer: one.layer.into() })
             }
         };
         let input = |(source, seen): (&Source, &SeenBits)| {
             let seen = match source.kind {
                 Ok(kind) => {
                     let (to, mip, layers) = match kind {
-                        Scannable::Words(count) => (Ground::Buffer(count), 0, (0, 0)),
+                        Scannable::Words(count) => (IndexSpace::Buffer(count), 0, (0, 0)),
                         Scannable::Image { extent, part, .. } => {
-                            (Ground::Image(extent.mip(part.mip.into())), part.mip.into(), part.layer_range())
+                            (IndexSpace::Image(extent.mip(part.mip.into())), part.mip.into(), part.layer_range())
                         }
                     };
                     let at = corresponding(place, ground, to, mip, layers);
-                    Seen::At(at, Value::of(seen.bits, kind.format()))
+                    InputValue::At(at, Value::of(seen.bits, kind.format()))
                 }
-                Err(why) => Seen::Not(why),
+                Err(why) => InputValue::Unknown(why),
             };
             Input { name: source.name.clone(), seen }
         };

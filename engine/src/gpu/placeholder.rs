@@ -8,12 +8,12 @@ use ash::vk;
 pub(super) fn images(gpu: &Gpu) -> Result<Vec<Garbage>, GpuError> {
     let [sampled, storage] =
         [ImageUse { sampled: true, ..Default::default() }, ImageUse { storage: true, ..Default::default() }];
-    let make = |usage| Image::new(gpu, "nothing", Format::Rgba32Float, Extent::new(1, 1), 1, usage);
+    let make = |usage| Image::new(gpu, "placeholder", Format::Rgba32Float, Extent::new(1, 1), 1, usage);
     let (read, written) = (make(sampled)?, make(storage)?);
     let mut encoder = CommandEncoder::new(gpu, Queue::Graphics)?;
     encoder.begin()?;
-    encoder.blacken(&read, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
-    encoder.blacken(&written, vk::ImageLayout::GENERAL);
+    encoder.clear_new(&read, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+    encoder.clear_new(&written, vk::ImageLayout::GENERAL);
     encoder.finish()?;
     gpu.submit(Queue::Graphics, [&encoder], &[])?;
     gpu.wait_idle()?;
@@ -22,7 +22,7 @@ pub(super) fn images(gpu: &Gpu) -> Result<Vec<Garbage>, GpuError> {
 
 impl CommandEncoder {
     /// Fills a new image with zeros and moves it to its permanent layout.
-    fn blacken(&mut self, image: &Image, layout: vk::ImageLayout) {
+    fn clear_new(&mut self, image: &Image, layout: vk::ImageLayout) {
         let target = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
         self.settle(image, vk::ImageLayout::UNDEFINED, target);
         self.clear_image(image);

@@ -1,6 +1,6 @@
 //! Decides whether emissive surfaces light a scene well enough that no sun needs to be supplied.
-use super::odds::{emits, mean_emission};
-use super::supply::{Thing, things};
+use super::light_sampling::{emits, mean_emission};
+use super::supply::{PosedInstance, posed_instances};
 use super::{AlphaMode, Instance, Scene};
 use crate::ray::{Occluder, Occluders};
 use glam::DVec3;
@@ -9,17 +9,17 @@ use std::f64::consts::PI;
 
 /// Irradiance above which a surface counts as lit: a hundredth of what the supplied sun and sky give a surface facing the sun. A
 /// white surface then has a radiance of 0.01, which is displayed at a tenth of the display's range.
-pub(super) const LIT: f64 = 0.01 * PI;
+pub(super) const MIN_IRRADIANCE: f64 = 0.01 * PI;
 /// Fraction of the surfaces, by area, that must be lit.
-pub(super) const ENOUGH: f64 = 0.25;
+pub(super) const MIN_LIT_FRACTION: f64 = 0.25;
 /// Number of sample points on emissive surfaces, and on surfaces that may be lit.
-const FROM: usize = 256;
-const AT: usize = 1024;
+const EMITTER_SAMPLES: usize = 256;
+const SURFACE_SAMPLES: usize = 1024;
 /// With more triangles and spheres than this, occlusion is ignored, because building a BVH over them would take seconds.
-const MOST_OCCLUDERS: usize = 1 << 22;
+const MAX_OCCLUDERS: usize = 1 << 22;
 
 /// A triangle or a sphere of the scene.
-struct Piece {
+struct Primitive {
     shape: Occluder,
     /// Area, square metres.
     area: f64,
@@ -38,7 +38,7 @@ struct Point {
     double_sided: bool,
 }
 
-impl Piece {
+impl Primitive {
     /// Emitted flux of both sides.
     fn flux(&self) -> f64 {
         PI * self.area * self.emission * if self.double_sided { 2.0 } else { 1.0 }
@@ -64,30 +64,32 @@ impl Piece {
     }
 }
 
-/// Fraction of a scene's surfaces, by area, that are lit by emission alone, 0 to 1: with an irradiance of at least [`LIT`]
-/// directly from emissive triangles and spheres (factor times texture). A deterministic estimate; below [`ENOUGH`] it is an upper
+/// Fraction of a scene's surfaces, by area, that are lit by emission alone, 0 to 1: with an irradiance of at least [`MIN_IRRADIANCE`]
+/// directly from emissive triangles and spheres (factor times texture). A deterministic estimate; below [`MIN_LIT_FRACTION`] it is an upper
 /// bound, since it ignores occlusion.
-pub(super) fn share_lit(scene: &Scene) -> f64 {
+pub(super) fn lit_fraction(scene: &Scene) -> f64 {
     if !scene.instances.iter().any(|i| emits(&scene.materials[i.material as usize])) {
         return 0.0;
     }
-    let things = things(scene);
-    let all = || things.iter().zip(&scene.instances).flat_map(|(thing, instance)| pieces(scene, thing, instance));
+    let posed_instances = posed_instances(scene);
+    let all = || {
+        posed_instances.iter().zip(&scene.instances).flat_map(|(posed, instance)| primitives(scene, posed, instance))
+    };
     // Scenes can be too large to store all pieces, so sums are computed first and points in a second pass.
     let [area, flux] = all().fold([0.0; 2], |[area, flux], p| [area + p.area, flux + p.flux()]);
-    let (mut at, mut from) = (Spread::new(area, AT), Spread::new(flux, FROM));
-    for piece in all() {
-        at.add(&piece, piece.area);
-        from.add(&piece, piece.flux());
+    let (mut at, mut from) = (PointSampler::new(area, SURFACE_SAMPLES), PointSampler::new(flux, EMITTER_SAMPLES));
+    for primitive in all() {
+        at.add(&primitive, primitive.area);
+        from.add(&primitive, primitive.flux());
     }
-    let each = flux / FROM as f64;
+    let each = flux / EMITTER_SAMPLES as f64;
     let share = |hidden: &(dyn Fn(DVec3, DVec3) -> bool + Sync)| {
-        at.points.par_iter().filter(|p| is_lit(p, &from.points, each, hidden)).count() as f64 / AT as f64
+        at.points.par_iter().filter(|p| is_lit(p, &from.points, each, hidden)).count() as f64 / SURFACE_SAMPLES as f64
     };
     // Without occlusion first. If that is not enough, occlusion need not be computed.
     let most = share(&|_, _| false);
     let opaque = || all().filter(|p| p.opaque).map(|p| p.shape);
-    if most < ENOUGH || opaque().count() > MOST_OCCLUDERS {
+    if most < MIN_LIT_FRACTION || opaque().count() > MAX_OCCLUDERS {
         return most;
     }
     let occluders = Occluders::new(opaque());
@@ -96,69 +98,73 @@ pub(super) fn share_lit(scene: &Scene) -> f64 {
 
 /// Whether a point is lit by sample points that emit `flux` each.
 fn is_lit(at: &Point, from: &[Point], flux: f64, hidden: impl Fn(DVec3, DVec3) -> bool) -> bool {
-    let one = |lamp: &Point| {
-        let towards = lamp.place - at.place;
+    let one = |emitter_point: &Point| {
+        let towards = emitter_point.place - at.place;
         let square = towards.length_squared();
         let sided = |cosine: f64, both: bool| if both { cosine.abs() } else { cosine.max(0.0) };
-        let cosines =
-            sided(at.normal.dot(towards), at.double_sided) * sided(-lamp.normal.dot(towards), lamp.double_sided);
-        let sides = if lamp.double_sided { 2.0 } else { 1.0 };
+        let cosines = sided(at.normal.dot(towards), at.double_sided)
+            * sided(-emitter_point.normal.dot(towards), emitter_point.double_sided);
+        let sides = if emitter_point.double_sided { 2.0 } else { 1.0 };
         // A Lambertian emitter of flux P has the intensity P cos / pi. The cosines are multiplied by the distance.
         if square > 0.0 { flux / (PI * sides) * cosines / (square * square) } else { 0.0 }
     };
     let mut sum = 0.0;
-    from.iter().any(|lamp| {
-        let more = one(lamp);
-        if more > 0.0 && more.is_finite() && !hidden(at.place, lamp.place) {
+    from.iter().any(|emitter_point| {
+        let more = one(emitter_point);
+        if more > 0.0 && more.is_finite() && !hidden(at.place, emitter_point.place) {
             sum += more;
         }
-        sum >= LIT
+        sum >= MIN_IRRADIANCE
     })
 }
 
 /// Chooses `count` points, distributed over pieces in proportion to their weights.
-struct Spread {
+struct PointSampler {
     points: Vec<Point>,
     before: f64,
     step: f64,
     count: usize,
 }
 
-impl Spread {
+impl PointSampler {
     /// `whole` is the sum of all weights. If it is zero, no points are chosen.
     fn new(whole: f64, count: usize) -> Self {
         Self { points: Vec::new(), before: 0.0, step: whole / count as f64, count }
     }
 
-    fn add(&mut self, piece: &Piece, weight: f64) {
+    fn add(&mut self, primitive: &Primitive, weight: f64) {
         self.before += weight;
         while self.points.len() < self.count && (self.points.len() as f64 + 0.5) * self.step < self.before {
             // The R2 sequence (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences").
             let i = self.points.len() as f64 + 1.0;
             let u = [0.754_877_666_246_693, 0.569_840_290_998_053].map(|step| (i * step).fract());
-            self.points.push(piece.point(u));
+            self.points.push(primitive.point(u));
         }
     }
 }
 
 /// The triangles and spheres of an instance whose area is above zero.
-fn pieces<'a>(scene: &'a Scene, thing: &'a Thing<'a>, instance: &Instance) -> impl Iterator<Item = Piece> + 'a {
+fn primitives<'a>(
+    scene: &'a Scene,
+    posed: &'a PosedInstance<'a>,
+    instance: &Instance,
+) -> impl Iterator<Item = Primitive> + 'a {
     let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
-    let (shines, double_sided) = (emits(material), material.double_sided);
+    let (emissive, double_sided) = (emits(material), material.double_sided);
     let opaque = material.alpha == AlphaMode::Opaque && material.transmission == 0.0;
-    let triangles = thing.indices.chunks_exact(3).map(move |corners| {
+    let triangles = posed.indices.chunks_exact(3).map(move |corners| {
         let [a, b, c] =
-            [0, 1, 2].map(|k| thing.world.transform_point3(thing.positions[corners[k] as usize].as_dvec3()));
+            [0, 1, 2].map(|k| posed.world.transform_point3(posed.positions[corners[k] as usize].as_dvec3()));
         let area = 0.5 * (b - a).cross(c - a).length();
-        let emission = if shines { mean_emission(scene, material, mesh, corners) } else { 0.0 };
-        Piece { shape: Occluder::Triangle([a, b, c]), area, emission, double_sided, opaque }
+        let emission = if emissive { mean_emission(scene, material, mesh, corners) } else { 0.0 };
+        Primitive { shape: Occluder::Triangle([a, b, c]), area, emission, double_sided, opaque }
     });
-    let balls = thing.balls.iter().map(move |(centre, shape)| {
+    let spheres = posed.spheres.iter().map(move |(centre, shape)| {
         let area = 4.0 * PI * shape.determinant().abs().powf(2.0 / 3.0);
-        let emission = if shines { super::odds::luminance(material.emission) } else { 0.0 };
-        Piece { shape: Occluder::Ball(*centre, *shape), area, emission, double_sided, opaque }
+        let emission = if emissive { super::light_sampling::luminance(material.emission) } else { 0.0 };
+        Primitive { shape: Occluder::Ball(*centre, *shape), area, emission, double_sided, opaque }
     });
-    triangles.chain(balls).filter(|p| p.area > 0.0 && p.area.is_finite())
+    triangles.chain(spheres).filter(|p| p.area > 0.0 && p.area.is_finite())
 }
 
 #[cfg(test)]
@@ -203,14 +209,14 @@ mod tests {
     #[test]
     fn a_room_lit_by_a_panel_needs_no_sun() {
         let bright = room(10.0);
-        assert!(share_lit(&bright) > 0.5, "{}", share_lit(&bright));
+        assert!(lit_fraction(&bright) > 0.5, "{}", lit_fraction(&bright));
         assert!(!is_given_a_sun(bright));
         // A panel that emits very little.
-        assert!(share_lit(&room(0.02)) < 0.05 && is_given_a_sun(room(0.02)));
+        assert!(lit_fraction(&room(0.02)) < 0.05 && is_given_a_sun(room(0.02)));
         // A surface that only shows a light does not count as emissive.
         let mut shown = room(10.0);
         shown.materials.iter_mut().for_each(|m| m.shows_light = true);
-        assert!(share_lit(&shown) == 0.0 && is_given_a_sun(shown));
+        assert!(lit_fraction(&shown) == 0.0 && is_given_a_sun(shown));
     }
 
     /// A lamp in a closed box lights nothing outside it, whichever way the surrounding faces are oriented.
@@ -220,18 +226,18 @@ mod tests {
         let both_sides = || Material { double_sided: true, ..Material::default() };
         ball(&mut scene, Vec3::ZERO, 6.0, both_sides());
         ball(&mut scene, Vec3::ZERO, 0.2, Material { emission: Vec3::splat(100.0), ..Material::default() });
-        let open = share_lit(&scene);
+        let open = lit_fraction(&scene);
         ball(&mut scene, Vec3::ZERO, 1.0, both_sides());
-        let shut = share_lit(&scene);
+        let shut = lit_fraction(&scene);
         // Through a glass shade its light does get out.
         scene.materials[2].transmission = 1.0;
-        let shaded = share_lit(&scene);
+        let shaded = lit_fraction(&scene);
         assert!(open > 0.9 && shut < 0.1 && shaded > 0.9, "{open} {shut} {shaded}");
     }
 
     #[test]
     fn a_few_glowing_spots_on_a_thing_leave_it_dark() {
-        assert!(share_lit(&helmet()) < 0.1, "{}", share_lit(&helmet()));
+        assert!(lit_fraction(&helmet()) < 0.1, "{}", lit_fraction(&helmet()));
         assert!(is_given_a_sun(helmet()));
     }
 
@@ -247,9 +253,9 @@ mod tests {
                 0.5,
                 Material { emission: Vec3::splat(radiance as f32), ..Material::default() },
             );
-            share_lit(&scene)
+            lit_fraction(&scene)
         };
-        let just = LIT / (PI * (0.5_f64 / 4.0).powi(2));
+        let just = MIN_IRRADIANCE / (PI * (0.5_f64 / 4.0).powi(2));
         assert!(lit(1.1 * just) > 0.95, "{}", lit(1.1 * just));
         assert!(lit(0.9 * just) < 0.05, "{}", lit(0.9 * just));
     }
@@ -259,9 +265,9 @@ mod tests {
         for (radius, radiance) in [(1e-20, 1.0), (1e12, 1.0), (1.0, 1e30), (1.0, f32::MAX)] {
             let mut scene = Scene::default();
             ball(&mut scene, Vec3::ZERO, radius, Material { emission: Vec3::splat(radiance), ..Material::default() });
-            let share = share_lit(&scene);
+            let share = lit_fraction(&scene);
             assert!((0.0..=1.0).contains(&share), "{radius} {radiance}: {share}");
         }
-        assert_eq!(share_lit(&Scene::default()), 0.0);
+        assert_eq!(lit_fraction(&Scene::default()), 0.0);
     }
 }

@@ -15,11 +15,11 @@ use super::{
         declaration::{Declaration, ImportKey, Origin, Writers},
         desc::Part,
     },
-    Finding, Input, Seen, Unscanned,
+    Finding, Input, InputValue, Unscanned,
 };
 
 /// Limit on the reports that are kept, on the outputs that each one names, and on the links of a path.
-const MOST: usize = 256;
+const MAX_ENTRIES: usize = 256;
 
 /// One step on the path from an origin to where the value was last seen.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,18 +58,18 @@ pub struct Report {
 
 /// The findings of all frames so far. Its size grows with the number of different outputs, not with the number of frames.
 #[derive(Debug, Default)]
-pub struct Trail {
+pub struct FindingTracker {
     reports: Vec<Report>,
     /// Number of origins that found no room in `reports`.
     left_out: u64,
     /// The histories and kept buffers that the last frame left bad.
-    carried: HashMap<Slot, Node>,
+    carried: HashMap<Carrier, Node>,
     unscanned: BTreeSet<(String, String)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Slot {
-    Pair(u32),
+enum Carrier {
+    History(u32),
     Kept(u32),
 }
 
@@ -89,7 +89,7 @@ struct Frame<'a> {
     bad: HashMap<(u32, u32), (&'a Finding, Node)>,
 }
 
-impl Trail {
+impl FindingTracker {
     /// Takes in one frame: its number, its declaration, the passes that ran, the findings, and the outputs that were not scanned.
     pub fn follow(
         &mut self,
@@ -99,7 +99,7 @@ impl Trail {
         findings: &[Finding],
         unscanned: &[Unscanned],
     ) {
-        let room = MOST.saturating_sub(self.unscanned.len());
+        let room = MAX_ENTRIES.saturating_sub(self.unscanned.len());
         self.unscanned.extend(unscanned.iter().take(room).map(|u| (u.name.clone(), u.why.clone())));
         if findings.is_empty() && self.carried.is_empty() {
             return;
@@ -112,14 +112,14 @@ impl Trail {
         sorted.sort_by_key(|f| f.pass_index);
         for finding in sorted {
             let node = match self.cause(&now, finding) {
-                Some(cause) => self.hand_on(frame, finding, &cause),
-                None => self.arise(frame, finding),
+                Some(cause) => self.propagate(frame, finding, &cause),
+                None => self.add_origin(frame, finding),
             };
             if let Some(report) = node.report.map(|r| &mut self.reports[r]) {
                 report.last_frame = frame;
                 // The import of a history adds no step to the path; the history's own link does.
                 let step = finding.pass_index.is_some() || node.path.len() == 1;
-                if step && report.outputs.len() < MOST {
+                if step && report.outputs.len() < MAX_ENTRIES {
                     report.outputs.insert(finding.name());
                 }
                 if step && node.path.len() > report.path.len() {
@@ -136,7 +136,7 @@ impl Trail {
         &self.reports
     }
 
-    /// Number of origins for which there was no room in [`Trail::reports`].
+    /// Number of origins for which there was no room in [`FindingTracker::reports`].
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
@@ -154,23 +154,23 @@ impl Trail {
     /// The bad input that caused a finding. In order of preference: one that is bad at the same place, one whose value is unknown
     /// (such as one that the pass overwrote), one that is bad elsewhere; among equals, the one whose origin is the oldest.
     fn cause(&self, now: &Frame<'_>, finding: &Finding) -> Option<Node> {
-        let Some(pass) = finding.pass_index else { return self.came(now, finding.resource) };
+        let Some(pass) = finding.pass_index else { return self.carried_into(now, finding.resource) };
         let shown = |resource: u32, part: Part| {
             let name = now.declaration.resource_name(resource);
             let mut same = finding.inputs.iter().filter(|i| i.name == name);
             let of_part = |i: &&Input| match i.seen {
-                Seen::At(super::Place::Pixel { mip, .. }, _) => mip == u32::from(part.mip),
-                Seen::At(..) | Seen::Not(_) => true,
+                InputValue::At(super::Place::Pixel { mip, .. }, _) => mip == u32::from(part.mip),
+                InputValue::At(..) | InputValue::Unknown(_) => true,
             };
             same.find(of_part).map(|i| i.seen)
         };
         let reads = now.declaration.uses_of(pass).iter().filter_map(|u| Some((u, u.reads?)));
         let candidates = reads.filter_map(|(u, version)| {
-            let node = self.bad_at(now, u.resource, version, u.part)?;
+            let node = self.bad_part(now, u.resource, version, u.part)?;
             let rank = match shown(u.resource, u.part) {
-                Some(Seen::At(_, value)) if value.is_bad() => 0,
-                Some(Seen::Not(_)) | None => 1,
-                Some(Seen::At(..)) => 2,
+                Some(InputValue::At(_, value)) if value.is_bad() => 0,
+                Some(InputValue::Unknown(_)) | None => 1,
+                Some(InputValue::At(..)) => 2,
             };
             Some((rank, node.report.unwrap_or(usize::MAX), node))
         });
@@ -178,7 +178,7 @@ impl Trail {
     }
 
     /// The bad value in a part of a version, with its path; `None` if the part is clean.
-    fn bad_at(&self, now: &Frame<'_>, resource: u32, version: u32, part: Part) -> Option<Node> {
+    fn bad_part(&self, now: &Frame<'_>, resource: u32, version: u32, part: Part) -> Option<Node> {
         for version in (0..=version).rev() {
             let found = now.bad.get(&(resource, version)).filter(|(f, _)| f.parts.iter().any(|p| p.overlaps(part)));
             if let Some((_, node)) = found {
@@ -186,7 +186,9 @@ impl Trail {
             }
             let Some(writer) = now.writers.get(resource, version) else {
                 // The contents are from before the frame. A history was scanned when it was imported, but a kept buffer may not have been.
-                return self.came(now, resource).filter(|_| matches!(now.slot(resource), Some((Slot::Kept(_), _))));
+                return self
+                    .carried_into(now, resource)
+                    .filter(|_| matches!(now.carrier(resource), Some((Carrier::Kept(_), _))));
             };
             let wrote = |u: &super::super::declaration::Use| {
                 u.resource == resource && u.writes == Some(version) && part.is_within(u.part)
@@ -199,19 +201,19 @@ impl Trail {
     }
 
     /// The bad value that an earlier frame left in an imported resource.
-    fn came(&self, now: &Frame<'_>, resource: u32) -> Option<Node> {
-        let (slot, is_previous) = now.slot(resource)?;
-        let node = self.carried.get(&slot).filter(|_| is_previous)?;
+    fn carried_into(&self, now: &Frame<'_>, resource: u32) -> Option<Node> {
+        let (carrier, is_previous) = now.carrier(resource)?;
+        let node = self.carried.get(&carrier).filter(|_| is_previous)?;
         let name = now.declaration.text(now.declaration.resources[resource as usize].name);
-        let link = match slot {
-            Slot::Pair(_) => Link::History(name.strip_suffix(".previous").unwrap_or(name).to_owned()),
-            Slot::Kept(_) => Link::Kept(name.to_owned()),
+        let link = match carrier {
+            Carrier::History(_) => Link::History(name.strip_suffix(".previous").unwrap_or(name).to_owned()),
+            Carrier::Kept(_) => Link::Kept(name.to_owned()),
         };
         Some(Node { report: node.report, path: extended(&node.path, link) })
     }
 
     /// Extends the path of the cause by this finding.
-    fn hand_on(&self, frame: u32, finding: &Finding, cause: &Node) -> Node {
+    fn propagate(&self, frame: u32, finding: &Finding, cause: &Node) -> Node {
         if finding.pass_index.is_none() {
             return cause.clone();
         }
@@ -219,13 +221,13 @@ impl Trail {
     }
 
     /// The finding has no cause: it is an origin, either a known one again or a new one.
-    fn arise(&mut self, frame: u32, finding: &Finding) -> Node {
+    fn add_origin(&mut self, frame: u32, finding: &Finding) -> Node {
         let path = vec![step(frame, finding)];
         let same = |r: &Report| r.origin.pass == finding.pass && r.origin.output == finding.output;
         let report = self.reports.iter().position(same);
         if let Some(at) = report {
             self.reports[at].arose += 1;
-        } else if self.reports.len() < MOST {
+        } else if self.reports.len() < MAX_ENTRIES {
             self.reports.push(Report {
                 frame,
                 origin: finding.clone(),
@@ -242,17 +244,17 @@ impl Trail {
     }
 
     /// The histories and kept buffers that this frame leaves bad.
-    fn carry(&self, now: &Frame<'_>) -> HashMap<Slot, Node> {
+    fn carry(&self, now: &Frame<'_>) -> HashMap<Carrier, Node> {
         let mut carried = HashMap::new();
-        for (index, decl) in (0..).zip(&now.declaration.resources) {
-            let slot = match decl.origin {
-                Origin::Imported { key: ImportKey::Next(slot), .. } => Slot::Pair(slot),
-                Origin::Imported { key: ImportKey::Kept(slot), .. } => Slot::Kept(slot),
+        for (resource, decl) in (0..).zip(&now.declaration.resources) {
+            let carrier = match decl.origin {
+                Origin::Imported { key: ImportKey::Next(index), .. } => Carrier::History(index),
+                Origin::Imported { key: ImportKey::Kept(index), .. } => Carrier::Kept(index),
                 Origin::Imported { .. } | Origin::Transient => continue,
             };
             let (mips, layers) = decl.shape.parts();
-            if let Some(node) = self.bad_at(now, index, decl.versions - 1, Part::ALL.of(mips, layers)) {
-                carried.insert(slot, node);
+            if let Some(node) = self.bad_part(now, resource, decl.versions - 1, Part::ALL.of(mips, layers)) {
+                carried.insert(carrier, node);
             }
         }
         carried
@@ -260,12 +262,12 @@ impl Trail {
 }
 
 impl Frame<'_> {
-    /// The slot of a history or kept buffer, and whether the resource holds contents of an earlier frame.
-    fn slot(&self, resource: u32) -> Option<(Slot, bool)> {
+    /// The history or kept buffer behind a resource, and whether the resource holds contents of an earlier frame.
+    fn carrier(&self, resource: u32) -> Option<(Carrier, bool)> {
         match self.declaration.resources[resource as usize].origin {
-            Origin::Imported { key: ImportKey::Previous(slot), .. } => Some((Slot::Pair(slot), true)),
-            Origin::Imported { key: ImportKey::Next(slot), .. } => Some((Slot::Pair(slot), false)),
-            Origin::Imported { key: ImportKey::Kept(slot), .. } => Some((Slot::Kept(slot), true)),
+            Origin::Imported { key: ImportKey::Previous(index), .. } => Some((Carrier::History(index), true)),
+            Origin::Imported { key: ImportKey::Next(index), .. } => Some((Carrier::History(index), false)),
+            Origin::Imported { key: ImportKey::Kept(index), .. } => Some((Carrier::Kept(index), true)),
             Origin::Imported { key: ImportKey::Caller(_), .. } | Origin::Transient => None,
         }
     }
@@ -285,7 +287,7 @@ fn extended(path: &Rc<Vec<Link>>, link: Link) -> Rc<Vec<Link>> {
         if let (Some(Link::Pass { frames: known, .. }), Link::Pass { frames, .. }) = (longer.last_mut(), &link) {
             known[1] = frames[1];
         }
-    } else if longer.len() < MOST {
+    } else if longer.len() < MAX_ENTRIES {
         longer.push(link);
     }
     Rc::new(longer)
@@ -337,5 +339,5 @@ fn plural(count: usize) -> &'static str {
 }
 
 #[cfg(test)]
-#[path = "trail_tests.rs"]
+#[path = "tracker_tests.rs"]
 mod tests;

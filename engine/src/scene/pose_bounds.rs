@@ -9,7 +9,7 @@ const ROUNDING: f64 = 32.0 / (1_u64 << 24) as f64;
 
 /// The boxes of a mesh from which its bounds in any pose follow.
 #[derive(Clone, Debug)]
-pub(super) struct Reach {
+pub(super) struct PoseBounds {
     /// Bounding box of all vertices.
     whole: Bounds,
     /// Each joint with influence, and the bounding box of the vertices that it influences.
@@ -18,7 +18,7 @@ pub(super) struct Reach {
     targets: Vec<Bounds>,
 }
 
-impl Reach {
+impl PoseBounds {
     pub fn of(mesh: &Mesh) -> Self {
         let per_vertex = mesh.influences_per_vertex();
         let most = mesh.influences.iter().map(|i| i.joint + 1).max().unwrap_or(0);

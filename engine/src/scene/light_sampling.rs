@@ -6,9 +6,9 @@ use magpie_shaders::reference::{CHOICE_EMITTER, LightChoice, NO_EMITTER};
 use std::f64::consts::PI;
 
 /// Fraction of the probability that is distributed evenly, so that no emitter has a probability of zero.
-pub const EVEN: f64 = 0.05;
+pub const UNIFORM_FRACTION: f64 = 0.05;
 /// Square root of the number of points at which the emission of a triangle is sampled.
-const LOOK_UPS: u32 = 4;
+const TEXTURE_SAMPLES: u32 = 4;
 
 /// Emissive triangles and spheres, with the probability of sampling each. Probabilities are those of the rest pose; for emitters
 /// that deform later they are no longer proportional to power, which adds variance but no bias.
@@ -23,13 +23,13 @@ pub struct Emitters {
 impl Emitters {
     /// The emitters of a scene; `None` if there are none, not counting surfaces that only show a light.
     pub fn new(scene: &Scene) -> Option<Self> {
-        if !scene.instances.iter().any(|i| shines(scene, i)) {
+        if !scene.instances.iter().any(|i| is_emitter(scene, i)) {
             return None;
         }
         let pose = Animator::new(scene).pose(0.0);
-        let mut weighed = Vec::new();
-        let first = (0..scene.instances.len()).map(|i| add_emitters(scene, &pose, i, &mut weighed)).collect();
-        let choices = alias_table(weighed);
+        let mut weighted = Vec::new();
+        let first = (0..scene.instances.len()).map(|i| add_emitters(scene, &pose, i, &mut weighted)).collect();
+        let choices = alias_table(weighted);
         (!choices.is_empty()).then_some(Self { choices, first })
     }
 }
@@ -40,13 +40,13 @@ pub fn emits(material: &Material) -> bool {
 }
 
 /// Whether an instance lights other surfaces: its material emits, and alpha leaves some of it visible.
-pub fn shines(scene: &Scene, instance: &Instance) -> bool {
+pub fn is_emitter(scene: &Scene, instance: &Instance) -> bool {
     let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
-    emits(material) && is_anywhere(scene, material, mesh)
+    emits(material) && is_visible_anywhere(scene, material, mesh)
 }
 
 /// Whether any point of a mesh passes the alpha test. Texture filtering cannot exceed the largest texel.
-fn is_anywhere(scene: &Scene, material: &Material, mesh: &Mesh) -> bool {
+fn is_visible_anywhere(scene: &Scene, material: &Material, mesh: &Mesh) -> bool {
     // Allows for rounding errors.
     const ROUNDING: f32 = 1e-5;
     let is_spheres = !mesh.spheres.is_empty();
@@ -72,19 +72,19 @@ pub fn luminance(c: Vec3) -> f64 {
     c.as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// Adds the triangles or spheres of an emissive instance to `near`, with their powers. Returns the index of the first, or [`NO_EMITTER`].
-pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<(f64, LightChoice)>) -> u32 {
-    let shown = &scene.instances[instance];
-    let (mesh, material) = (&scene.meshes[shown.mesh as usize], &scene.materials[shown.material as usize]);
-    if !shines(scene, shown) {
+/// Adds the triangles or spheres of an emissive instance to `entries`, with their powers. Returns the index of the first, or [`NO_EMITTER`].
+pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, entries: &mut Vec<(f64, LightChoice)>) -> u32 {
+    let placed = &scene.instances[instance];
+    let (mesh, material) = (&scene.meshes[placed.mesh as usize], &scene.materials[placed.material as usize]);
+    if !is_emitter(scene, placed) {
         return NO_EMITTER;
     }
-    let first = near.len() as u32;
+    let first = entries.len() as u32;
     let world = &pose.instances[instance];
     let sides = if material.double_sided { 2.0 } else { 1.0 };
     let mut push = |power: f64| {
-        let primitive = near.len() as u32 - first;
-        near.push((
+        let primitive = entries.len() as u32 - first;
+        entries.push((
             power,
             LightChoice { light: CHOICE_EMITTER, instance: instance as u32, primitive, ..Default::default() },
         ));
@@ -105,45 +105,47 @@ pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, near: &mut Vec<
     first
 }
 
-/// Emission of a triangle for its probability: the mean, mixed with a fraction [`EVEN`] of the emission without textures and alpha.
+/// Emission of a triangle for its probability: the mean, mixed with a fraction [`UNIFORM_FRACTION`] of the emission without textures and alpha.
 fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     let full = luminance(material.emission);
-    share_of_emission(scene, material, mesh, corners).map_or(full, |share| full * (EVEN + (1.0 - EVEN) * share))
+    emission_fraction(scene, material, mesh, corners)
+        .map_or(full, |share| full * (UNIFORM_FRACTION + (1.0 - UNIFORM_FRACTION) * share))
 }
 
 /// Approximate mean luminance that a triangle emits: factor times texture and coverage.
 pub fn mean_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
-    luminance(material.emission) * share_of_emission(scene, material, mesh, corners).unwrap_or(1.0)
+    luminance(material.emission) * emission_fraction(scene, material, mesh, corners).unwrap_or(1.0)
 }
 
 /// Mean fraction of a triangle's emission that textures and alpha leave; `None` if there is nothing to look up.
-fn share_of_emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> Option<f64> {
+fn emission_fraction(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> Option<f64> {
     let texture = |used: Option<TextureUse>| used.and_then(|u| Some((u, scene.textures.get(u.texture as usize)?)));
-    let (glow, base) = (texture(material.emission_texture), texture(material.base_colour_texture));
-    if glow.is_none() && material.alpha == AlphaMode::Opaque {
+    let (emission_texture, base_texture) = (texture(material.emission_texture), texture(material.base_colour_texture));
+    if emission_texture.is_none() && material.alpha == AlphaMode::Opaque {
         return None;
     }
     let mut sum = 0.0;
-    for i in 0..LOOK_UPS * LOOK_UPS {
+    for i in 0..TEXTURE_SAMPLES * TEXTURE_SAMPLES {
         // A regular grid in the square, mapped to the triangle.
-        let [x, y] = [i % LOOK_UPS, i / LOOK_UPS].map(|k| (k as f32 + 0.5) / LOOK_UPS as f32);
+        let [x, y] = [i % TEXTURE_SAMPLES, i / TEXTURE_SAMPLES].map(|k| (k as f32 + 0.5) / TEXTURE_SAMPLES as f32);
         let root = x.sqrt();
         let weights = [1.0 - root, root * (1.0 - y), root * y];
-        let read = |(used, texture): (TextureUse, &Texture)| {
+        let sample = |(used, texture): (TextureUse, &Texture)| {
             let uvs = if used.uv_set == 0 { &mesh.uv0 } else { &mesh.uv1 };
             let place = (0..3).map(|k| uvs[corners[k] as usize] * weights[k]).sum::<Vec2>().extend(1.0);
             texel(texture, Vec2::new(used.rows[0].dot(place), used.rows[1].dot(place)))
         };
         let colour = (0..3).map(|k| mesh.colours[corners[k] as usize].w * weights[k]).sum::<f32>();
-        let alpha = || material.base_colour.w * colour * base.map_or(1.0, |base| f32::from(read(base)[3]) / 255.0);
+        let alpha =
+            || material.base_colour.w * colour * base_texture.map_or(1.0, |used| f32::from(sample(used)[3]) / 255.0);
         let covers = match material.alpha {
             AlphaMode::Opaque => 1.0,
             AlphaMode::Mask(cutoff) => f64::from(u8::from(alpha() >= cutoff)),
             AlphaMode::Blend => f64::from(alpha().clamp(0.0, 1.0)),
         };
-        sum += covers * glow.map_or(1.0, |glow| luminance(from_srgb(read(glow))));
+        sum += covers * emission_texture.map_or(1.0, |used| luminance(from_srgb(sample(used))));
     }
-    Some(sum / f64::from(LOOK_UPS * LOOK_UPS))
+    Some(sum / f64::from(TEXTURE_SAMPLES * TEXTURE_SAMPLES))
 }
 
 /// The texel at wrapped coordinates, of a mip small enough for a few samples to represent the texture.
@@ -173,7 +175,7 @@ pub fn alias_table(mut entries: Vec<(f64, LightChoice)>) -> Vec<LightChoice> {
         return Vec::new();
     }
     let n = entries.len() as f64;
-    let mut shares: Vec<f64> = entries.iter().map(|(weight, _)| weight / sum * n).collect();
+    let mut scaled: Vec<f64> = entries.iter().map(|(weight, _)| weight / sum * n).collect();
     let mut table: Vec<LightChoice> = entries
         .iter()
         .zip(0..)
@@ -184,14 +186,14 @@ pub fn alias_table(mut entries: Vec<(f64, LightChoice)>) -> Vec<LightChoice> {
             ..*choice
         })
         .collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..shares.len()).partition(|i| shares[*i] < 1.0);
-    while let (Some(poor), Some(rich)) = (small.pop(), large.last().copied()) {
-        table[poor].threshold = shares[poor] as f32;
-        table[poor].alias = rich as u32;
-        shares[rich] -= 1.0 - shares[poor];
-        if shares[rich] < 1.0 {
+    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..scaled.len()).partition(|i| scaled[*i] < 1.0);
+    while let (Some(small_entry), Some(large_entry)) = (small.pop(), large.last().copied()) {
+        table[small_entry].threshold = scaled[small_entry] as f32;
+        table[small_entry].alias = large_entry as u32;
+        scaled[large_entry] -= 1.0 - scaled[small_entry];
+        if scaled[large_entry] < 1.0 {
             large.pop();
-            small.push(rich);
+            small.push(large_entry);
         }
     }
     table

@@ -9,9 +9,9 @@ use super::super::{
 
 /// Turns parts of a declaration into text.
 #[derive(Clone, Copy)]
-pub(super) struct Words<'d>(pub &'d Declaration);
+pub(super) struct Describer<'d>(pub &'d Declaration);
 
-impl Words<'_> {
+impl Describer<'_> {
     /// `sky.draw:sky version 1`.
     pub fn version(&self, resource: u32, version: u32) -> String {
         format!("{} version {version}", self.0.resource_name(resource))
@@ -38,9 +38,9 @@ impl Words<'_> {
             _ => Some(format!("{what}s {first} to {}", first + count - 1)),
         };
         let part = part.of(mips, layers);
-        let told = [some(part.mip, part.mips, mips, "mip"), some(part.layer, part.layers, layers, "layer")];
-        let told: Vec<String> = told.into_iter().flatten().collect();
-        if told.is_empty() { String::new() } else { format!(" {}", told.join(", ")) }
+        let ranges = [some(part.mip, part.mips, mips, "mip"), some(part.layer, part.layers, layers, "layer")];
+        let ranges: Vec<String> = ranges.into_iter().flatten().collect();
+        if ranges.is_empty() { String::new() } else { format!(" {}", ranges.join(", ")) }
     }
 
     /// A use, with the versions that it reads and writes.
@@ -56,12 +56,12 @@ impl Words<'_> {
 
     /// The uses of a pass; attachments that are not stored are marked.
     pub fn uses_of(&self, plan: &Plan, pass: u32) -> Vec<String> {
-        let told = |index: usize| {
+        let describe = |index: usize| {
             let unstored = plan.unstored.binary_search(&(index as u32)).is_ok();
             let note = if unstored { ", not stored: nobody reads it later" } else { "" };
             format!("{}{note}", self.use_of(&self.0.uses[index]))
         };
-        self.0.passes[pass as usize].uses.range().map(told).collect()
+        self.0.passes[pass as usize].uses.range().map(describe).collect()
     }
 
     /// A barrier: the uses that must be over, the uses that wait, and the layouts.
@@ -149,17 +149,17 @@ pub(super) fn not_aliased(plan: &Plan, resource: u32) -> Option<String> {
 /// The queues and switches that a plan was made for.
 pub(super) fn made_for(plan: &Plan) -> String {
     let queues: Vec<&str> = Queue::ALL.into_iter().filter(|q| plan.queues.has(*q)).map(Queue::name).collect();
-    let mut told = match queues.as_slice() {
+    let mut text = match queues.as_slice() {
         [first @ .., last] if !first.is_empty() => format!("planned for the queues {} and {last}", first.join(", ")),
         all => format!("planned for the {} queue", all.join("")),
     };
     if plan.serial {
-        told.push_str("; serial: each pass waits for everything before it");
+        text.push_str("; serial: each pass waits for everything before it");
     }
     if !plan.alias {
-        told.push_str("; transients do not share memory");
+        text.push_str("; transients do not share memory");
     }
-    told
+    text
 }
 
 /// A number of bytes with a readable unit.
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn sizes_have_few_digits() {
-        let told = [0, 9_999, 10_000, 999_949, 1_000_000, 16_720_000, 12_000_000_000].map(bytes);
-        assert_eq!(told, ["0 bytes", "9999 bytes", "10.0 kB", "999.9 kB", "1.00 MB", "16.72 MB", "12.00 GB"]);
+        let texts = [0, 9_999, 10_000, 999_949, 1_000_000, 16_720_000, 12_000_000_000].map(bytes);
+        assert_eq!(texts, ["0 bytes", "9999 bytes", "10.0 kB", "999.9 kB", "1.00 MB", "16.72 MB", "12.00 GB"]);
     }
 }

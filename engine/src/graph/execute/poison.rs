@@ -11,12 +11,12 @@ use super::ExecuteError;
 use crate::gpu::{Buffer, BufferMemory, BufferUse, CommandEncoder, Gpu, ImageBarrier};
 
 /// One [`Poison`], and the buffer that its value is copied from.
-pub(super) struct Spoil {
-    what: Poisoned,
+pub(super) struct PoisonWrite {
+    target: Poisoned,
     source: Buffer,
 }
 
-impl Spoil {
+impl PoisonWrite {
     /// Resolves the poisons of a frame and fills their buffers.
     pub fn all(
         gpu: &Gpu,
@@ -25,23 +25,23 @@ impl Spoil {
         plan: &Plan,
     ) -> Result<Vec<Self>, ExecuteError> {
         let one = |poison: &Poison| {
-            let what = poison.resolve(declaration, &plan.order)?;
-            let bytes = what.bytes.len() as u64;
+            let target = poison.resolve(declaration, &plan.order)?;
+            let bytes = target.bytes.len() as u64;
             let mut source = Buffer::new(gpu, "poison", bytes, BufferMemory::Upload, BufferUse::Storage)?;
-            source.write(0, &what.bytes)?;
-            Ok(Self { what, source })
+            source.write(0, &target.bytes)?;
+            Ok(Self { target, source })
         };
         poisons.iter().map(one).collect()
     }
 
     /// Index of the pass whose output is overwritten.
     pub fn pass(&self) -> u32 {
-        self.what.pass
+        self.target.pass
     }
 
     /// Overwrites the pixel or element after all commands of the pass; everything else stays as the pass left it.
     pub fn record(&self, encoder: &mut CommandEncoder, physical: &[Physical]) {
-        let Poisoned { resource, length, place, part, layout, .. } = self.what;
+        let Poisoned { resource, length, place, part, layout, .. } = self.target;
         encoder.full_barrier();
         match (&physical[resource as usize], place) {
             (Physical::Image(image), Place::Pixel { x, y, .. }) => {

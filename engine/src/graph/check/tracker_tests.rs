@@ -1,6 +1,6 @@
 //! Trails over hand-made declarations, with findings as the scan would report them.
 use super::super::super::*;
-use super::super::{Place, Unseen, Value, Values};
+use super::super::{NotScannable, Place, Value, Values};
 use super::*;
 
 /// One declared frame of an accumulating effect. `book` carries the histories from frame to frame.
@@ -42,7 +42,7 @@ fn nan_at(made: &Made, pass: &str, bad_inputs: &[&str]) -> Finding {
     let reads = d.uses_of(index).iter().filter(|u| u.reads.is_some() && u.writes.is_none());
     let input = |name: String| {
         let bad = bad_inputs.contains(&name.as_str());
-        Input { seen: Seen::At(Place::pixel(3, 4), value(if bad { f32::NAN } else { 0.5 })), name }
+        Input { seen: InputValue::At(Place::pixel(3, 4), value(if bad { f32::NAN } else { 0.5 })), name }
     };
     Finding {
         pass: pass.to_owned(),
@@ -60,7 +60,7 @@ fn nan_at(made: &Made, pass: &str, bad_inputs: &[&str]) -> Finding {
 }
 
 /// A finding in the previous half of the only history, as the scan of imports reports it.
-fn came_in(made: &Made) -> Finding {
+fn carried_in(made: &Made) -> Finding {
     let resource = made.declaration.histories[0].previous;
     let output = made.declaration.resource_name(resource);
     let mut finding = nan_at(made, "gi.trace", &[]);
@@ -69,22 +69,22 @@ fn came_in(made: &Made) -> Finding {
     finding
 }
 
-fn follow(trail: &mut Trail, frame: u32, made: &Made, findings: &[Finding]) {
-    trail.follow(frame, &made.declaration, &made.order, findings, &[]);
+fn follow(tracker: &mut FindingTracker, frame: u32, made: &Made, findings: &[Finding]) {
+    tracker.follow(frame, &made.declaration, &made.order, findings, &[]);
 }
 
 #[test]
 fn a_clean_run_has_no_reports() {
-    let (scope, mut trail) = (HistoryScope::new(), Trail::default());
+    let (scope, mut tracker) = (HistoryScope::new(), FindingTracker::default());
     for frame in 0..4 {
-        follow(&mut trail, frame, &accumulating(&scope), &[]);
+        follow(&mut tracker, frame, &accumulating(&scope), &[]);
     }
-    assert!(trail.reports().is_empty() && trail.carried.is_empty());
+    assert!(tracker.reports().is_empty() && tracker.carried.is_empty());
 }
 
 #[test]
 fn one_nan_that_goes_round_for_ever_is_one_report_of_bounded_size() {
-    let (scope, mut trail) = (HistoryScope::new(), Trail::default());
+    let (scope, mut tracker) = (HistoryScope::new(), FindingTracker::default());
     for frame in 0..5000 {
         let made = accumulating(&scope);
         let mut findings = Vec::new();
@@ -93,12 +93,12 @@ fn one_nan_that_goes_round_for_ever_is_one_report_of_bounded_size() {
             3 => findings.extend(["gi.accumulate", "compose.sum"].map(|p| nan_at(&made, p, &[]))),
             _ => {
                 findings.extend(["gi.accumulate", "compose.sum"].map(|p| nan_at(&made, p, &["gi:colour.previous"])));
-                findings.push(came_in(&made));
+                findings.push(carried_in(&made));
             }
         }
-        follow(&mut trail, frame, &made, &findings);
+        follow(&mut tracker, frame, &made, &findings);
     }
-    let [report] = trail.reports() else { panic!("{:?}", trail.reports()) };
+    let [report] = tracker.reports() else { panic!("{:?}", tracker.reports()) };
     assert_eq!(
         (report.frame, report.origin.pass.as_str(), report.arose, report.last_frame),
         (3, "gi.accumulate", 1, 4999)
@@ -108,20 +108,20 @@ fn one_nan_that_goes_round_for_ever_is_one_report_of_bounded_size() {
         path.join(" → "),
         "gi.accumulate (frame 3) → history gi:colour → gi.accumulate (frame 4) → compose.sum (frame 4)"
     );
-    let carried = trail.carried.values().next().unwrap();
+    let carried = tracker.carried.values().next().unwrap();
     assert!(carried.path.len() <= 3, "{:?}", carried.path);
     assert_eq!(carried.path.last().unwrap().to_string(), "gi.accumulate (frames 4 to 4999)");
 }
 
 #[test]
 fn a_history_that_is_clean_as_it_comes_is_no_cause() {
-    let (scope, mut trail) = (HistoryScope::new(), Trail::default());
+    let (scope, mut tracker) = (HistoryScope::new(), FindingTracker::default());
     let made = accumulating(&scope);
-    follow(&mut trail, 0, &made, &[nan_at(&made, "gi.accumulate", &[])]);
+    follow(&mut tracker, 0, &made, &[nan_at(&made, "gi.accumulate", &[])]);
     // After a camera cut the history reads as zero, so a bad value is a new origin.
     let made = accumulating(&scope);
-    follow(&mut trail, 1, &made, &[nan_at(&made, "gi.accumulate", &[])]);
-    let [report] = trail.reports() else { panic!("{:?}", trail.reports()) };
+    follow(&mut tracker, 1, &made, &[nan_at(&made, "gi.accumulate", &[])]);
+    let [report] = tracker.reports() else { panic!("{:?}", tracker.reports()) };
     assert_eq!((report.frame, report.arose, report.path.len()), (0, 2, 1));
 }
 
@@ -141,9 +141,9 @@ fn the_input_that_is_bad_at_the_place_is_the_cause() {
     g.output(c.read());
     let made = made(g);
     let findings = [nan_at(&made, "a", &[]), nan_at(&made, "b", &[]), nan_at(&made, "c", &["b:x"])];
-    let mut trail = Trail::default();
-    follow(&mut trail, 7, &made, &findings);
-    let names: Vec<(&str, usize)> = trail.reports().iter().map(|r| (r.origin.pass.as_str(), r.path.len())).collect();
+    let mut tracker = FindingTracker::default();
+    follow(&mut tracker, 7, &made, &findings);
+    let names: Vec<(&str, usize)> = tracker.reports().iter().map(|r| (r.origin.pass.as_str(), r.path.len())).collect();
     assert_eq!(names, [("a", 1), ("b", 2)], "two origins, and c comes of b");
 }
 
@@ -160,20 +160,20 @@ fn a_clean_write_over_a_bad_version_ends_it_and_a_write_beside_it_does_not() {
         });
         g.output(c.read());
         let made = made(g);
-        let mut trail = Trail::default();
-        follow(&mut trail, 0, &made, &[nan_at(&made, "a", &[]), nan_at(&made, "c", &[])]);
-        assert_eq!(trail.reports().len(), reports, "b writes mip {mip}");
+        let mut tracker = FindingTracker::default();
+        follow(&mut tracker, 0, &made, &[nan_at(&made, "a", &[]), nan_at(&made, "c", &[])]);
+        assert_eq!(tracker.reports().len(), reports, "b writes mip {mip}");
     }
 }
 
 #[test]
 fn reports_say_where_what_and_how() {
-    let (scope, mut trail) = (HistoryScope::new(), Trail::default());
+    let (scope, mut tracker) = (HistoryScope::new(), FindingTracker::default());
     let made = accumulating(&scope);
     let mut finding = nan_at(&made, "gi.accumulate", &[]);
-    finding.inputs.push(Input { name: "probes".to_owned(), seen: Seen::Not(Unseen::Raw) });
-    follow(&mut trail, 2, &made, &[finding]);
-    let text = trail.reports()[0].to_string();
+    finding.inputs.push(Input { name: "probes".to_owned(), seen: InputValue::Unknown(NotScannable::Raw) });
+    follow(&mut tracker, 2, &made, &[finding]);
+    let text = tracker.reports()[0].to_string();
     for part in [
         "frame 2, pass gi.accumulate, output gi:colour.next: 1 pixel with NaN, the first at (3, 4): (NaN, NaN, NaN, NaN)",
         "read gi.trace:radiance at (3, 4): (0.5, 0.5, 0.5, 0.5)",
@@ -187,15 +187,15 @@ fn reports_say_where_what_and_how() {
 
 #[test]
 fn more_origins_than_there_is_room_for_are_counted() {
-    let mut trail = Trail::default();
-    for i in 0..MOST as u32 + 5 {
+    let mut tracker = FindingTracker::default();
+    for i in 0..MAX_ENTRIES as u32 + 5 {
         let mut g = FrameGraph::new(Extent::new(8, 8));
         let name = format!("pass{i}");
         let desc = ImageDesc::full(Format::R32Float);
         let x = g.pass(&name, Queue::Graphics, |p| (p.create("x", desc).0, |_: &mut Record| {}));
         g.output(x.read());
         let made = made(g);
-        follow(&mut trail, i, &made, &[nan_at(&made, &name, &[])]);
+        follow(&mut tracker, i, &made, &[nan_at(&made, &name, &[])]);
     }
-    assert_eq!((trail.reports().len(), trail.left_out()), (MOST, 5));
+    assert_eq!((tracker.reports().len(), tracker.left_out()), (MAX_ENTRIES, 5));
 }

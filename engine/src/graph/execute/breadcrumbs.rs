@@ -14,7 +14,7 @@ const WORD_BYTES: usize = size_of::<u32>();
 
 /// How far one queue came.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Trail {
+pub struct QueueProgress {
     /// The queue that this describes.
     pub queue: Queue,
     /// Name of the last pass that began; `None` if none did.
@@ -23,7 +23,7 @@ pub struct Trail {
     pub first_unfinished: Option<String>,
 }
 
-impl std::fmt::Display for Trail {
+impl std::fmt::Display for QueueProgress {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(self.queue.name())?;
         match (&self.last_begun, &self.first_unfinished) {
@@ -35,30 +35,30 @@ impl std::fmt::Display for Trail {
     }
 }
 
-/// All trails as one sentence, for the error message.
-pub(super) fn describe(trails: &[Trail]) -> String {
-    if trails.is_empty() {
+/// The progress of all queues as one sentence, for the error message.
+pub(super) fn describe(progress: &[QueueProgress]) -> String {
+    if progress.is_empty() {
         return "no breadcrumbs were laid that would name the pass (--breadcrumbs lays them on any device)".to_owned();
     }
-    trails.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+    progress.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
 }
 
 /// Whether one pass began and ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Crumb {
+struct Breadcrumb {
     begun: bool,
     ended: bool,
 }
 
 /// The markers of one frame.
-pub(super) struct Crumbs {
+pub(super) struct Breadcrumbs {
     gpu: Gpu,
     buffer: Option<gpu::Buffer>,
     /// Number of the frame, the value of its markers. Never 0, since new buffers are zeroed.
     frame: u32,
 }
 
-impl Crumbs {
+impl Breadcrumbs {
     pub fn new(gpu: &Gpu) -> Self {
         Self { gpu: gpu.clone(), buffer: None, frame: 0 }
     }
@@ -98,34 +98,35 @@ impl Crumbs {
     }
 
     /// How far each queue came in the last frame that was prepared. `plan` must be the plan of that frame.
-    pub fn trails(&self, declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
+    pub fn progress(&self, declaration: &Declaration, plan: &Plan) -> Vec<QueueProgress> {
         let bytes = self.buffer.as_ref().map_or(&[][..], gpu::Buffer::contents);
         let words: Vec<u32> =
             bytes.as_chunks::<WORD_BYTES>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
-        trails(&crumbs(&words, self.frame), declaration, plan)
+        progress(&breadcrumbs(&words, self.frame), declaration, plan)
     }
 }
 
 /// Decodes the words of a frame, by position.
-fn crumbs(words: &[u32], frame: u32) -> Vec<Crumb> {
+fn breadcrumbs(words: &[u32], frame: u32) -> Vec<Breadcrumb> {
     let (pairs, _) = words.as_chunks::<WORDS>();
-    pairs.iter().map(|[begun, ended]| Crumb { begun: *begun == frame, ended: *ended == frame }).collect()
+    pairs.iter().map(|[begun, ended]| Breadcrumb { begun: *begun == frame, ended: *ended == frame }).collect()
 }
 
-/// How far each queue came, for the queues that the plan uses. Passes without a crumb count as not begun.
-fn trails(crumbs: &[Crumb], declaration: &Declaration, plan: &Plan) -> Vec<Trail> {
-    let at = |position: &usize| crumbs.get(*position).copied().unwrap_or(Crumb { begun: false, ended: false });
+/// How far each queue came, for the queues that the plan uses. Passes without a breadcrumb count as not begun.
+fn progress(breadcrumbs: &[Breadcrumb], declaration: &Declaration, plan: &Plan) -> Vec<QueueProgress> {
+    let at =
+        |position: &usize| breadcrumbs.get(*position).copied().unwrap_or(Breadcrumb { begun: false, ended: false });
     let name = |position: usize| declaration.pass_name(plan.order[position]).to_owned();
-    let trail = |queue: Queue| {
+    let of_queue = |queue: Queue| {
         let own = || plan.batches.iter().filter(move |b| b.queue == queue).flat_map(|b| b.passes.range());
         own().next()?;
-        Some(Trail {
+        Some(QueueProgress {
             queue,
             last_begun: own().rev().find(|p| at(p).begun).map(name),
             first_unfinished: own().find(|p| !at(p).ended).map(name),
         })
     };
-    Queue::ALL.into_iter().filter_map(trail).collect()
+    Queue::ALL.into_iter().filter_map(of_queue).collect()
 }
 
 #[cfg(test)]
@@ -162,12 +163,12 @@ mod tests {
         (declaration, plan)
     }
 
-    /// Trails of frame 7, as (last begun, first unfinished).
-    fn told(words: &[u32]) -> Vec<(Option<String>, Option<String>)> {
+    /// The progress in frame 7, as (last begun, first unfinished).
+    fn frame_progress(words: &[u32]) -> Vec<(Option<String>, Option<String>)> {
         let (declaration, plan) = frame();
-        let trails = trails(&crumbs(words, 7), &declaration, &plan);
-        assert_eq!(trails.iter().map(|t| t.queue).collect::<Vec<_>>(), [Queue::Graphics, Queue::AsyncCompute]);
-        trails.into_iter().map(|t| (t.last_begun, t.first_unfinished)).collect()
+        let progress = progress(&breadcrumbs(words, 7), &declaration, &plan);
+        assert_eq!(progress.iter().map(|p| p.queue).collect::<Vec<_>>(), [Queue::Graphics, Queue::AsyncCompute]);
+        progress.into_iter().map(|p| (p.last_begun, p.first_unfinished)).collect()
     }
 
     fn pair(begun: &str, unfinished: &str) -> (Option<String>, Option<String>) {
@@ -178,38 +179,38 @@ mod tests {
     #[test]
     fn nothing_began() {
         let fresh = [pair("", "draw"), pair("", "ao")];
-        assert_eq!(told(&[0; 10]), fresh);
-        assert_eq!(told(&[6; 10]), fresh, "words of the frame before");
-        assert_eq!(told(&[]), fresh, "no words at all");
+        assert_eq!(frame_progress(&[0; 10]), fresh);
+        assert_eq!(frame_progress(&[6; 10]), fresh, "words of the frame before");
+        assert_eq!(frame_progress(&[]), fresh, "no words at all");
     }
 
     #[test]
     fn one_queue_stopped_while_the_other_went_on() {
         let words = [7, 7, 7, 7, 7, 0, 6, 6, 6, 6];
-        assert_eq!(told(&words), [pair("light", "join"), pair("ao", "ao")]);
+        assert_eq!(frame_progress(&words), [pair("light", "join"), pair("ao", "ao")]);
         let words = [7, 7, 7, 6, 7, 7, 7, 7, 6, 6];
-        assert_eq!(told(&words), [pair("light", "light"), pair("blur", "")]);
+        assert_eq!(frame_progress(&words), [pair("light", "light"), pair("blur", "")]);
     }
 
     #[test]
     fn passes_overlap() {
         // Both compute passes have begun, and the later one was done first.
         let words = [7, 7, 7, 7, 7, 6, 7, 7, 6, 6];
-        assert_eq!(told(&words)[1], pair("blur", "ao"));
+        assert_eq!(frame_progress(&words)[1], pair("blur", "ao"));
         // Between two passes: one has ended, the next has not begun.
         let words = [7, 7, 6, 6, 6, 6, 6, 6, 6, 6];
-        assert_eq!(told(&words)[0], pair("draw", "light"));
+        assert_eq!(frame_progress(&words)[0], pair("draw", "light"));
     }
 
     #[test]
     fn everything_ended() {
-        assert_eq!(told(&[7; 10]), [pair("join", ""), pair("blur", "")]);
+        assert_eq!(frame_progress(&[7; 10]), [pair("join", ""), pair("blur", "")]);
     }
 
     #[test]
     fn the_message_names_queues_and_passes() {
         let (declaration, plan) = frame();
-        let words = |words: &[u32]| describe(&trails(&crumbs(words, 7), &declaration, &plan));
+        let words = |words: &[u32]| describe(&progress(&breadcrumbs(words, 7), &declaration, &plan));
         assert_eq!(
             words(&[7, 7, 7, 6, 7, 7, 7, 7, 6, 6]),
             "graphics: light began last and did not end; async compute: every pass ended"

@@ -5,7 +5,7 @@ use glam::DVec3;
 use magpie::scene::Scene;
 use magpie_passes::reference::{Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_tests::harness::gpu;
-use magpie_tests::oracle::path::{Witness, WitnessOptions};
+use magpie_tests::oracle::path::{CpuPathTracer, CpuPathTracerOptions};
 use magpie_tests::oracle::scenes;
 use std::env;
 use std::fs;
@@ -35,7 +35,7 @@ fn patience(scene: &Scene, only: Only) -> [u32; 2] {
 /// Both pictures: means of each pixel, and the variance of their difference.
 struct Both {
     device: Vec<DVec3>,
-    witness: Vec<DVec3>,
+    cpu: Vec<DVec3>,
     variance: Vec<DVec3>,
 }
 
@@ -44,13 +44,14 @@ fn both(gpu: &magpie::gpu::Gpu, scene: &Scene, options: ReferenceOptions, sample
     let mut reference = Reference::new(gpu, scene, camera, options)?;
     reference.add(samples[0])?;
     let ReferenceOptions { width, height, depth, only, pixel, ao_range, .. } = options;
-    let wanted = WitnessOptions { samples: samples[1], seed: 77, depth, pixel, only, ao_range: f64::from(ao_range) };
-    let witness = Witness::new(scene, options.time).radiance(camera, width, height, wanted);
+    let wanted =
+        CpuPathTracerOptions { samples: samples[1], seed: 77, depth, pixel, only, ao_range: f64::from(ao_range) };
+    let cpu = CpuPathTracer::new(scene, options.time).radiance(camera, width, height, wanted);
     let errors = reference.estimate().standard_error();
     Ok(Both {
         device: reference.estimate().mean.clone(),
-        variance: errors.iter().zip(&witness).map(|(e, (_, w))| *e * *e + *w * *w).collect(),
-        witness: witness.into_iter().map(|(mean, _)| mean).collect(),
+        variance: errors.iter().zip(&cpu).map(|(e, (_, w))| *e * *e + *w * *w).collect(),
+        cpu: cpu.into_iter().map(|(mean, _)| mean).collect(),
     })
 }
 
@@ -60,7 +61,7 @@ impl Both {
         let sum = |values: &[DVec3]| values.iter().map(|v| v.element_sum()).sum::<f64>();
         // Channels of a pixel are correlated: their standard errors add, not their variances.
         let error = self.variance.iter().map(|v| v.map(f64::sqrt).element_sum().powi(2)).sum::<f64>().sqrt();
-        let scale = sum(&self.witness).max(f64::MIN_POSITIVE);
+        let scale = sum(&self.cpu).max(f64::MIN_POSITIVE);
         ((sum(&self.device) - scale) / scale, error / scale)
     }
 
@@ -72,7 +73,7 @@ impl Both {
             for left in (0..width).step_by(BLOCK) {
                 let (mut difference, mut variance) = (0.0, 0.0);
                 for at in (0..BLOCK * BLOCK).map(|i| (top + i / BLOCK) * width + left + i % BLOCK) {
-                    difference += (self.device[at] - self.witness[at]).element_sum();
+                    difference += (self.device[at] - self.cpu[at]).element_sum();
                     variance += self.variance[at].map(f64::sqrt).element_sum().powi(2);
                 }
                 if variance > 0.0 {
@@ -92,11 +93,11 @@ impl Both {
         fs::create_dir_all(&folder)?;
         let picture = image::RgbImage::from_fn(3 * SIZE[0], SIZE[1], |x, y| {
             let at = (y * SIZE[0] + x % SIZE[0]) as usize;
-            let (device, witness) = (self.device[at], self.witness[at]);
-            let shown = [device, witness, DVec3::splat(0.2) + device - witness][(x / SIZE[0]) as usize];
+            let (device, cpu) = (self.device[at], self.cpu[at]);
+            let shown = [device, cpu, DVec3::splat(0.2) + device - cpu][(x / SIZE[0]) as usize];
             image::Rgb(shown.to_array().map(|v| (255.0 * v.clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8))
         });
-        Ok(picture.save(folder.join(format!("witness.{name}.png")))?)
+        Ok(picture.save(folder.join(format!("cpu.{name}.png")))?)
     }
 }
 
@@ -120,8 +121,8 @@ fn six_scenes() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for scene in scenes::all() {
         let options = ReferenceOptions { width: SIZE[0], height: SIZE[1], check: true, ..ReferenceOptions::default() };
-        let [device, witness] = patience(&scene, Only::All).map(|n| n * samples());
-        agree(&scene.name, &both(&gpu, &scene, options, [2 * device, witness])?, LIMIT)?;
+        let [device, cpu] = patience(&scene, Only::All).map(|n| n * samples());
+        agree(&scene.name, &both(&gpu, &scene, options, [2 * device, cpu])?, LIMIT)?;
     }
     Ok(())
 }
@@ -131,11 +132,11 @@ fn six_scenes() -> Result<()> {
 fn reflections_of_their_own() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = scenes::own_reflections();
-    for (only, [device, witness]) in [(Only::All, [2, 1]), (Only::Reflections, [4, 4])] {
+    for (only, [device, cpu]) in [(Only::All, [2, 1]), (Only::Reflections, [4, 4])] {
         let pixel = if only == Only::All { PixelSampling::Area } else { PixelSampling::Centre };
         let options =
             ReferenceOptions { width: SIZE[0], height: SIZE[1], only, pixel, check: true, ..Default::default() };
-        let samples = [device, witness].map(|n| n * samples());
+        let samples = [device, cpu].map(|n| n * samples());
         agree(&format!("{}, {}", scene.name, only.name()), &both(&gpu, &scene, options, samples)?, LIMIT)?;
     }
     Ok(())
@@ -157,7 +158,7 @@ fn every_part() -> Result<()> {
     for (mut scene, only) in parts {
         // Parts filter textures of the first surface as the raster does; the CPU path tracer does not.
         scene.materials.iter_mut().for_each(|m| m.base_colour_texture = None);
-        let [device, witness] = patience(&scene, only).map(|n| n * samples());
+        let [device, cpu] = patience(&scene, only).map(|n| n * samples());
         let options = ReferenceOptions {
             width: SIZE[0],
             height: SIZE[1],
@@ -170,7 +171,7 @@ fn every_part() -> Result<()> {
         // Half as many samples: twice the limit.
         agree(
             &format!("{}, {}", scene.name, only.name()),
-            &both(&gpu, &scene, options, [device, witness / 2])?,
+            &both(&gpu, &scene, options, [device, cpu / 2])?,
             2.0 * LIMIT,
         )?;
     }

@@ -125,7 +125,7 @@ pub fn composer() -> Composer {
     let run = run();
     let others = run.plan.setups.iter().filter(|s| s.label != "default");
     let parts = others.map(|s| (s.id.clone(), Parts::of_whole(rendered(&s.label)))).collect();
-    Composer::new(truth(), Display::PLAIN, (rendered("default"), None), parts)
+    Composer::new(truth(), Display::PLAIN, rendered("default"), None, parts)
 }
 
 /// Its report, with the combination of its pictures.

@@ -1,5 +1,5 @@
-//! Numbers the parts of resources that are tracked separately, here called slots (unrelated to the slots of a frame). Most
-//! resources have one; an image whose mips or layers are used separately has one for each.
+//! Numbers the parts of resources that are tracked separately: subresources. Most resources have
+//! one; an image whose mips or layers are used separately has one for each.
 
 use super::super::{
     declaration::{Declaration, Use},
@@ -7,13 +7,13 @@ use super::super::{
 };
 
 /// The numbering of a declaration.
-pub(super) struct Slots {
-    /// For each resource, its first slot and the numbers of mips and layers that are tracked separately.
+pub(super) struct Subresources {
+    /// For each resource, its first subresource and the numbers of mips and layers that are tracked separately.
     resources: Vec<(u32, u16, u16)>,
     count: u32,
 }
 
-impl Slots {
+impl Subresources {
     pub fn new(declaration: &Declaration) -> Self {
         let mut resources = vec![(0, 1, 1); declaration.resources.len()];
         for u in &declaration.uses {
@@ -34,41 +34,41 @@ impl Slots {
         Self { resources, count }
     }
 
-    /// Total number of slots.
+    /// Total number of subresources.
     pub fn count(&self) -> usize {
         self.count as usize
     }
 
-    /// The slots that a use covers.
+    /// The subresources that a use covers.
     pub fn of(&self, u: &Use) -> impl Iterator<Item = u32> + use<> {
         let (first, mips, layers) = self.resources[u.resource as usize];
         let (mip_range, layer_range) =
             (range(u.part.mip, u.part.mips, mips), range(u.part.layer, u.part.layers, layers));
-        let slot = move |layer: u32, mip: u32| first + layer * u32::from(mips) + mip;
-        layer_range.flat_map(move |layer| mip_range.clone().map(move |mip| slot(layer, mip)))
+        let subresource = move |layer: u32, mip: u32| first + layer * u32::from(mips) + mip;
+        layer_range.flat_map(move |layer| mip_range.clone().map(move |mip| subresource(layer, mip)))
     }
 
-    /// All slots of a resource.
+    /// All subresources of a resource.
     pub fn of_resource(&self, resource: u32) -> std::ops::Range<u32> {
         let (first, mips, layers) = self.resources[resource as usize];
         first..first + u32::from(mips) * u32::from(layers)
     }
 
-    /// The part of the resource that a slot stands for.
-    pub fn part(&self, declaration: &Declaration, resource: u32, slot: u32) -> Part {
+    /// The part of the resource that a subresource stands for.
+    pub fn part(&self, declaration: &Declaration, resource: u32, subresource: u32) -> Part {
         let (first, mips, layers) = self.resources[resource as usize];
         let (all_mips, all_layers) = declaration.resources[resource as usize].shape.parts();
-        let at = slot - first;
+        let at = subresource - first;
         let (mip, layer) = ((at % u32::from(mips)) as u16, (at / u32::from(mips)) as u16);
-        let one = |told_apart: u16, at: u16, all: u32| if told_apart == 1 { (0, all as u16) } else { (at, 1) };
+        let one = |tracked: u16, at: u16, all: u32| if tracked == 1 { (0, all as u16) } else { (at, 1) };
         let ((mip, mips), (layer, layers)) = (one(mips, mip, all_mips), one(layers, layer, all_layers));
         Part { mip, mips, layer, layers }
     }
 }
 
-/// Range of slots along one dimension; 0..1 if it is not tracked separately.
-fn range(first: u16, count: u16, told_apart: u16) -> std::ops::Range<u32> {
-    if told_apart == 1 { 0..1 } else { u32::from(first)..u32::from(first) + u32::from(count) }
+/// Range of subresources along one dimension; 0..1 if it is not tracked separately.
+fn range(first: u16, count: u16, tracked: u16) -> std::ops::Range<u32> {
+    if tracked == 1 { 0..1 } else { u32::from(first)..u32::from(first) + u32::from(count) }
 }
 
 #[cfg(test)]
@@ -91,11 +91,11 @@ mod tests {
             ((), |_: &mut Record| {})
         });
         let declaration = g.declaration();
-        let slots = Slots::new(declaration);
-        assert_eq!(slots.count(), 1 + 8);
-        let touched: Vec<Vec<u32>> = declaration.uses.iter().map(|u| slots.of(u).collect()).collect();
+        let subresources = Subresources::new(declaration);
+        assert_eq!(subresources.count(), 1 + 8);
+        let touched: Vec<Vec<u32>> = declaration.uses.iter().map(|u| subresources.of(u).collect()).collect();
         assert_eq!(touched, [vec![0], vec![1, 5], vec![0], vec![5]]);
-        assert_eq!(slots.part(declaration, 0, 0), Part { mip: 0, mips: 4, layer: 0, layers: 2 });
-        assert_eq!(slots.part(declaration, 1, 6), Part { mip: 1, mips: 1, layer: 1, layers: 1 });
+        assert_eq!(subresources.part(declaration, 0, 0), Part { mip: 0, mips: 4, layer: 0, layers: 2 });
+        assert_eq!(subresources.part(declaration, 1, 6), Part { mip: 1, mips: 1, layer: 1, layers: 1 });
     }
 }
