@@ -189,9 +189,13 @@ impl FrameGraph {
             }
         }
         let depths: Vec<&Use> = attachments.iter().copied().filter(|u| u.access.is_depth()).collect();
-        if let [first, second, ..] = depths.as_slice() {
-            let (first, second) = (name_of(first), name_of(second));
-            errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
+        if let [first, others @ ..] = depths.as_slice() {
+            // Two uses of the same part do not go together anyway, which was found before.
+            let is_other = |u: &&&Use| u.resource != first.resource || !u.part.overlaps(first.part);
+            if let Some(second) = others.iter().find(is_other) {
+                let (first, second) = (name_of(first), name_of(second));
+                errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
+            }
         }
         let copy = uses.iter().find(|u| u.access.is_copy());
         let other = uses.iter().find(|u| !u.access.is_copy() && u.access != Access::BuildInput);
@@ -301,7 +305,7 @@ impl FrameGraph {
         let name = name.into();
         let shape = self.image_shape(&name, desc);
         let (slot, valid) = self.declare_pair(scope, name.clone(), shape);
-        let (previous, next) = self.import_pair(&name, shape, slot, Layout::ShaderRead);
+        let (previous, next) = self.import_pair(&name, shape, slot, Layout::ReadOnly);
         History { previous, next: WriteHandle::new(next), valid }
     }
 
