@@ -148,3 +148,19 @@ pub(super) fn layout(layout: Layout, format: Format) -> vk::ImageLayout {
         Layout::TransferTarget => vk::ImageLayout::TRANSFER_DST_OPTIMAL,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_read_in_a_layout_that_allows_both_tests_and_samples() {
+        let read = |format| layout(Layout::ReadOnly, format);
+        assert_eq!(read(Format::D32Float), vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL);
+        assert_eq!(read(Format::Rgba16Float), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+        assert_eq!(Access::DepthTest.layout(), Access::Sample.layout());
+        let test = Scope::of(Access::DepthTest, Domain::Raster);
+        assert_eq!(test.access, vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ);
+        assert_eq!(test.available().access, vk::AccessFlags2::NONE);
+    }
+}
