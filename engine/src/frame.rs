@@ -1,7 +1,7 @@
 //! The view of a frame: the camera, and what an effect may ask about the scene without looking at the GPU.
 use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
-use crate::graph::{Access, Buffer, BufferDesc, Draw, Extent, FrameGraph, Handle, ImportKey};
+use crate::graph::{Access, Buffer, BufferDesc, Draw, DrawClass, DrawLists, Extent, FrameGraph, Handle, ImportKey};
 use crate::scene::{Camera, Caster, Placed, ResidentScene, SceneFacts, SceneSketch};
 use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
@@ -16,7 +16,7 @@ pub struct View {
     /// Frame number, from 0.
     pub frame: u32,
     /// What the raster passes draw.
-    pub draws: Arc<[Draw]>,
+    pub draws: DrawLists,
     /// Size of the picture that is made in the end, pixels. The frame itself may be smaller.
     pub output: Extent,
     /// The lights that can cast shadows, the one that matters most first.
@@ -31,6 +31,17 @@ pub struct View {
     pub origin: DVec3,
     /// What the scene is made of.
     pub facts: Arc<SceneFacts>,
+}
+
+impl View {
+    /// The blended draws, the farthest first: by the distance from the eye to the nearest point of each instance's box, which is 0 inside of
+    /// it. Where two are equally far, the instance with the lower index comes first.
+    #[must_use]
+    pub fn blended_back_to_front(&self) -> Vec<Draw> {
+        let eye = self.camera.eye() - self.origin;
+        let far = |i: u32| self.placed.get(i as usize).map_or(f64::INFINITY, |p| p.bounds.distance_to(eye));
+        self.draws.back_to_front(DrawClass::Blended, far)
+    }
 }
 
 /// From where a frame is seen, and which frame it is.

@@ -2,7 +2,7 @@
 //! switches of the graph.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
-use magpie::gpu::{Buffer, BufferMemory, BufferUse, Cull, Gpu, Kernel, RasterDesc, RasterKernel};
+use magpie::gpu::{Blend, Buffer, BufferMemory, BufferUse, Cull, Gpu, Kernel, RasterDesc, RasterKernel};
 use magpie::graph::execute::{ExecuteOptions, Executor};
 use magpie::graph::{
     self, Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, ImageDesc, MipCopy, Part, Queue,
@@ -222,6 +222,7 @@ fn columns(r: &Runner) -> Result<RasterKernel> {
         fragment: &fragment,
         constants: &[],
         colours: &[Format::R32Float],
+        blend: Blend::Opaque,
         depth: None,
     })?)
 }

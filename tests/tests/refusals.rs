@@ -3,9 +3,9 @@
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
-use magpie::gpu::{Cull, Gpu, GpuError, GpuOptions, Kernel, RasterDesc, RasterKernel, RayKernel};
+use magpie::gpu::{Blend, Cull, Gpu, GpuError, GpuOptions, Kernel, RasterDesc, RasterKernel, RayKernel};
 use magpie::graph::execute::ExecuteError;
-use magpie::graph::{BufferDesc, Draw, GraphError};
+use magpie::graph::{BufferDesc, Draw, DrawClass, GraphError};
 use magpie::prelude::*;
 use magpie::scene::{ResidentOptions, ResidentScene};
 use magpie::slot::BoxedEffect;
@@ -100,14 +100,8 @@ fn record<P: Pod + Send + Default>(
             let image = if draws { p.color("image", desc, [0.0; 4]).0 } else { p.create("image", desc).0 };
             (image.read(), move |c: &mut Record<'_>| {
                 let (params, extent) = (P::default(), Extent::new(8, 8));
-                let draw = Draw {
-                    first_index: 0,
-                    index_count: 3,
-                    instance: 0,
-                    cull: Cull::None,
-                    alpha_test: false,
-                    spheres: false,
-                };
+                let draw =
+                    Draw { first_index: 0, index_count: 3, instance: 0, cull: Cull::None, class: DrawClass::Opaque };
                 match (command, tlas, indices) {
                     (Command::Dispatch, ..) => c.dispatch(compute, &params, extent),
                     (Command::DispatchIndirect, ..) => c.dispatch_indirect(compute, &params, sizes, 0),
@@ -144,8 +138,8 @@ fn push_constants_of_another_size_are_refused_with_both() -> Result<()> {
     let (vertex, fragment) =
         (shader("mine.vert", VERTEX, Stage::Vertex)?, shader("mine.frag", FRAGMENT, Stage::Fragment)?);
     let colours = &[Format::Rgba32Float];
-    let desc =
-        RasterDesc { name: "mine.raster", vertex: &vertex, fragment: &fragment, constants: &[], colours, depth: None };
+    let (name, blend, depth) = ("mine.raster", Blend::Opaque, None);
+    let desc = RasterDesc { name, vertex: &vertex, fragment: &fragment, constants: &[], colours, blend, depth };
     let pipelines = Pipelines {
         compute: bench.kernel("mine.comp", &format!("{HEAD}{COMPUTE}"))?,
         raster: gpu.raster_kernel(&desc)?,

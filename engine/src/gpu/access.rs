@@ -1,6 +1,6 @@
 //! Translates accesses of the graph to Vulkan pipeline stages, access masks and layouts.
 use super::Gpu;
-use crate::graph::{Access, Domain, Layout, Uses};
+use crate::graph::{Access, Domain, Format, Layout, Uses};
 use ash::vk;
 
 /// The stages and accesses on one side of a barrier.
@@ -38,6 +38,7 @@ impl Scope {
                 tests,
                 vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
             ),
+            Access::DepthTest => (tests, vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ),
             Access::Sample => (shaders, vk::AccessFlags2::SHADER_SAMPLED_READ),
             Access::StorageRead | Access::BufferRead => (shaders, storage_read),
             // A BVH for tracing in software is plain memory; one of the driver's is not.
@@ -133,14 +134,33 @@ impl std::ops::BitOr for Scope {
     }
 }
 
-pub(super) fn layout(layout: Layout) -> vk::ImageLayout {
+/// The layout of an image of this format. Depth images are read in the layout in which they can be sampled and tested against at once;
+/// descriptors of sampled images have the same.
+pub(super) fn layout(layout: Layout, format: Format) -> vk::ImageLayout {
     match layout {
         Layout::Undefined => vk::ImageLayout::UNDEFINED,
         Layout::General => vk::ImageLayout::GENERAL,
         Layout::ColorAttachment => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
         Layout::DepthAttachment => vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
-        Layout::ShaderRead => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+        Layout::ReadOnly if format.is_depth() => vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL,
+        Layout::ReadOnly => vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
         Layout::TransferSource => vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
         Layout::TransferTarget => vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_is_read_in_a_layout_that_allows_both_tests_and_samples() {
+        let read = |format| layout(Layout::ReadOnly, format);
+        assert_eq!(read(Format::D32Float), vk::ImageLayout::DEPTH_STENCIL_READ_ONLY_OPTIMAL);
+        assert_eq!(read(Format::Rgba16Float), vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+        assert_eq!(Access::DepthTest.layout(), Access::Sample.layout());
+        let test = Scope::of(Access::DepthTest, Domain::Raster);
+        assert_eq!(test.access, vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ);
+        assert_eq!(test.available().access, vk::AccessFlags2::NONE);
     }
 }

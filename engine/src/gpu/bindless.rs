@@ -97,13 +97,19 @@ impl Bindless {
         })
     }
 
-    /// Adds a sampled image and returns its index. `texture` means that no pass writes it.
-    pub fn add_sampled(&self, device: &ash::Device, view: vk::ImageView, texture: bool) -> Result<u32, GpuError> {
+    /// Adds a sampled image and returns its index. `layout` is the one in which images of its format are read; `texture` means that no
+    /// pass writes it.
+    pub fn add_sampled(
+        &self,
+        device: &ash::Device,
+        (view, layout): (vk::ImageView, vk::ImageLayout),
+        texture: bool,
+    ) -> Result<u32, GpuError> {
         let index = lock(&self.sampled).take()?;
         if texture {
             lock(&self.textures).insert(index);
         }
-        self.write_image(device, 0, index, view, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
+        self.write_image(device, 0, index, view, layout);
         Ok(index)
     }
 

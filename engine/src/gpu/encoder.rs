@@ -90,8 +90,8 @@ impl ImageBarrier {
                 .src_access_mask(from.access)
                 .dst_stage_mask(to.stages)
                 .dst_access_mask(to.access)
-                .old_layout(access::layout(layout_from))
-                .new_layout(access::layout(layout_to))
+                .old_layout(access::layout(layout_from, image.format()))
+                .new_layout(access::layout(layout_to, image.format()))
                 .src_queue_family_index(family_from)
                 .dst_queue_family_index(family_to)
                 .image(image.raw)
@@ -103,17 +103,6 @@ impl ImageBarrier {
     pub fn set_image(&mut self, image: &Image) {
         self.0.image = image.raw;
     }
-}
-
-/// A render target of a pass.
-pub(crate) struct Attachment<'a> {
-    pub image: &'a Image,
-    /// The mip and layer that is rendered to. Unless it is mip 0 of layer 0, it must have been prepared.
-    pub part: Part,
-    /// Clear value; `None` loads the contents. For depth only the first number counts.
-    pub clear: Option<[f32; 4]>,
-    /// Whether the result is read later, so that it must be stored.
-    pub store: bool,
 }
 
 /// Which faces are culled.
@@ -276,52 +265,6 @@ impl CommandEncoder {
         let info = vk::DependencyInfo::default().memory_barriers(&barrier);
         // SAFETY: the command buffer is recording, outside of rendering.
         unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
-    }
-
-    /// Begins rendering to these attachments. `extent` is the size of each of them.
-    pub fn begin_rendering(&mut self, extent: Extent, colours: &[Attachment<'_>], depth: Option<&Attachment<'_>>) {
-        let info = |a: &Attachment<'_>, layout| {
-            let is_depth = a.image.format().is_depth();
-            let clear = a.clear.unwrap_or_default();
-            let clear_value = if is_depth {
-                vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: clear[0], stencil: 0 } }
-            } else if a.image.format().is_uint() {
-                vk::ClearValue { color: vk::ClearColorValue { uint32: clear.map(|c| c as u32) } }
-            } else {
-                vk::ClearValue { color: vk::ClearColorValue { float32: clear } }
-            };
-            vk::RenderingAttachmentInfo::default()
-                .image_view(a.image.target_part(a.part))
-                .image_layout(layout)
-                .load_op(if a.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD })
-                .store_op(if a.store { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
-                .clear_value(clear_value)
-        };
-        let colours: Vec<_> = colours.iter().map(|a| info(a, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)).collect();
-        let depth = depth.map(|a| info(a, vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL));
-        let area =
-            vk::Rect2D { extent: vk::Extent2D { width: extent.width, height: extent.height }, ..Default::default() };
-        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colours);
-        if let Some(depth) = &depth {
-            rendering = rendering.depth_attachment(depth);
-        }
-        let viewport = vk::Viewport {
-            width: extent.width as f32,
-            height: extent.height as f32,
-            max_depth: 1.0,
-            ..Default::default()
-        };
-        // SAFETY: the command buffer is recording; the plan brought every target to its attachment layout.
-        unsafe {
-            self.gpu.raw().cmd_begin_rendering(self.buffer, &rendering);
-            self.gpu.raw().cmd_set_viewport(self.buffer, 0, &[viewport]);
-            self.gpu.raw().cmd_set_scissor(self.buffer, 0, &[area]);
-        }
-    }
-
-    pub fn end_rendering(&mut self) {
-        // SAFETY: `begin_rendering` came before.
-        unsafe { self.gpu.raw().cmd_end_rendering(self.buffer) };
     }
 
     /// Sets push constants. The caller has checked their size against the pipeline and the limit.

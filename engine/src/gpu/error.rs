@@ -1,4 +1,6 @@
 //! Errors of the GPU layer.
+use super::Blend;
+use crate::graph::Format;
 use ash::vk;
 
 /// An error of the GPU layer.
@@ -86,6 +88,18 @@ pub enum GpuError {
         wanted: u32,
         /// Size that the pass gave, bytes.
         given: u32,
+    },
+    /// A graphics pipeline blends into a format that cannot be blended.
+    #[error("pipeline {pipeline} blends ({blend}) into {format:?}, which {reason}")]
+    Blend {
+        /// Name of the pipeline.
+        pipeline: String,
+        /// How it blends.
+        blend: Blend,
+        /// The format of the colour attachment.
+        format: Format,
+        /// Why it cannot be blended.
+        reason: &'static str,
     },
     /// Invalid SPIR-V, or SPIR-V without a declaration that is needed.
     #[error("shader {name}: {reason}")]

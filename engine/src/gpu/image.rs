@@ -2,8 +2,8 @@
 use super::bindless::place;
 use super::device::{Garbage, lock};
 use super::heap::Heap;
-use super::{Gpu, GpuError, format};
-use crate::graph::{Extent, Format, Part};
+use super::{Gpu, GpuError, access, format};
+use crate::graph::{Extent, Format, Layout, Part};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
@@ -160,7 +160,8 @@ impl Image {
         made.target = if whole == FIRST || !info.usage.attachment { made.view } else { made.make_view(FIRST)? };
         let ImageUse { sampled, storage, attachment } = info.usage;
         if sampled {
-            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, !storage && !attachment)?);
+            let view = (made.view, made.read_layout());
+            made.sampled = Some(gpu.0.bindless.add_sampled(device, view, !storage && !attachment)?);
         }
         if storage {
             let view = if info.mips == 1 { made.view } else { made.make_view(Part { mips: 1, ..whole })? };
@@ -184,6 +185,11 @@ impl Image {
         Ok(view)
     }
 
+    /// The layout in which it is sampled.
+    fn read_layout(&self) -> vk::ImageLayout {
+        access::layout(Layout::ReadOnly, self.info.format)
+    }
+
     /// The subresource range of a part.
     pub(super) fn range(&self, part: Part) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange {
@@ -202,8 +208,11 @@ impl Image {
         }
         let view = self.make_view(if storage { Part { mips: 1, ..part } } else { part })?;
         let (bindless, device) = (&self.gpu.0.bindless, self.gpu.raw());
-        let index =
-            if storage { bindless.add_storage(device, view)? } else { bindless.add_sampled(device, view, false)? };
+        let index = if storage {
+            bindless.add_storage(device, view)?
+        } else {
+            bindless.add_sampled(device, (view, self.read_layout()), false)?
+        };
         let place = PartPlace { part, storage, index };
         self.parts.write().unwrap_or_else(std::sync::PoisonError::into_inner).push(place);
         Ok(())

@@ -2,7 +2,7 @@
 use super::device::lock;
 use super::ray_pipeline::{RAY_PUSH_BYTES, RayPipeline};
 use super::reflect::{local_size, push_bytes};
-use super::{Gpu, GpuError, format};
+use super::{Blend, Gpu, GpuError, format};
 use crate::graph::Format;
 use ash::vk;
 use magpie_shaders::Shader;
@@ -48,7 +48,8 @@ impl RasterKernel {
     }
 }
 
-/// What a graphics pipeline draws with and into. Depth is reversed; culling and winding are set per draw.
+/// What a graphics pipeline draws with and into. Depth is reversed; culling and winding are set per draw, and the pass says whether depth
+/// is written or [only tested against](crate::graph::PassBuilder::depth_test).
 #[derive(Clone, Copy, Debug)]
 pub struct RasterDesc<'a> {
     /// Name in errors and captures.
@@ -61,6 +62,8 @@ pub struct RasterDesc<'a> {
     pub constants: &'a [u32],
     /// Colour attachments, in the order of their locations.
     pub colours: &'a [Format],
+    /// How fragments go over what all the colour attachments hold.
+    pub blend: Blend,
     /// Depth attachment.
     pub depth: Option<Format>,
 }
@@ -99,6 +102,7 @@ struct RasterRequest {
     fragment: Vec<u32>,
     constants: Vec<u32>,
     colours: Vec<Format>,
+    blend: Blend,
     depth: Option<Format>,
 }
 
@@ -131,10 +135,13 @@ impl Pipelines {
     /// A graphics pipeline.
     ///
     /// # Errors
-    /// [`GpuError::Shader`] for what is no SPIR-V, [`GpuError::Limit`] for more than 128 bytes of push constants.
+    /// [`GpuError::Shader`] for what is no SPIR-V, [`GpuError::Limit`] for more than 128 bytes of push constants, [`GpuError::Blend`] for
+    /// blending into integers. Where the device cannot blend a format, the frame that first records it fails with [`GpuError::Blend`]
+    /// too; [`Gpu::blends`] asks.
     pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, GpuError> {
-        let key = key_of((desc.name, desc.vertex.spirv, desc.fragment.spirv, desc.constants, desc.colours, desc.depth));
-        let entry = self.describe(key, || {
+        let (shaders, targets) = ((desc.vertex.spirv, desc.fragment.spirv), (desc.colours, desc.blend, desc.depth));
+        let entry = self.describe(key_of((desc.name, shaders, desc.constants, targets)), || {
+            desc.blend.check_formats(desc.name, desc.colours)?;
             let stage = |shader: &Shader| {
                 let words = words(shader.name, shader.spirv)?;
                 Ok::<_, GpuError>((checked_push(shader.name, &words, PUSH_BYTES)?, words))
@@ -145,6 +152,7 @@ impl Pipelines {
                 fragment,
                 constants: desc.constants.to_vec(),
                 colours: desc.colours.to_vec(),
+                blend: desc.blend,
                 depth: desc.depth,
             };
             Ok(Entry::new(desc.name, [0; 3], vertex_push.max(fragment_push), Request::Raster(request)))
@@ -300,7 +308,10 @@ impl Gpu {
         let pipeline = match &*request {
             None => return Ok(()),
             Some(Request::Compute(words)) => self.compute_pipeline(words)?,
-            Some(Request::Raster(desc)) => self.raster_pipeline(desc)?,
+            Some(Request::Raster(desc)) => {
+                self.check_blend(&entry.name, desc.blend, &desc.colours)?;
+                self.raster_pipeline(desc)?
+            }
             Some(Request::Rays(generation)) => self.make_ray_pipeline(index, &entry.name, generation)?,
         };
         self.name_object(pipeline, &entry.name);
@@ -355,19 +366,15 @@ impl Gpu {
             vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(desc.depth.is_some())
-            .depth_write_enable(desc.depth.is_some())
             .depth_compare_op(vk::CompareOp::GREATER);
-        let blends: Vec<_> = desc
-            .colours
-            .iter()
-            .map(|_| vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA))
-            .collect();
+        let blends = vec![desc.blend.vulkan(); desc.colours.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
         let states = [
             vk::DynamicState::VIEWPORT,
             vk::DynamicState::SCISSOR,
             vk::DynamicState::CULL_MODE,
             vk::DynamicState::FRONT_FACE,
+            vk::DynamicState::DEPTH_WRITE_ENABLE,
         ];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
         let colours: Vec<_> = desc.colours.iter().map(|f| format::vulkan(*f)).collect();

@@ -14,6 +14,8 @@ pub enum Access {
     Depth,
     /// Depth attachment whose contents are loaded.
     DepthLoad,
+    /// Depth attachment that fragments are tested against and that is not written.
+    DepthTest,
     /// Sampled, or fetched by texel, in a shader.
     Sample,
     /// Storage image, read.
@@ -52,11 +54,12 @@ pub enum Access {
 
 impl Access {
     /// Every access, in discriminant order.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Color,
         Self::ColorLoad,
         Self::Depth,
         Self::DepthLoad,
+        Self::DepthTest,
         Self::Sample,
         Self::StorageRead,
         Self::StorageWrite,
@@ -105,7 +108,8 @@ impl Access {
             | Self::Refit
             | Self::BuildScratch
             | Self::CopyWrite => true,
-            Self::Sample
+            Self::DepthTest
+            | Self::Sample
             | Self::StorageRead
             | Self::BufferRead
             | Self::Index
@@ -170,9 +174,9 @@ impl Access {
         matches!(self, Self::Color | Self::ColorLoad)
     }
 
-    /// Whether it is a depth attachment.
+    /// Whether it is a depth attachment, written or only tested against.
     pub fn is_depth(self) -> bool {
-        matches!(self, Self::Depth | Self::DepthLoad)
+        matches!(self, Self::Depth | Self::DepthLoad | Self::DepthTest)
     }
 
     /// Whether it is the source or target of a copy.
@@ -185,7 +189,7 @@ impl Access {
         match self {
             Self::Color | Self::ColorLoad => Layout::ColorAttachment,
             Self::Depth | Self::DepthLoad => Layout::DepthAttachment,
-            Self::Sample => Layout::ShaderRead,
+            Self::DepthTest | Self::Sample => Layout::ReadOnly,
             Self::StorageRead | Self::StorageWrite | Self::StorageReadWrite => Layout::General,
             Self::CopyRead => Layout::TransferSource,
             Self::CopyWrite => Layout::TransferTarget,
@@ -207,7 +211,9 @@ impl Access {
     /// that equal uses compare equal: attachments and index buffers are raster, copies and host reads are copy, builds are compute.
     pub fn at(self, pass: Domain) -> (Self, Domain) {
         let domain = match self {
-            Self::Color | Self::ColorLoad | Self::Depth | Self::DepthLoad | Self::Index => Domain::Raster,
+            Self::Color | Self::ColorLoad | Self::Depth | Self::DepthLoad | Self::DepthTest | Self::Index => {
+                Domain::Raster
+            }
             Self::CopyRead | Self::CopyWrite | Self::HostRead => Domain::Copy,
             Self::Build | Self::Refit | Self::BuildInput | Self::BuildScratch => Domain::Compute,
             _ => pass,
@@ -222,6 +228,7 @@ impl Access {
             Self::ColorLoad => "colour over",
             Self::Depth => "depth",
             Self::DepthLoad => "depth over",
+            Self::DepthTest => "depth test",
             Self::Sample => "sample",
             Self::StorageRead => "storage read",
             Self::StorageWrite => "storage write",
@@ -316,10 +323,10 @@ pub enum Layout {
     General,
     /// Colour attachment.
     ColorAttachment,
-    /// Depth attachment.
+    /// Depth attachment that is written.
     DepthAttachment,
-    /// Sampled.
-    ShaderRead,
+    /// Sampled, or a depth attachment that is only tested against. A depth image may be both at once.
+    ReadOnly,
     /// Source of a copy.
     TransferSource,
     /// Target of a copy.
@@ -334,7 +341,7 @@ impl Layout {
             Self::General => "general",
             Self::ColorAttachment => "colour attachment",
             Self::DepthAttachment => "depth attachment",
-            Self::ShaderRead => "shader read",
+            Self::ReadOnly => "read only",
             Self::TransferSource => "transfer source",
             Self::TransferTarget => "transfer target",
         }

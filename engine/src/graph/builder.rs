@@ -190,6 +190,12 @@ impl PassBuilder<'_> {
         SampleToken { resource, pass: self.pass, part }
     }
 
+    /// Attaches a depth image for testing only: fragments behind it are dropped, and it keeps its contents and its version. The pass may
+    /// [sample](Self::sample) the same version beside it. It may have no other depth attachment, nor write this one.
+    pub fn depth_test(&mut self, image: Handle<Image>) -> DepthToken {
+        DepthToken { resource: self.see(image, Access::DepthTest, Part::ALL).0, pass: self.pass }
+    }
+
     /// Reads a storage image.
     pub fn storage(&mut self, image: Handle<Image>) -> StorageToken {
         self.storage_part(image, Part::ALL)
@@ -349,7 +355,7 @@ impl PassBuilder<'_> {
         let Shape::Image { format, .. } = self.graph.declaration.resources[resource as usize].shape else { return };
         let suits = match access {
             Access::Color | Access::ColorLoad => !format.is_depth(),
-            Access::Depth | Access::DepthLoad => format.is_depth(),
+            Access::Depth | Access::DepthLoad | Access::DepthTest => format.is_depth(),
             Access::StorageRead | Access::StorageWrite | Access::StorageReadWrite => format.is_storable(),
             _ => true,
         };

@@ -80,18 +80,18 @@ batch 0 on graphics
        make   gbuffer.draw:depth version 0: depth
        make   gbuffer.draw:albedo version 0: colour
        make   gbuffer.draw:ids version 0: colour, not stored: nobody reads it later
-       after  gbuffer.draw:depth: depth (raster) before anything, layout depth attachment to shader read
-       after  gbuffer.draw:albedo: colour (raster) before the handover, layout colour attachment to shader read, released by graphics to async compute
+       after  gbuffer.draw:depth: depth (raster) before anything, layout depth attachment to read only
+       after  gbuffer.draw:albedo: colour (raster) before the handover, layout colour attachment to read only, released by graphics to async compute
 batch 1 on async compute, waits for batch 0
    1 gi.trace  (stage gi, compute, async compute queue)
-       wait   gbuffer.draw:albedo: other queues before sample (compute), layout colour attachment to shader read, acquired by async compute from graphics
+       wait   gbuffer.draw:albedo: other queues before sample (compute), layout colour attachment to read only, acquired by async compute from graphics
        wait   gi.trace:bounce mip 0: nothing before storage write (compute), layout undefined to general, contents are new
        read   scene version 0: trace
        read   gbuffer.draw:depth version 0: sample
        read   gbuffer.draw:albedo version 0: sample
        read   colour.previous version 0: sample
        make   gi.trace:bounce version 0: storage write mip 0
-       after  gi.trace:bounce mip 0: storage write (compute) before anything, layout general to shader read
+       after  gi.trace:bounce mip 0: storage write (compute) before anything, layout general to read only
    2 gi.mips  (stage gi, compute, async compute queue)
        wait   gi.trace:bounce mip 1: nothing before storage read-write (compute), layout undefined to general, contents are new
        read   gi.trace:bounce version 0: sample mip 0
@@ -103,14 +103,14 @@ batch 2 on graphics
        make   sky.draw:lit version 0: storage write
 batch 3 on graphics, waits for batch 1
    4 sky.sum  (stage sky, compute, graphics queue)
-       wait   sky.draw:lit: storage write (compute) before sample (compute), layout general to shader read
-       wait   gi.trace:bounce mip 1: other queues before sample (compute), layout general to shader read
+       wait   sky.draw:lit: storage write (compute) before sample (compute), layout general to read only
+       wait   gi.trace:bounce mip 1: other queues before sample (compute), layout general to read only
        wait   colour.next: nothing before storage read-write (compute), layout undefined to general, contents are new
        read   sky.draw:lit version 0: sample
        read   gi.trace:bounce version 1: sample
        change colour.next version 0 to 1: storage read-write
    5 post.map  (stage post, compute, graphics queue)
-       wait   colour.next: storage read-write (compute) before sample (compute), layout general to shader read
+       wait   colour.next: storage read-write (compute) before sample (compute), layout general to read only
        wait   post.map:display: nothing before storage write (compute), layout undefined to general, contents are new
        read   colour.next version 1: sample
        make   post.map:display version 0: storage write
@@ -252,7 +252,7 @@ fn json_says_the_same() {
         passes[0]["after"][1],
         json!({
             "resource": "a\"b.draw:albedo", "part": null, "from": "colour (raster)", "to": "nothing",
-            "layout_from": "colour attachment", "layout_to": "shader read", "discard": false,
+            "layout_from": "colour attachment", "layout_to": "read only", "discard": false,
             "handover": {"from": "graphics", "to": "async compute", "role": "release"},
         })
     );

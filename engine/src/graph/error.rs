@@ -125,7 +125,7 @@ pub enum GraphError {
         /// Its size, pixels.
         second_extent: Extent,
     },
-    /// A pass has more than one depth attachment.
+    /// A pass has more than one depth attachment, written or tested against.
     #[error("pass `{pass}` has two depth attachments: `{first}` and `{second}`")]
     TwoDepths {
         /// Name of the pass.

@@ -48,6 +48,7 @@ pub mod check;
 mod contract;
 mod declaration;
 mod desc;
+mod draw;
 pub mod dump;
 mod error;
 pub mod execute;
@@ -67,12 +68,13 @@ pub use declaration::{
     ResourceDecl, Shape, Span, Use, Writers,
 };
 pub use desc::{BufferDesc, Content, Extent, Format, ImageDesc, Part, Size};
+pub use draw::{Draw, DrawClass, DrawLists};
 pub use error::{GraphError, GraphErrors};
 pub use handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind, Tlas, WriteHandle};
 pub use history::{BufferHistory, History, HistoryScope, KeptBuffer, KeptLayers};
 pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn, SlotObserver};
 pub use plan::{Plan, plan};
-pub use record::{Draw, MipCopy, Record, Token};
+pub use record::{MipCopy, Record, Token};
 pub use switches::{Queues, Switches};
 pub use token::{
     BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,

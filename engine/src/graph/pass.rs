@@ -202,9 +202,13 @@ impl FrameGraph {
             }
         }
         let depths: Vec<&Use> = attachments.iter().copied().filter(|u| u.access.is_depth()).collect();
-        if let [first, second, ..] = depths.as_slice() {
-            let (first, second) = (name_of(first), name_of(second));
-            errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
+        if let [first, others @ ..] = depths.as_slice() {
+            // Two uses of the same part do not go together anyway, which was found before.
+            let is_other = |u: &&&Use| u.resource != first.resource || !u.part.overlaps(first.part);
+            if let Some(second) = others.iter().find(is_other) {
+                let (first, second) = (name_of(first), name_of(second));
+                errors.push(GraphError::TwoDepths { pass: pass.clone(), first, second });
+            }
         }
         let copy = uses.iter().find(|u| u.access.is_copy());
         let other = uses.iter().find(|u| !u.access.is_copy() && u.access != Access::BuildInput);
@@ -314,7 +318,7 @@ impl FrameGraph {
         let name = name.into();
         let shape = self.image_shape(&name, desc);
         let (index, valid) = self.declare_history(scope, name.clone(), shape);
-        let (previous, next) = self.import_history(&name, shape, index, Layout::ShaderRead);
+        let (previous, next) = self.import_history(&name, shape, index, Layout::ReadOnly);
         History { previous, next: WriteHandle::new(next), valid }
     }
 

@@ -176,6 +176,77 @@ fn attachments_agree_in_size_and_one_is_depth() {
 }
 
 #[test]
+fn a_depth_test_goes_with_sampling_and_with_no_other_depth() {
+    let mut g = graph();
+    let desc = ImageDesc::full(Format::D32Float);
+    let mut drawn = |pass: &str| g.pass(pass, Queue::Graphics, |p| (p.depth("d", desc, 0.0).0, |_: &mut Record| {}));
+    let (a, b, c) = (drawn("a"), drawn("b"), drawn("c"));
+    let colours = make(&mut g, "colours");
+    let empty = g.import_image("empty", desc, ImageState::UNDEFINED, ImportKey::Caller(0));
+    with(&mut g, "fine", |p| {
+        let token = p.depth_test(a.read());
+        assert_eq!((token.resource, token), (a.read().id(), p.depth_test(a.read())));
+        p.sample(a.read());
+        let _ = p.color("lit", ImageDesc::full(COLOUR), [0.0; 4]);
+    });
+    with(&mut g, "writes too", |p| {
+        p.depth_test(b.read());
+        let _ = p.depth_load(b);
+    });
+    with(&mut g, "writes first", |p| {
+        let (c, _) = p.depth_load(c);
+        p.depth_test(c.read());
+    });
+    with(&mut g, "two", |p| {
+        let _ = p.depth("new", desc, 0.0);
+        p.depth_test(a.read());
+    });
+    with(&mut g, "colour", |p| p.depth_test(colours.read()));
+    with(&mut g, "nothing there", |p| p.depth_test(empty.read()));
+    with(&mut g, "other size", |p| {
+        let _ = p.color("half", ImageDesc::half(COLOUR), [0.0; 4]);
+        p.depth_test(a.read());
+    });
+    let test = Access::DepthTest;
+    let clash = |pass: &str, resource: &str, first, second| GraphError::Conflict {
+        pass: s(pass),
+        resource: s(resource),
+        first,
+        second,
+    };
+    let (half, full) = (Extent::new(32, 16), Extent::new(64, 32));
+    assert_eq!(
+        errors(g),
+        [
+            clash("writes too", "b:d", test, Access::DepthLoad),
+            clash("writes first", "c:d", Access::DepthLoad, test),
+            GraphError::TwoDepths { pass: s("two"), first: s("two:new"), second: s("a:d") },
+            GraphError::Format { pass: s("colour"), resource: s("colours:x"), access: test, format: COLOUR },
+            GraphError::Unwritten { pass: s("nothing there"), resource: s("empty"), access: test },
+            GraphError::AttachmentExtent {
+                pass: s("other size"),
+                first: s("other size:half"),
+                first_extent: half,
+                second: s("a:d"),
+                second_extent: full,
+            },
+        ]
+    );
+}
+
+#[test]
+fn a_depth_test_of_a_version_that_was_drawn_over_is_stale() {
+    let mut g = graph();
+    let desc = ImageDesc::full(Format::D32Float);
+    let d = g.pass("a", Queue::Graphics, |p| (p.depth("d", desc, 0.0).0, |_: &mut Record| {}));
+    let old = d.read();
+    with(&mut g, "over", |p| p.depth_load(d));
+    with(&mut g, "stale", |p| p.depth_test(old));
+    let found = errors(g);
+    assert!(matches!(&found[..], [GraphError::StaleRead { access: Access::DepthTest, .. }]), "{found:?}");
+}
+
+#[test]
 fn names_are_unique() {
     let mut g = graph();
     with(&mut g, "p", |p| {

@@ -7,6 +7,7 @@ use magpie_shaders::{Address, SampledImage, StorageImage};
 
 use super::{
     desc::Extent,
+    draw::Draw,
     token::{
         BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,
         IndirectToken, SampleToken, ScratchToken, StorageToken, TraceToken,
@@ -63,23 +64,6 @@ impl BufferRange {
 pub(super) struct Recorded {
     pub draws: u32,
     pub dispatches: u32,
-}
-
-/// One indexed draw of one instance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Draw {
-    /// First index in the index buffer.
-    pub first_index: u32,
-    /// Number of indices.
-    pub index_count: u32,
-    /// `gl_InstanceIndex` in the vertex shader.
-    pub instance: u32,
-    /// Which faces are culled.
-    pub cull: Cull,
-    /// Whether its material is alpha-tested.
-    pub alpha_test: bool,
-    /// Whether it draws spheres, as boxes of eight corners each.
-    pub spheres: bool,
 }
 
 /// One mip of an image in a buffer, rows tightly packed.

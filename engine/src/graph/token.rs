@@ -31,7 +31,7 @@ tokens! {
     }
     /// A colour attachment of this pass.
     ColorToken
-    /// The depth attachment of this pass.
+    /// The depth attachment of this pass, written or only tested against.
     DepthToken
     /// A buffer that this pass reads or writes in a shader, as declared.
     BufferToken

@@ -1,5 +1,5 @@
 //! Axis-aligned bounding boxes.
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, DVec3, Vec3};
 
 /// An axis-aligned bounding box. It is empty if `min > max` on any axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +40,12 @@ impl Bounds {
         0.5 * self.min + 0.5 * self.max
     }
 
+    /// Distance from a point to the nearest point of the box: 0 inside of it, infinite where it is empty.
+    pub fn distance_to(&self, point: DVec3) -> f64 {
+        let beyond = (self.min.as_dvec3() - point).max(point - self.max.as_dvec3());
+        beyond.max(DVec3::ZERO).length()
+    }
+
     /// Half the surface area of a box that is not empty.
     pub fn half_area(&self) -> f32 {
         let d = self.max - self.min;
@@ -68,5 +74,19 @@ impl Bounds {
         }
         let (min, max) = (min - ROUNDING * size, max + ROUNDING * size);
         Self { min: min.as_vec3().map(f32::next_down), max: max.as_vec3().map(f32::next_up) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_distance_is_that_to_the_nearest_point() {
+        let unit = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
+        let to = |x: f64, y: f64, z: f64| unit.distance_to(DVec3::new(x, y, z));
+        assert_eq!([to(0.5, 0.2, 0.9), to(1.0, 1.0, 1.0)], [0.0; 2]);
+        assert_eq!([to(3.0, 0.5, 0.5), to(0.5, -2.0, 0.5), to(4.0, 0.5, -4.0)], [2.0, 2.0, 5.0]);
+        assert_eq!(Bounds::EMPTY.distance_to(DVec3::ZERO), f64::INFINITY);
     }
 }

@@ -1,6 +1,7 @@
 //! Raster G-buffer: one draw list of every instance, vertices pulled by address; spheres by the ray through each pixel.
 use crate::contracts::{GBuffer, GBufferIn};
-use magpie::gpu::{RasterDesc, RasterKernel};
+use magpie::gpu::{Blend, RasterDesc, RasterKernel};
+use magpie::graph::DrawClass;
 use magpie::prelude::*;
 use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::gbuffer::DrawParams;
@@ -105,8 +106,8 @@ impl Drawing {
         let emission = emits.then_some(emission);
         let formats: Vec<Format> = always.iter().chain(&emission).map(|(_, format)| *format).collect();
         let kernel = |name, vertex, fragment, constants: &[u32]| {
-            let depth = Some(Format::D32Float);
-            build.raster_kernel(&RasterDesc { name, vertex, fragment, constants, colours: &formats, depth })
+            let (blend, depth) = (Blend::Opaque, Some(Format::D32Float));
+            build.raster_kernel(&RasterDesc { name, vertex, fragment, constants, colours: &formats, blend, depth })
         };
         let triangles = |name, alpha_test: bool| {
             kernel(name, &GBUFFER_DRAW_VERT, &GBUFFER_DRAW_FRAG, &[alpha_test.into(), greatest])
@@ -140,11 +141,11 @@ impl Effect for Raster {
             let out = GBuffer { depth, base_colour, normal, geometric_normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {
                 let params = DrawParams { view: c.id(block) };
-                let (triangles, round) = draws.split_at(draws.partition_point(|d| !d.spheres));
-                let (solid, tested) = triangles.split_at(triangles.partition_point(|d| !d.alpha_test));
-                c.draw(opaque, &params, indices, solid);
-                c.draw(alpha_tested, &params, indices, tested);
-                c.draw(spheres, &params, indices, round);
+                // Blended triangles are alpha-tested too.
+                let tested = draws.merged([DrawClass::AlphaTested, DrawClass::Blended]);
+                c.draw(opaque, &params, indices, draws.of(DrawClass::Opaque));
+                c.draw(alpha_tested, &params, indices, &tested);
+                c.draw(spheres, &params, indices, draws.of(DrawClass::Procedural));
             })
         })
     }

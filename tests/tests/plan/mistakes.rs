@@ -433,7 +433,7 @@ fn has_role(b: &Barrier, role: Role) -> bool {
 }
 
 fn other(layout: Layout) -> Layout {
-    if layout == Layout::General { Layout::ShaderRead } else { Layout::General }
+    if layout == Layout::General { Layout::ReadOnly } else { Layout::General }
 }
 
 /// The same access in a pass of another domain, if possible.

@@ -285,6 +285,15 @@ impl World {
             6 if target.is_some() => {
                 see(&mut self.buffers, self.step, act.pick, Access::Index, |_| true, |h, _| drop_token(p.index(h)))
             }
+            7 if !self.has_depth => {
+                let (mut size, suits) = (None, |i: &Item<Image>| i.depth && fits(i, target));
+                see(&mut self.images, self.step, act.pick, Access::DepthTest, suits, |h, all| {
+                    drop_token(p.depth_test(h));
+                    size = Some(all.0);
+                });
+                self.has_depth = size.is_some();
+                self.target = self.target.or(size);
+            }
             _ => self.shader(p, act),
         }
     }

@@ -370,7 +370,7 @@ fn begin_rendering(encoder: &mut CommandEncoder, frame: Frame<'_>, pass: u32) {
             Clear::Depth(depth) => [depth, 0.0, 0.0, 0.0],
         });
         let store = frame.plan.unstored.binary_search(&(index as u32)).is_err();
-        let attachment = Attachment { image, part, clear, store };
+        let attachment = Attachment { image, part, clear, store, read_only: u.access == Access::DepthTest };
         if u.access.is_depth() {
             depth = Some(attachment);
         } else {

@@ -344,7 +344,7 @@ impl Executor {
         }
         if own {
             self.persistent.end_frame(&self.histories, &declaration, &plan);
-            PersistentResources::invalidate_non_finite(&self.histories, &declaration, &sample.passes);
+            persistent::PersistentResources::invalidate_non_finite(&self.histories, &declaration, &sample.passes);
         }
         sample.memory = Memory {
             transient_bytes: self.pool.bytes(),

@@ -171,7 +171,7 @@ impl PersistentResource {
                 let into = |from, to| ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), (from, to), None);
                 work.barriers(&[], &[into(Layout::Undefined, Layout::TransferTarget)]);
                 work.clear_image(image);
-                work.barriers(&[], &[into(Layout::TransferTarget, Layout::ShaderRead)]);
+                work.barriers(&[], &[into(Layout::TransferTarget, Layout::ReadOnly)]);
             }
             Physical::Buffer(range) => work.clear_buffer(&range.buffer),
             Physical::Accel(_) | Physical::Unused => {}

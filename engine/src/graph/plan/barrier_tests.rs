@@ -78,7 +78,7 @@ fn readers_in_one_layout_share_one_barrier() {
     use_as(&mut g, "b", x.read(), Access::Sample);
     draw_with(&mut g, "c", x.read());
     draw_with(&mut g, "d", x.read());
-    let to_read = step(&[WRITE], &[SAMPLE, DRAW], (Layout::General, Layout::ShaderRead));
+    let to_read = step(&[WRITE], &[SAMPLE, DRAW], (Layout::General, Layout::ReadOnly));
     assert_eq!(before(g, 0), [vec![first()], vec![to_read], vec![], vec![], vec![], vec![]]);
 }
 
@@ -90,7 +90,7 @@ fn a_write_waits_for_all_readers() {
     draw_with(&mut g, "b", x.read());
     let x = g.pass("change", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
     g.output(x.read());
-    let to_write = step(&[SAMPLE, DRAW], &[CHANGE], (Layout::ShaderRead, Layout::General));
+    let to_write = step(&[SAMPLE, DRAW], &[CHANGE], (Layout::ReadOnly, Layout::General));
     assert_eq!(before(g, 0)[3], [to_write]);
 }
 
@@ -144,8 +144,8 @@ fn imports_continue_from_their_last_use_and_are_left_as_asked() {
     g.leave(x.read(), Access::CopyRead, Domain::Copy);
     use_as(&mut g, "a", x.read(), Access::Sample);
     draw_with(&mut g, "b", x.read());
-    let again = step(&[SAMPLE], &[SAMPLE, DRAW], (Layout::ShaderRead, Layout::ShaderRead));
-    let layouts = (Layout::ShaderRead, Layout::TransferSource);
+    let again = step(&[SAMPLE], &[SAMPLE, DRAW], (Layout::ReadOnly, Layout::ReadOnly));
+    let layouts = (Layout::ReadOnly, Layout::TransferSource);
     let left = step(&[SAMPLE, DRAW], &[(Access::CopyRead, Domain::Copy)], layouts);
     assert_eq!(before(g, 0), [vec![again], vec![], vec![left]]);
 }
@@ -169,7 +169,7 @@ fn an_import_without_contents_is_discarded_once() {
     let x = g.pass("fill", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
     g.leave(x.read(), Access::Sample, Domain::Compute);
     let discard = Barrier { from: Uses::ANY, to: Uses::of(CHANGE), ..first() };
-    let left = step(&[CHANGE], &[SAMPLE], (Layout::General, Layout::ShaderRead));
+    let left = step(&[CHANGE], &[SAMPLE], (Layout::General, Layout::ReadOnly));
     assert_eq!(before(g, 0), [vec![discard], vec![left]]);
 }
 
@@ -204,7 +204,7 @@ fn mips_change_layout_apart_and_together() {
     let found = before(g, 0);
     let moved = |b: &Barrier| (b.part, b.layout_from, b.layout_to);
     let moves: Vec<Vec<_>> = found.iter().map(|batch| batch.iter().map(moved).collect()).collect();
-    let (undefined, general, read) = (Layout::Undefined, Layout::General, Layout::ShaderRead);
+    let (undefined, general, read) = (Layout::Undefined, Layout::General, Layout::ReadOnly);
     assert_eq!(
         moves,
         [
@@ -228,7 +228,7 @@ fn readers_on_several_queues_find_the_layout_changed_by_the_writer() {
         });
         g.output(made.read());
     }
-    let release = Barrier { to: Uses::ANY, ..step(&[WRITE], &[], (Layout::General, Layout::ShaderRead)) };
+    let release = Barrier { to: Uses::ANY, ..step(&[WRITE], &[], (Layout::General, Layout::ReadOnly)) };
     let found = barriers_of(g, 0, "queues=2,no-reorder");
     assert_eq!(found, [vec![first()], vec![release], vec![], vec![], vec![], vec![], vec![]]);
 }
@@ -263,6 +263,46 @@ fn attachments_that_nobody_reads_are_not_stored() {
     assert_eq!(plan_with(&frame.declaration, "").unstored, [1]);
 }
 
+/// Draws depth, then colours: the depth is tested against, and sampled in the same pass and after it.
+fn tested_depth() -> FrameGraph {
+    let mut g = FrameGraph::new(Extent::new(8, 8));
+    let depth = g.pass("solid", Queue::Graphics, |p| {
+        (p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0, |_: &mut Record| {})
+    });
+    let drawn = g.pass("glass", Queue::Graphics, |p| {
+        p.depth_test(depth.read());
+        p.sample(depth.read());
+        (p.color("drawn", ImageDesc::full(Format::Rgba8Unorm), [0.0; 4]).0, |_: &mut Record| {})
+    });
+    g.output(drawn.read());
+    use_as(&mut g, "after", depth.read(), Access::Sample);
+    let over = g.pass("over", Queue::Graphics, |p| (p.depth_load(depth).0, |_: &mut Record| {}));
+    g.output(over.read());
+    g
+}
+
+#[test]
+fn a_depth_test_and_samples_are_one_group_of_reads() {
+    const MADE: (Access, Domain) = (Access::Depth, Domain::Raster);
+    const TEST: (Access, Domain) = (Access::DepthTest, Domain::Raster);
+    const OVER: (Access, Domain) = (Access::DepthLoad, Domain::Raster);
+    let clear = Barrier { discard: true, ..step(&[], &[MADE], (Layout::Undefined, Layout::DepthAttachment)) };
+    let to_read = step(&[MADE], &[TEST, SAMPLE, DRAW], (Layout::DepthAttachment, Layout::ReadOnly));
+    let to_write = step(&[TEST, SAMPLE, DRAW], &[OVER], (Layout::ReadOnly, Layout::DepthAttachment));
+    let expected = [vec![clear], vec![to_read], vec![], vec![to_write], vec![]];
+    assert_eq!(before(tested_depth(), 0), expected);
+}
+
+#[test]
+fn what_is_tested_against_is_stored() {
+    let frame = tested_depth().finish().unwrap();
+    let plan = plan_with(&frame.declaration, "");
+    let glass = plan.order.iter().position(|&pass| pass == 1).unwrap();
+    assert_eq!(frame.declaration.uses_of(1)[0].writes, None);
+    assert!(plan.order[..glass].contains(&0), "what it tests against is drawn before it: {:?}", plan.order);
+    assert!(plan.unstored.is_empty(), "{:?}", plan.unstored);
+}
+
 /// A kept image of two layers with the second one stale; `looked` says whether a pass reads it.
 fn kept_layers(looked: bool) -> FrameGraph {
     let mut g = FrameGraph::new(Extent::new(8, 8));
@@ -289,7 +329,7 @@ fn one_layer_is_drawn_and_the_others_keep_what_they_hold() {
     let layer = Part { mip: 0, mips: 1, layer: 1, layers: 1 };
     assert!(of_map.iter().all(|b| b.part == layer), "the first layer stays as it is: {of_map:?}");
     let ways: Vec<_> = of_map.iter().map(|b| (b.layout_from, b.layout_to)).collect();
-    assert_eq!(ways.last(), Some(&(Layout::DepthAttachment, Layout::ShaderRead)), "{ways:?}");
+    assert_eq!(ways.last(), Some(&(Layout::DepthAttachment, Layout::ReadOnly)), "{ways:?}");
     assert_eq!(ways.len(), 2, "{ways:?}");
     assert!(!of_map[1].discard);
 }

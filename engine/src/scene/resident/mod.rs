@@ -22,7 +22,7 @@ use super::light_sampling::emits;
 use super::{Animator, Camera, Daylight, EnvironmentError, Instance, Mesh, Pose, Scene, SceneFacts};
 use crate::gpu::{Buffer, BufferUse, Gpu, GpuError, Image};
 use crate::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
-use crate::graph::{Access, BufferDesc, Draw, Extent, FrameGraph};
+use crate::graph::{Access, BufferDesc, DrawLists, Extent, FrameGraph};
 use crate::measure::Acceleration as AccelerationReport;
 use crate::ray::{Bounds, RayError};
 use block::Block;
@@ -128,7 +128,7 @@ pub struct ResidentScene {
     cut: bool,
     number: u64,
     placed: Arc<[Placed]>,
-    draws: Arc<[Draw]>,
+    draws: DrawLists,
     casters: Vec<u32>,
     facts: Arc<SceneFacts>,
     emission: Emission,
@@ -470,8 +470,8 @@ impl ResidentScene {
         self.state.origin
     }
 
-    /// One draw per instance: opaque triangles first, then alpha-tested ones, then spheres; in each by what culls them.
-    pub fn draws(&self) -> &Arc<[Draw]> {
+    /// One draw per instance, in lists by class.
+    pub fn draws(&self) -> &DrawLists {
         &self.draws
     }
 

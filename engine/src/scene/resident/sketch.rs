@@ -2,7 +2,7 @@
 use super::state::shift;
 use super::tables::{casters, draws, light, raster_index_count};
 use super::{Caster, Placed, SceneHandles};
-use crate::graph::{Access, BufferDesc, Draw, FrameGraph, ImportKey};
+use crate::graph::{Access, BufferDesc, DrawLists, FrameGraph, ImportKey};
 use crate::ray::Bounds;
 use crate::scene::{Animator, Camera, FloatingOrigin, Scene, SceneFacts, single};
 use glam::{DVec3, Vec3};
@@ -18,7 +18,7 @@ pub struct SceneSketch {
     /// What the scene is made of.
     pub facts: Arc<SceneFacts>,
     /// What the raster passes draw.
-    pub draws: Arc<[Draw]>,
+    pub draws: DrawLists,
     /// The lights that can cast shadows, the one that matters most first.
     pub casters: Vec<Caster>,
     /// Where the instances are.

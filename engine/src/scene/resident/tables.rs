@@ -1,7 +1,7 @@
 //! The scene's tables in the layout of the shaders.
 use super::block::Block;
 use crate::gpu::{Cull, Gpu, GpuError, Image};
-use crate::graph::Draw;
+use crate::graph::{Draw, DrawClass, DrawLists};
 use crate::scene::facts::lets_light_through;
 use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
 use glam::{Affine3A, DVec3, Vec3};
@@ -246,14 +246,20 @@ pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
     ranked
 }
 
-pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
-    let mut draws: Vec<Draw> = scene
+pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> DrawLists {
+    let draws = scene
         .instances
         .iter()
         .zip(0..)
         .map(|(i, instance)| {
             let (mesh, material) = (&scene.meshes[i.mesh as usize], &scene.materials[i.material as usize]);
             let spheres = !mesh.spheres.is_empty();
+            let class = match material.alpha {
+                _ if spheres => DrawClass::Procedural,
+                AlphaMode::Opaque => DrawClass::Opaque,
+                AlphaMode::Mask(_) => DrawClass::AlphaTested,
+                AlphaMode::Blend => DrawClass::Blended,
+            };
             let mirrored = i.world_from_object.matrix3.determinant() < 0.0;
             // Only one side of the box around a sphere is drawn, even if the sphere is double-sided.
             let cull = match (material.double_sided && !spheres, mirrored) {
@@ -266,14 +272,12 @@ pub(super) fn draws(scene: &Scene, index_offsets: &[u64]) -> Arc<[Draw]> {
                 index_count: raster_index_count(mesh) as u32,
                 instance,
                 cull,
-                alpha_test: material.alpha != AlphaMode::Opaque && !spheres,
-                spheres,
+                class,
             }
         })
         .filter(|d| d.index_count > 0)
         .collect();
-    draws.sort_by_key(|d| (d.spheres, d.alpha_test, d.cull as u32, d.instance));
-    draws.into()
+    DrawLists::new(draws)
 }
 
 #[cfg(test)]

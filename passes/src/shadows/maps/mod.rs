@@ -10,8 +10,8 @@ use crate::contracts::{GEOMETRY, ShadowIn};
 use crate::shadows::ray_traced::format;
 use glam::{DVec3, Vec3};
 use layer::Layer;
-use magpie::gpu::{Cull, Kernel, RasterDesc, RasterKernel};
-use magpie::graph::{Draw, HistoryScope};
+use magpie::gpu::{Blend, Cull, Kernel, RasterDesc, RasterKernel};
+use magpie::graph::{Draw, DrawClass, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::Caster;
 use magpie::slot::{Build, Settings, SlotError};
@@ -65,7 +65,8 @@ impl MapShadows {
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let chosen = Chosen::new(settings)?;
         let raster = |name, vertex, fragment, constants: &[u32]| {
-            let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], depth: Some(Format::D32Float) };
+            let (blend, depth) = (Blend::Opaque, Some(Format::D32Float));
+            let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], blend, depth };
             build.raster_kernel(&desc)
         };
         let triangles =
@@ -168,8 +169,10 @@ impl MapShadows {
                 let (image, _) = p.depth_layer(image, at, 0.0);
                 (image, move |c: &mut Record<'_>| {
                     let params = magpie_shaders::shadow_map::MapDrawParams { view: c.id(block), ..params };
-                    let (triangles, round) = draws.split_at(draws.partition_point(|d| !d.spheres));
-                    let (solid, tested) = triangles.split_at(triangles.partition_point(|d| !d.alpha_test));
+                    let (triangles, round) =
+                        draws.split_at(draws.partition_point(|d| d.class != DrawClass::Procedural));
+                    let (solid, tested) =
+                        triangles.split_at(triangles.partition_point(|d| d.class == DrawClass::Opaque));
                     c.draw(opaque, &params, indices, solid);
                     c.draw(alpha_tested, &params, indices, tested);
                     c.draw(spheres, &params, indices, round);
@@ -264,8 +267,8 @@ impl MapShadows {
 /// What is drawn into a layer. Both sides of every triangle cast a shadow, as they do for rays.
 fn draws(view: &View, layer: &Layer) -> Vec<Draw> {
     let there = |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
-    let both = |d: &Draw| if d.spheres { *d } else { Draw { cull: Cull::None, ..*d } };
-    view.draws.iter().filter(there).map(both).collect()
+    let both = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
+    view.draws.all().iter().filter(there).map(both).collect()
 }
 
 /// Everything that a layer's picture depends on.

@@ -3,16 +3,16 @@
 use magpie::graph::{Access, Domain, Layout, Origin, Queue, ResourceDecl, Uses};
 
 /// A set of pairs of access and domain, one bit each.
-pub type Set = u64;
+pub type Set = u128;
 
 /// Every pair.
-pub const ALL: Set = u64::MAX;
+pub const ALL: Set = Set::MAX;
 
 /// The bit of an access in a pass of a domain. Some accesses use the same stages in every domain.
 pub fn pair(access: Access, pass: Domain) -> Set {
     use Access::*;
     let domain = match access {
-        Color | ColorLoad | Depth | DepthLoad | Index => Domain::Raster,
+        Color | ColorLoad | Depth | DepthLoad | DepthTest | Index => Domain::Raster,
         CopyRead | CopyWrite | HostRead => Domain::Copy,
         Build | Refit | BuildInput | BuildScratch => Domain::Compute,
         Sample | StorageRead | StorageWrite | StorageReadWrite | BufferRead | BufferWrite | BufferReadWrite
@@ -41,7 +41,7 @@ pub fn changes(access: Access) -> bool {
     .contains(&access)
 }
 
-/// Colour or depth attachment.
+/// Colour or depth attachment that is written.
 pub fn is_attachment(access: Access) -> bool {
     [Access::Color, Access::ColorLoad, Access::Depth, Access::DepthLoad].contains(&access)
 }
@@ -52,7 +52,7 @@ pub fn layout(access: Access) -> Layout {
     match access {
         Color | ColorLoad => Layout::ColorAttachment,
         Depth | DepthLoad => Layout::DepthAttachment,
-        Sample => Layout::ShaderRead,
+        Sample | DepthTest => Layout::ReadOnly,
         StorageRead | StorageWrite | StorageReadWrite => Layout::General,
         CopyRead => Layout::TransferSource,
         CopyWrite => Layout::TransferTarget,
@@ -78,7 +78,8 @@ impl Scope {
 /// The pairs whose stages a queue supports.
 pub fn stages_of(queue: Queue) -> Set {
     let copies = pair(Access::CopyRead, Domain::Copy) | pair(Access::CopyWrite, Domain::Copy);
-    let attachments = [Access::Color, Access::ColorLoad, Access::Depth, Access::DepthLoad, Access::Index];
+    use Access::{Color, ColorLoad, Depth, DepthLoad, DepthTest, Index};
+    let attachments = [Color, ColorLoad, Depth, DepthLoad, DepthTest, Index];
     let drawing = Access::ALL.iter().fold(0, |set, &a| set | pair(a, Domain::Raster));
     let in_any_pass = Access::ALL.iter().filter(|&&a| pair(a, Domain::Raster) == pair(a, Domain::Compute));
     let elsewhere = in_any_pass.filter(|a| !attachments.contains(a)).fold(0, |set, &a| set | pair(a, Domain::Raster));
