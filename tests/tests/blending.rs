@@ -12,8 +12,8 @@ use magpie::graph::{
 use magpie::scene::{AlphaMode, Material, Mesh, SceneFacts, SceneSketch, Sphere};
 use magpie_shaders::{SampledImage, Shader, Stage, StorageImage};
 use magpie_tests::bench::Bench;
+use magpie_tests::fixtures::{add, camera, material, plane, scene};
 use magpie_tests::harness::gpu;
-use magpie_tests::made::{add, camera, material, plane, scene};
 use std::sync::Arc;
 
 const SWITCHES: [&str; 4] = ["", "serial", "no-alias", "queues=3"];

@@ -10,9 +10,9 @@ use magpie::prelude::*;
 use magpie::scene::Scene;
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_passes::contracts::{GBuffer, ShadowGroup, ShadowIn, ShadowOut};
-use magpie_passes::denoise::{self, Content, DenoiseIn, Denoiser};
+use magpie_passes::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
-use magpie_shaders::shadows::WIDEST_NOISE;
+use magpie_shaders::denoise::WIDEST_NOISE;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::fixtures::{add, camera, material, plane, scene, sun};
 use magpie_tests::harness::{builtin, gpu};
@@ -69,8 +69,8 @@ impl Patterned {
         let channels = settings.u32("channels")?;
         Ok(Self {
             pattern: build.kernel_from_words("pattern.comp", &words)?,
-            denoiser: Denoiser::new(build, "shadows", settings)?,
-            content: if channels == 0 { Content::Radiance } else { Content::Channels(channels) },
+            denoiser: Denoiser::new(build, "shadows", Options::read(settings)?)?,
+            content: if channels == 0 { Content::Radiance } else { Content::Visibility { channels } },
             kind: settings.u32("kind")?,
             low: settings.f32("low")?,
             high: settings.f32("high")?,
@@ -107,8 +107,11 @@ impl Effect for Patterned {
         let reach = (reach >= 0.0).then(|| {
             self.draw(g, gbuffer, "shadows.pattern_reach", Params { kind: 0, low: 0.0, high: width, ..params })
         });
-        let (content, change) = (self.content, None);
-        let i = DenoiseIn { noisy, content, gbuffer, reprojected, shading: false, change, reach, moved: 0 };
+        let i = DenoiseIn {
+            signal: Signal { image: noisy, content: self.content },
+            surfaces: Surfaces { gbuffer, reprojected },
+            hints: Hints::default().width(reach),
+        };
         let visibility = self.denoiser.add(g, view, i, "");
         let mut out = ShadowOut::default();
         out.groups[0] =
@@ -121,6 +124,7 @@ fn slots() -> Slots {
     let mut slots = Slots::default();
     let float = |key, default| SettingSpec::float(key, "", "Of the pattern.", default, (-1e9, 1e9));
     let mut settings = denoise::settings();
+    settings.push(denoise::precision());
     settings.extend([
         SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, (0, 4)),
         SettingSpec::integer("kind", "", "Which pattern.", 0, (0, 4)),
@@ -159,6 +163,8 @@ fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) 
 fn patterned(settings: &[&str]) -> Result<Config> {
     let mut config = Config::default();
     config.set("stages.shadows=pattern")?;
+    // Patterns have values outside of 0 to 1, which 16 bits hold as radiance only.
+    config.set("shadows.precision=32")?;
     for setting in settings {
         config.set(&format!("shadows.{setting}"))?;
     }
@@ -185,8 +191,8 @@ fn boards() -> Scene {
 }
 
 const PATTERN_MADE: (&str, &str) = ("shadows.pattern", "made");
-/// Output of the last of four levels, which writes to the same image as the second.
-const SVGF: (&str, &str) = ("shadows.level_3", "colour");
+/// Output of the last of four levels.
+const SVGF: (&str, &str) = ("shadows.level_3", "result");
 const BILATERAL: (&str, &str) = ("shadows.bilateral", "filtered");
 const IDS: (&str, &str) = ("gbuffer.draw", "ids");
 
@@ -279,7 +285,10 @@ fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples()
     wall.lights.push(sun(Vec3::new(0.3, 0.2, 1.0)));
     let config = patterned(&["kind=2", "channels=1"])?;
     let mut images = Vec::new();
-    for view in [("shadows.accumulate", "mean"), ("shadows.accumulate", "error"), ("shadows.accumulate", "frames")] {
+    // Mean of the samples in red; deviation of the accumulated mean in green; number of frames.
+    let views =
+        [("shadows.accumulate", "moments"), ("shadows.accumulate", "accumulated"), ("shadows.accumulate", "frames")];
+    for view in views {
         let [width, height] = SIZE;
         let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &wall, &slots(), &config, options)?;
@@ -297,10 +306,42 @@ fn the_variance_of_a_mean_over_different_pixels_is_that_of_independent_samples()
     let mean = |values: &dyn Fn(usize) -> f64| known.iter().map(|i| values(*i)).sum::<f64>() / known.len() as f64;
     // Uniform values in 0 to 1 have the mean 1/2.
     let true_variance = mean(&|i| (f64::from(images[0][i][0]) - 0.5).powi(2));
-    let estimated = mean(&|i| f64::from(images[1][i][0]));
+    let estimated = mean(&|i| f64::from(images[1][i][1]).powi(2));
     println!("variance of the mean over {frames} frames: {true_variance:.5}, estimate {estimated:.5}");
     // The sample variance is about the samples' own mean, which lowers it by one in the number of frames.
     ensure!((estimated / true_variance - 1.0).abs() < 0.2, "{estimated} is estimated, {true_variance} is true");
+    Ok(())
+}
+
+/// Packed into 16 bits, a signal is the same within their rounding, and its mean over many frames neither drifts nor stops short.
+#[test]
+fn sixteen_bits_neither_drift_nor_lose_the_mean() -> Result<()> {
+    let mean_of = |image: &Pixels, ids: &Pixels, channel: usize| {
+        let (values, ids) = (image.values(), ids.values());
+        let seen: Vec<f64> =
+            values.iter().zip(&ids).filter(|(_, id)| id[0] > 0.0).map(|(v, _)| f64::from(v[channel])).collect();
+        seen.iter().sum::<f64>() / seen.len() as f64
+    };
+    for channels in ["channels=0", "channels=1", "channels=2", "channels=3", "channels=4"] {
+        let of = |settings: &[&str], frames: u32| {
+            let config = patterned(&[&["history=255", channels], settings].concat())?;
+            images(&boards(), &config, frames, &[SVGF, IDS])
+        };
+        // A constant between two values of the format, as the mean of 256 frames.
+        let Some(still) = of(&["low=0.3", "high=0.3", "precision=16"], 256)? else { return Ok(()) };
+        let off = (mean_of(&still[0], &still[1], 0) - 0.3).abs();
+        ensure!(
+            off < if channels == "channels=0" { 1.3e-4 } else { 8e-6 },
+            "{channels}: the constant is off by {off:e}"
+        );
+        // Random values, whose mean goes on to change by less and less.
+        let noise = ["kind=2", "low=0.2", "high=0.6"];
+        let Some(exact) = of(&noise, 64)? else { return Ok(()) };
+        let Some(packed) = of(&[&noise[..], &["precision=16"]].concat(), 64)? else { return Ok(()) };
+        let apart = mean_of(&packed[0], &packed[1], 0) - mean_of(&exact[0], &exact[1], 0);
+        println!("{channels}: constant off by {off:.2e}, mean of noise by {apart:.2e}");
+        ensure!(apart.abs() < 2e-4, "{channels}: the mean of noise is off by {apart:e}");
+    }
     Ok(())
 }
 

@@ -63,7 +63,7 @@ fn shadows() -> Result<()> {
 fn denoise() -> Result<()> {
     // Soft shadows after a few frames: less noise than one ray, and fully lit or dark pixels are unchanged.
     let Some(noisy) = output("shadows.trace", "visibility", &[])? else { return Ok(()) };
-    let Some(image) = output("shadows.level_3", "colour", &[])? else { return Ok(()) };
+    let Some(image) = output("shadows.level_3", "result", &[])? else { return Ok(()) };
     let between = |image: &Pixels| image.values().iter().filter(|v| v[0] > 0.0 && v[0] < 1.0).count();
     ensure!(between(&noisy) == 0 && between(&image) > 100, "{} and {}", between(&noisy), between(&image));
     golden("denoise", Some(&image))

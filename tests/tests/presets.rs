@@ -43,7 +43,7 @@ impl<'a> Run<'a> {
     fn time(&mut self) -> Result<()> {
         let result = self.frame()?;
         let is_own = |name: &str| {
-            let of_slot = name.split('.').next() == Some(self.slot) || name.starts_with("denoise.");
+            let of_slot = name.split('.').next() == Some(self.slot) || name.starts_with("reproject.");
             of_slot || self.slot == "post"
         };
         let own = result.sample.passes.iter().filter(|p| is_own(&p.name));

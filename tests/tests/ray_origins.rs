@@ -21,7 +21,7 @@ use magpie::scene::{
 use magpie::slot::{Build, Effect};
 use magpie_passes::Slots;
 use magpie_passes::contracts::{GBufferIn, ShadowIn};
-use magpie_passes::denoise::Reprojection;
+use magpie_passes::parts::reproject::Reprojection;
 use magpie_shaders::{Address, SampledImage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
 use magpie_tests::fixtures::{camera, material, mesh, scene, sphere, sun};
@@ -334,7 +334,7 @@ impl Rig {
             .run(EXTENT, &wanted, |g, imports| {
                 let (view, handles) = shot.declare(&gpu, g, imports)?;
                 let gbuffer = gbuffer.add(g, &view, GBufferIn { scene: handles });
-                let reprojected = reprojection.add(g, &view, (handles, gbuffer));
+                let reprojected = reprojection.add(g, &view, handles, gbuffer);
                 let out = shadows.add(g, &view, ShadowIn { scene: handles, gbuffer, reprojected });
                 g.output(out.groups[0].context("the light casts no shadow")?.visibility);
                 g.pass("test.starts", Queue::Graphics, |p| {
