@@ -322,13 +322,13 @@ fn sixteen_bits_neither_drift_nor_lose_the_mean() -> Result<()> {
             values.iter().zip(&ids).filter(|(_, id)| id[0] > 0.0).map(|(v, _)| f64::from(v[channel])).collect();
         seen.iter().sum::<f64>() / seen.len() as f64
     };
-    for channels in ["channels=0", "channels=1", "channels=2", "channels=3", "channels=4"] {
+    for channels in ["channels=0", "channels=1", "channels=4"] {
         let of = |settings: &[&str], frames: u32| {
-            let config = patterned(&[&["history=255", channels], settings].concat())?;
+            let config = patterned(&[&["history=64", channels], settings].concat())?;
             images(&boards(), &config, frames, &[SVGF, IDS])
         };
-        // A constant between two values of the format, as the mean of 256 frames.
-        let Some(still) = of(&["low=0.3", "high=0.3", "precision=16"], 256)? else { return Ok(()) };
+        // A constant between two values of the format, as the mean of many frames.
+        let Some(still) = of(&["low=0.3", "high=0.3", "precision=16"], 96)? else { return Ok(()) };
         let off = (mean_of(&still[0], &still[1], 0) - 0.3).abs();
         ensure!(
             off < if channels == "channels=0" { 1.3e-4 } else { 8e-6 },
@@ -336,8 +336,8 @@ fn sixteen_bits_neither_drift_nor_lose_the_mean() -> Result<()> {
         );
         // Random values, whose mean goes on to change by less and less.
         let noise = ["kind=2", "low=0.2", "high=0.6"];
-        let Some(exact) = of(&noise, 64)? else { return Ok(()) };
-        let Some(packed) = of(&[&noise[..], &["precision=16"]].concat(), 64)? else { return Ok(()) };
+        let Some(exact) = of(&noise, 33)? else { return Ok(()) };
+        let Some(packed) = of(&[&noise[..], &["precision=16"]].concat(), 33)? else { return Ok(()) };
         let apart = mean_of(&packed[0], &packed[1], 0) - mean_of(&exact[0], &exact[1], 0);
         println!("{channels}: constant off by {off:.2e}, mean of noise by {apart:.2e}");
         ensure!(apart.abs() < 2e-4, "{channels}: the mean of noise is off by {apart:e}");

@@ -18,7 +18,7 @@ use magpie::prelude::Rays;
 use magpie::scene::{
     Camera, FloatingOrigin, Instance, Light, Mesh, Moment, ResidentOptions, ResidentScene, Scene, Sphere,
 };
-use magpie::slot::{Build, Effect};
+use magpie::slot::Build;
 use magpie_passes::Slots;
 use magpie_passes::contracts::{GBufferIn, ShadowIn};
 use magpie_passes::parts::reproject::Reprojection;
