@@ -4,7 +4,7 @@
 //! contract says, the frame is refused with both, and with the names of slot and implementation.
 mod gbuffer;
 
-use crate::outputs::{DIRECTION, Gives, ONE, RADIANCE, SHARES};
+use crate::outputs::{DIRECTION, DISTANCE, Gives, ONE, RADIANCE, SHARES};
 pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
@@ -181,25 +181,69 @@ impl Gives for DirectOut {
     }
 }
 
-/// Slots `gi` and `reflections`.
+/// Slots `gi` and `reflections`, and others that light what the camera sees.
 #[derive(Clone, Copy, Debug)]
-pub struct IndirectIn {
+#[non_exhaustive]
+pub struct LightingIn {
+    /// Lights, materials, and what rays see.
+    pub scene: SceneHandles,
     /// What is lit.
     pub gbuffer: GBuffer,
+    /// Where it was one frame ago.
+    pub reprojected: Reprojected,
     /// What hides indirect light.
     pub ao: AoOut,
+    /// Radiance from the lights and emission, of this frame.
+    pub direct: Handle<Image>,
+    /// Radiance of the previous frame with everything in it, in the previous frame's pixels, before anti-aliasing and tone mapping: RGBA16F
+    /// with 1 in alpha, 0 in all channels where it is not known, as in the first frame. `None` unless an effect asks for it with
+    /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance).
+    pub previous_radiance: Option<Handle<Image>>,
 }
 
-/// Radiance towards the camera from one kind of indirect light; `None` when there is none.
-#[derive(Clone, Copy, Debug)]
-pub struct IndirectOut {
-    /// The image, RGBA32F or RGBA16F.
+/// One kind of light. The default is none.
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct LightingOut {
+    /// Radiance towards the camera, RGBA32F or RGBA16F; `None` if there is none.
     pub radiance: Option<Handle<Image>>,
+    /// Distance from which most of it comes, metres, where that is known: R16F or R32F.
+    pub hit_distance: Option<Handle<Image>>,
+    /// How much the radiance can be trusted, 0 to 1, where that varies: R8, R16, R16F or R32F.
+    pub confidence: Option<Handle<Image>>,
 }
 
-impl Gives for IndirectOut {
+impl LightingOut {
+    /// Radiance alone.
+    pub fn radiance(radiance: Handle<Image>) -> Self {
+        Self { radiance: Some(radiance), ..Self::default() }
+    }
+
+    /// With [`LightingOut::hit_distance`].
+    #[must_use]
+    pub fn with_hit_distance(self, hit_distance: Handle<Image>) -> Self {
+        Self { hit_distance: Some(hit_distance), ..self }
+    }
+
+    /// With [`LightingOut::confidence`].
+    #[must_use]
+    pub fn with_confidence(self, confidence: Handle<Image>) -> Self {
+        Self { confidence: Some(confidence), ..self }
+    }
+}
+
+impl Gives for LightingOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        self.radiance.map(|image| ("radiance", image, RADIANCE)).into_iter().collect()
+        let all = [
+            ("radiance", self.radiance, RADIANCE),
+            ("hit_distance", self.hit_distance, DISTANCE),
+            ("confidence", self.confidence, ONE),
+        ];
+        all.into_iter().filter_map(|(name, image, formats)| Some((name, image?, formats))).collect()
+    }
+
+    fn shown(&self) -> Option<Handle<Image>> {
+        self.radiance
     }
 }
 
@@ -209,9 +253,9 @@ pub struct ComposeIn {
     /// Lights and emission.
     pub direct: DirectOut,
     /// Diffuse indirect light.
-    pub gi: IndirectOut,
+    pub gi: LightingOut,
     /// Specular indirect light.
-    pub reflections: IndirectOut,
+    pub reflections: LightingOut,
 }
 
 /// The sum of all light; RGBA32F or RGBA16F.
@@ -219,7 +263,7 @@ pub type ComposeOut = WriteHandle<Image>;
 
 impl Gives for ComposeOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        self.read().images()
+        vec![("radiance", self.read(), RADIANCE)]
     }
 }
 
@@ -232,14 +276,8 @@ pub struct SkyIn {
     pub lit: WriteHandle<Image>,
 }
 
-/// The picture with what lies behind everything; RGBA32F or RGBA16F.
-pub type SkyOut = Handle<Image>;
-
-impl Gives for SkyOut {
-    fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        vec![("radiance", *self, RADIANCE)]
-    }
-}
+/// The picture with what lies behind everything, and the right to draw on; RGBA32F or RGBA16F.
+pub type SkyOut = WriteHandle<Image>;
 
 /// Slot `post`.
 #[derive(Clone, Copy, Debug)]

@@ -26,6 +26,7 @@ pub const SHARES: &[Format] = &[
 pub const COLOUR: &[Format] = &[Format::Rgba8Srgb, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba32Float];
 pub const NORMAL: &[Format] = &[Format::Rg16Snorm, Format::Rg16Float, Format::Rg32Float];
 pub const DIRECTION: &[Format] = &[Format::Rg16Float, Format::Rg32Float];
+pub const DISTANCE: &[Format] = &[Format::R16Float, Format::R32Float];
 pub const DEPTH: &[Format] = &[Format::D32Float];
 pub const IDS: &[Format] = &[Format::Rg32Uint];
 pub const RADIANCE: &[Format] = &[Format::Rgba32Float, Format::Rgba16Float];

@@ -65,7 +65,7 @@ pub fn plan_frame(
     let previous = PreviousView { camera, extent, output, jitter };
     let desc = ViewDesc { camera, extent, output, jitter, frame: 1, seed: 0, previous: Some(previous) };
     let view = desc.sketch(&sketch, &mut g);
-    let out = frame(&mut implementations, &mut g, &view, AccelerationIn::Sketch(Rc::new(sketch)))?;
+    let out = frame(&mut implementations, &mut g, &view, &all, AccelerationIn::Sketch(Rc::new(sketch)))?;
     g.output(out.display);
     let declaration = g.finish()?.declaration;
     let plan = plan(&declaration, &Switches::default(), Queues::default(), &mut Packed);

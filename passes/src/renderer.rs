@@ -374,7 +374,7 @@ impl Renderer {
             });
         }
 
-        let out = frame(&mut self.implementations, &mut g, &view, scene)?;
+        let out = frame(&mut self.implementations, &mut g, &view, &all, scene)?;
         match request.view {
             Some((pass, output)) => {
                 let image = g.find(pass, output)?;

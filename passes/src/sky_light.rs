@@ -1,5 +1,5 @@
 //! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
-use crate::contracts::{Channel, IndirectIn, IndirectOut};
+use crate::contracts::{Channel, LightingIn, LightingOut};
 use crate::precision;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -18,11 +18,11 @@ const SPECULAR: &[Channel] =
 pub struct Off;
 
 impl Effect for Off {
-    type In = IndirectIn;
-    type Out = IndirectOut;
+    type In = LightingIn;
+    type Out = LightingOut;
 
-    fn add(&mut self, _: &mut FrameGraph, _: &View, _: IndirectIn) -> IndirectOut {
-        IndirectOut { radiance: None }
+    fn add(&mut self, _: &mut FrameGraph, _: &View, _: LightingIn) -> LightingOut {
+        LightingOut::default()
     }
 }
 
@@ -52,20 +52,20 @@ impl SkyLight {
 }
 
 impl Effect for SkyLight {
-    type In = IndirectIn;
-    type Out = IndirectOut;
+    type In = LightingIn;
+    type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
         let idle = if !facts.has_sky { Some("the scene has no sky") } else { (self.nothing)(facts) };
         idle.map_or_else(Needs::default, Needs::idle)
     }
 
-    fn add(&mut self, g: &mut FrameGraph, view: &View, i: IndirectIn) -> IndirectOut {
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
         if self.needs(&view.facts).idle.is_some() {
-            return IndirectOut { radiance: None };
+            return LightingOut::default();
         }
         let (kernel, format, bends, block) = (self.kernel, self.format, self.bends, view.block);
-        let IndirectIn { gbuffer, ao } = i;
+        let LightingIn { gbuffer, ao, .. } = i;
         let radiance = g.pass(self.pass, Queue::AsyncCompute, |p| {
             let block = p.read(block);
             let surfaces = gbuffer.read(p, if bends { DIFFUSE } else { SPECULAR });
@@ -85,6 +85,6 @@ impl Effect for SkyLight {
                 c.dispatch(kernel, &params, extent);
             })
         });
-        IndirectOut { radiance: Some(radiance) }
+        LightingOut::radiance(radiance)
     }
 }

@@ -4,6 +4,7 @@
 //! `frame()` that wires it.
 use crate::contracts;
 use crate::outputs::Gives;
+use crate::parts::previous_radiance::PreviousRadiance;
 use crate::parts::reproject::Reprojection;
 use magpie::config::{Catalogue, Config};
 use magpie::scene::SceneFacts;
@@ -41,6 +42,7 @@ macro_rules! slots {
         pub struct Frame {
             $(pub(crate) $name: Implementation<contracts::$In, contracts::$Out>,)*
             pub(crate) reprojection: Reprojection,
+            pub(crate) previous_radiance: PreviousRadiance,
         }
 
         impl Frame {
@@ -52,6 +54,7 @@ macro_rules! slots {
                 Ok(Self {
                     $($name: slots.$name.from_config(build, config)?,)*
                     reprojection: Reprojection::new(build)?,
+                    previous_radiance: PreviousRadiance::new(build)?,
                 })
             }
 
@@ -93,9 +96,9 @@ slots! {
     /// Light straight from the lights.
     direct: DirectIn => DirectOut,
     /// Diffuse indirect light.
-    gi: IndirectIn => IndirectOut,
+    gi: LightingIn => LightingOut,
     /// Specular indirect light.
-    reflections: IndirectIn => IndirectOut,
+    reflections: LightingIn => LightingOut,
     /// The sum of all light.
     compose: ComposeIn => ComposeOut,
     /// What lies behind everything.

@@ -10,6 +10,7 @@ use magpie::pixels::Pixels;
 use magpie::scene::{Camera, Policy, SharedScene};
 use magpie_passes::contracts::{AccelerationIn, SceneHandles};
 use magpie_passes::frame::{FrameOut, frame};
+use magpie_passes::slots::merged;
 use magpie_passes::{Frame, Slots};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
@@ -200,7 +201,13 @@ impl Shot<'_> {
     pub fn frame(&self, gpu: &Gpu, stages: &mut Frame, g: &mut FrameGraph, imports: &Shared) -> Result<FrameOut> {
         let view = self.view(gpu, g, imports)?;
         let (scene, camera) = (self.scene.clone(), self.camera.clone());
-        Ok(frame(stages, g, &view, AccelerationIn::Resident { scene, imports: imports.clone(), camera })?)
+        Ok(frame(
+            stages,
+            g,
+            &view,
+            &merged(&stages.needs(&view.facts)),
+            AccelerationIn::Resident { scene, imports: imports.clone(), camera },
+        )?)
     }
 
     /// Imports camera and scene into a frame.

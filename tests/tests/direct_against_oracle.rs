@@ -124,7 +124,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let mut stages = Frame::new(
         &magpie::slot::Build::new(&gpu, magpie::prelude::Rays::Software),
         &Slots::default(),
-        &config(&["shadows.edges=hard", "direct.area=0"])?,
+        &config(&["shadows.edges=hard", "direct.area=0", "direct.precision=32"])?,
     )?;
     let shot = Shot { scene: &resident, camera, extent: EXTENT };
     let wanted = [
@@ -137,6 +137,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
         "shadows.trace:visibility",
         "direct.shade:radiance",
         "gbuffer.draw:emission",
+        "gbuffer.draw:geometric_normal",
     ];
     let ran = bench
         .run(EXTENT, &wanted, |g, imports| {
@@ -156,7 +157,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
     let v = |i: usize| ran.values(wanted[i]);
     let (depth, normal, material, ids) = (v(0)?, v(1)?, v(2)?, v(3)?);
     let (codes, base_colour, visibility) = (&ran.image(wanted[4])?.bytes, v(5)?, v(6)?);
-    let (radiance, emission) = (v(7)?, v(8)?);
+    let (radiance, emission, geometric) = (v(7)?, v(8)?, v(9)?);
 
     // Devices differ in the precision of sRGB decoding, but the value must round to the same 8-bit code.
     let off = codes.chunks_exact(4).zip(&base_colour);
@@ -178,7 +179,7 @@ fn render(bench: &mut Bench, scene: &Scene) -> Result<Vec<Pixel>> {
                 metalness: (f64::from(material[i][0]) * 255.0).round() / 255.0,
                 roughness: (f64::from(material[i][1]) * 255.0).round() / 255.0,
             },
-            geometric: octahedral(normal[i][2], normal[i][3]),
+            geometric: octahedral(geometric[i][0], geometric[i][1]),
             visibility: visibility[i][0],
             emission: rgb(&emission[i]),
             radiance: rgb(&radiance[i]),

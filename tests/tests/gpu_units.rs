@@ -286,10 +286,12 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
     let resident = ResidentScene::new(&gpu, scene, ResidentOptions::default())?.shared();
     let extent = Extent::new(203, 117);
     let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent };
-    let wanted = ["gbuffer.draw:depth", "gbuffer.draw:normal", "shadows.trace:visibility"];
+    let wanted =
+        ["gbuffer.draw:depth", "gbuffer.draw:normal", "shadows.trace:visibility", "gbuffer.draw:geometric_normal"];
     let hard = config(&["shadows.edges=hard", "shadows.most_lights=1"])?;
     let ran = bench.frame(shot, &hard, &wanted)?.clean()?;
-    let [depth, normal, visibility] = [ran.values(wanted[0])?, ran.values(wanted[1])?, ran.values(wanted[2])?];
+    let of = |k: usize| ran.values(wanted[k]);
+    let [depth, normal, visibility, geometric] = [of(0)?, of(1)?, of(2)?, of(3)?];
     let eye = Eye::new(&scene.cameras[0], extent);
     let Some(light) = resident.borrow().casters().first().map(|c| &scene.lights[c.light as usize]) else {
         bail!("no light")
@@ -301,7 +303,7 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
             continue;
         }
         let i_light = incident(light, eye.world_position(i, depth[i][0]));
-        let n = [octahedral(normal[i][0], normal[i][1]), octahedral(normal[i][2], normal[i][3])];
+        let n = [octahedral(normal[i][0], normal[i][1]), octahedral(geometric[i][0], geometric[i][1])];
         let least = n.map(|n| n.dot(i_light.direction)).into_iter().fold(f64::INFINITY, f64::min);
         let reached = i_light.irradiance.max_element();
         // In 32 bits values within a millionth of the limit may fall on either side.

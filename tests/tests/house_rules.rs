@@ -73,6 +73,11 @@ fn every_effect_has_its_four_folders() {
 }
 
 #[test]
+fn every_shared_part_has_its_page_and_tests() {
+    hold(effects::parts);
+}
+
+#[test]
 fn files_fit_in_the_head() {
     hold(files::length);
 }

@@ -9,7 +9,7 @@ use magpie::pixels::Pixels;
 use magpie::prelude::*;
 use magpie::scene::{ResidentOptions, ResidentScene};
 use magpie::slot::SlotError;
-use magpie_passes::contracts::{IndirectIn, IndirectOut};
+use magpie_passes::contracts::{LightingIn, LightingOut};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::bench::{Bench, Shot};
@@ -151,10 +151,10 @@ struct Delayed {
 }
 
 impl Effect for Delayed {
-    type In = IndirectIn;
-    type Out = IndirectOut;
+    type In = LightingIn;
+    type Out = LightingOut;
 
-    fn add(&mut self, g: &mut FrameGraph, _: &View, i: IndirectIn) -> IndirectOut {
+    fn add(&mut self, g: &mut FrameGraph, _: &View, i: LightingIn) -> LightingOut {
         let add = self.add;
         let desc = ImageDesc::like(Format::Rgba32Float, i.gbuffer.depth);
         let extent = g.extent(i.gbuffer.depth);
@@ -180,7 +180,7 @@ impl Effect for Delayed {
                 c.dispatch(add, &Add { source: c.id(source), result: c.id(result), size, more: 0.0 }, extent);
             })
         });
-        IndirectOut { radiance: Some(radiance) }
+        LightingOut::radiance(radiance)
     }
 }
 

@@ -7,7 +7,7 @@ use magpie::graph::{FrameGraph, GraphError};
 use magpie::prelude::Effect;
 use magpie::scene::SceneFacts;
 use magpie::slot::Needs;
-use magpie_passes::contracts::{IndirectIn, IndirectOut};
+use magpie_passes::contracts::{LightingIn, LightingOut};
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures;
 use magpie_tests::harness::{builtin, config, gpu, linear, render};
@@ -81,16 +81,16 @@ fn facts_follow_the_scene() -> Result<()> {
 struct FalselyIdle;
 
 impl Effect for FalselyIdle {
-    type In = IndirectIn;
-    type Out = IndirectOut;
+    type In = LightingIn;
+    type Out = LightingOut;
 
     fn needs(&self, _: &SceneFacts) -> Needs {
         Needs::idle("I feel like it")
     }
 
-    fn add(&mut self, g: &mut FrameGraph, _: &View, _: IndirectIn) -> IndirectOut {
+    fn add(&mut self, g: &mut FrameGraph, _: &View, _: LightingIn) -> LightingOut {
         g.pass("gi.lie", magpie::graph::Queue::Graphics, |_| ((), |_: &mut magpie::graph::Record<'_>| {}));
-        IndirectOut { radiance: None }
+        LightingOut::default()
     }
 }
 

@@ -293,7 +293,7 @@ fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()
     let found = mistakes(&gpu, &slots, &["stages.post=small", "stages.ao=half", "post.resolution_scale=0.5"])?;
     let said: Vec<String> = found.iter().map(ToString::to_string).collect();
     let wanted = [
-        "slot `ao`: \"half\" gives `openness` as R16Float of 8x5, wanted R8Unorm or R16Float or R32Float of 16x9",
+        "slot `ao`: \"half\" gives `openness` as R16Float of 8x5, wanted R8Unorm or R16Unorm or R16Float or R32Float of 16x9",
         "slot `post`: \"small\" gives `display` as Rgba8Unorm of 16x9, wanted Rgba8Unorm of 32x18",
     ];
     ensure!(said == wanted, "{said:#?}");

@@ -93,13 +93,12 @@ impl FrameGraph {
     ) -> Self {
         histories.lock().begin_frame();
         let number = GRAPHS.fetch_add(1, Ordering::Relaxed);
-        let (observer, slot_observer) = (None, None);
         Self {
             declaration,
             errors: Vec::new(),
             records,
-            observer,
-            slot_observer,
+            observer: None,
+            slot_observer: None,
             poisons: Vec::new(),
             histories,
             number,

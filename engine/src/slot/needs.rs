@@ -23,6 +23,8 @@ pub struct Needs {
     pub resolution_scale: f64,
     /// The table by which emissive triangles and spheres are chosen: [`SceneHandles::emitters`](crate::scene::SceneHandles::emitters).
     pub emitters: bool,
+    /// The lit picture of the previous frame, before anti-aliasing and tone mapping.
+    pub previous_radiance: bool,
     /// How the scene's geometry is brought to the device; of several the first counts.
     pub geometry: Option<Geometry>,
 }
@@ -60,7 +62,15 @@ pub struct Geometry {
 
 impl Default for Needs {
     fn default() -> Self {
-        Self { idle: None, parts: Vec::new(), jitter: false, resolution_scale: 1.0, emitters: false, geometry: None }
+        Self {
+            idle: None,
+            parts: Vec::new(),
+            jitter: false,
+            resolution_scale: 1.0,
+            emitters: false,
+            previous_radiance: false,
+            geometry: None,
+        }
     }
 }
 
@@ -89,6 +99,7 @@ impl Needs {
             jitter: self.jitter || other.jitter,
             resolution_scale: self.resolution_scale.min(other.resolution_scale),
             emitters: self.emitters || other.emitters,
+            previous_radiance: self.previous_radiance || other.previous_radiance,
             geometry: self.geometry.or(other.geometry),
         }
     }

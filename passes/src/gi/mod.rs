@@ -1,5 +1,5 @@
 //! Diffuse indirect light. So far: the irradiance of the sky, as much of it as ambient occlusion leaves.
-use crate::contracts::{IndirectIn, IndirectOut};
+use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
@@ -7,7 +7,7 @@ use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 
 /// The slot.
-pub fn slot() -> Slot<IndirectIn, IndirectOut> {
+pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
         .about("Diffuse indirect light.")
         .with(

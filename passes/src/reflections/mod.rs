@@ -1,5 +1,5 @@
 //! Specular indirect light. So far: the sky in the mirror direction, as much of it as ambient occlusion leaves.
-use crate::contracts::{IndirectIn, IndirectOut};
+use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
@@ -7,7 +7,7 @@ use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
 
 /// The slot.
-pub fn slot() -> Slot<IndirectIn, IndirectOut> {
+pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
         .about("Specular indirect light.")
         .with(

@@ -1,5 +1,5 @@
 //! The environment map, or the analytic sky and the sun's disc, written where nothing was drawn.
-use crate::contracts::SkyIn;
+use crate::contracts::{SkyIn, SkyOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -8,7 +8,7 @@ use magpie_shaders::SKY_FILL_COMP;
 use magpie_shaders::sky::FillParams;
 
 /// The slot.
-pub fn slot() -> Slot<SkyIn, Handle<Image>> {
+pub fn slot() -> Slot<SkyIn, SkyOut> {
     Slot::new("sky")
         .about("What lies behind everything.")
         .with(
@@ -24,10 +24,10 @@ struct Off;
 
 impl Effect for Off {
     type In = SkyIn;
-    type Out = Handle<Image>;
+    type Out = SkyOut;
 
-    fn add(&mut self, _: &mut FrameGraph, _: &View, i: SkyIn) -> Handle<Image> {
-        i.lit.read()
+    fn add(&mut self, _: &mut FrameGraph, _: &View, i: SkyIn) -> SkyOut {
+        i.lit
     }
 }
 
@@ -43,22 +43,22 @@ impl Analytic {
 
 impl Effect for Analytic {
     type In = SkyIn;
-    type Out = Handle<Image>;
+    type Out = SkyOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
         if facts.has_sky { Needs::default() } else { Needs::idle("the scene has no sky") }
     }
 
-    fn add(&mut self, g: &mut FrameGraph, view: &View, i: SkyIn) -> Handle<Image> {
+    fn add(&mut self, g: &mut FrameGraph, view: &View, i: SkyIn) -> SkyOut {
         if !view.facts.has_sky {
-            return i.lit.read();
+            return i.lit;
         }
         let (kernel, block) = (self.fill, view.block);
         g.pass("sky.fill", Queue::Graphics, |p| {
             let (block, depth) = (p.read(block), p.sample(i.depth));
             let (extent, greatest) = (p.extent(i.depth), p.desc(i.lit.read()).format.greatest());
             let (lit, target) = p.write(i.lit);
-            (lit.read(), move |c: &mut Record<'_>| {
+            (lit, move |c: &mut Record<'_>| {
                 let params = FillParams { view: c.id(block), depth: c.id(depth), lit: c.id(target), greatest };
                 c.dispatch(kernel, &params, extent);
             })

@@ -4,10 +4,11 @@ use super::code::code;
 use super::tree::Tree;
 use std::collections::BTreeSet;
 
-/// Shared by effects, not an effect itself.
-const SHARED: &str = "denoise";
+/// Folders that are no effects: contracts, and parts that effects share.
+const SHARED: [&str; 2] = ["contracts", PARTS];
+const PARTS: &str = "parts";
 
-/// Effects do not refer to each other: they are connected in `contracts`, and share `denoise` and the files beside the folders.
+/// Effects do not refer to each other: they are connected in `contracts`, and share `parts` and the files beside the folders.
 pub fn imports(tree: &Tree) -> Vec<String> {
     let effects = tree.folders("passes/src");
     let mut faults = Vec::new();
@@ -19,7 +20,7 @@ pub fn imports(tree: &Tree) -> Vec<String> {
         let depth = 1 + file.split('/').count() - usize::from(file.ends_with("mod.rs"));
         let code = code(text);
         for (line, name) in names_from_root(&code, depth) {
-            if name != effect && name != SHARED && effects.contains(name.as_str()) {
+            if name != effect && !SHARED.contains(&name.as_str()) && effects.contains(name.as_str()) {
                 faults.push(format!("{path}:{line}: {effect} reaches into {name}; let them meet in contracts"));
             }
         }
@@ -69,7 +70,8 @@ fn first_names(path: &str) -> Vec<String> {
 /// An effect has its code, shaders, documentation page and image test under the same name.
 pub fn four_folders(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
-    let effects = tree.folders("passes/src");
+    let mut effects = tree.folders("passes/src");
+    effects.retain(|name| !SHARED.contains(name));
     let tested = image_tests(tree);
     for effect in &effects {
         let mut wants = |there: bool, what: String| {
@@ -89,8 +91,29 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
     // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark, `ray` to every
     // ray-tracing pipeline.
     let others = BTreeSet::from(["src", "tests", "lib", "check", "bench", "ray"]);
-    for folder in tree.folders("shaders").difference(&others).filter(|folder| !effects.contains(*folder)) {
+    let parts = tree.folders("passes/src/parts");
+    let is_known = |folder: &str| effects.contains(folder) || parts.contains(folder);
+    for folder in tree.folders("shaders").difference(&others).filter(|folder| !is_known(folder)) {
         faults.push(format!("shaders/{folder} has no passes/src/{folder}"));
+    }
+    faults
+}
+
+/// A part that effects share has its code, shaders, documentation page and a test under the same name.
+pub fn parts(tree: &Tree) -> Vec<String> {
+    let mut faults = Vec::new();
+    for part in tree.folders("passes/src/parts") {
+        let is_tested =
+            tree.rust().any(|(path, text)| path.starts_with("tests/") && text.contains(&format!("{part}.")));
+        for (there, what) in [
+            (tree.has_folder(&format!("shaders/{part}")), format!("shaders/{part}")),
+            (tree.has(&format!("docs/parts/{part}.md")), format!("docs/parts/{part}.md")),
+            (is_tested, format!("test that names a pass `{part}.…` or a file `{part}.rs`")),
+        ] {
+            if !there {
+                faults.push(format!("passes/src/parts/{part} has no {what}"));
+            }
+        }
     }
     faults
 }
@@ -112,9 +135,9 @@ fn image_tests(tree: &Tree) -> BTreeSet<String> {
 #[test]
 fn an_effect_that_reaches_into_another_is_found() {
     let files = |text: &'static str, path: &'static str| {
-        imports(&Tree::of(&[("passes/src/gi/mod.rs", ""), ("passes/src/denoise/mod.rs", ""), (path, text)]))
+        imports(&Tree::of(&[("passes/src/gi/mod.rs", ""), ("passes/src/parts/mod.rs", ""), (path, text)]))
     };
-    let fine = "use crate::{denoise::{Svgf, gi}, stages::{A, B}, sky::own};\nuse super::stages;\nuse magpie::gi::X; // crate::gi";
+    let fine = "use crate::{parts::{Svgf, gi}, stages::{A, B}, sky::own};\nuse super::stages;\nuse magpie::gi::X; // crate::gi";
     assert_eq!(files(fine, "passes/src/sky/mod.rs"), [""; 0]);
     assert_eq!(files("use super::gi;", "passes/src/sky/part.rs"), [""; 0]); // sky::gi
     assert_eq!(files("use crate::gi::X;", "passes/src/lib.rs"), [""; 0]);
@@ -122,7 +145,7 @@ fn an_effect_that_reaches_into_another_is_found() {
         ("use crate::gi::X;", "passes/src/sky/mod.rs"),
         ("use crate::{stages::{A, B}, gi::X};", "passes/src/sky/mod.rs"),
         ("use crate::{\n    gi,\n};", "passes/src/sky/part.rs"),
-        ("fn f() { crate::gi::g() }", "passes/src/denoise/part.rs"),
+        ("fn f() { crate::gi::g() }", "passes/src/ao/part.rs"),
         ("use super::gi::X;", "passes/src/sky/mod.rs"),
         ("use super::super::gi::X;", "passes/src/sky/part.rs"),
         ("mod m { use super::super::super::gi::X; }", "passes/src/sky/part.rs"),
@@ -159,4 +182,20 @@ fn an_effect_that_lacks_a_folder_is_found() {
     let mut files = whole.to_vec();
     files[3].1 = "fn sky() {}\n#[test]\nfn skyline() {} // #[test] fn sky() {}";
     assert_eq!(four_folders(&Tree::of(&files)).len(), 1);
+}
+
+#[test]
+fn a_part_without_page_shaders_or_test_is_found() {
+    let whole = [
+        ("passes/src/parts/blur/mod.rs", ""),
+        ("shaders/blur/blur.comp", ""),
+        ("docs/parts/blur.md", ""),
+        ("tests/tests/blurred.rs", "\"blur.horizontal\""),
+    ];
+    assert_eq!(parts(&Tree::of(&whole)), [""; 0]);
+    for (left_out, part) in [(1, "shaders/blur"), (2, "docs/parts/blur.md"), (3, "test that names")] {
+        let files: Vec<_> = whole.iter().enumerate().filter(|(at, _)| *at != left_out).map(|(_, file)| *file).collect();
+        let faults = parts(&Tree::of(&files));
+        assert!(faults.len() == 1 && faults[0].contains(part), "{faults:?}");
+    }
 }

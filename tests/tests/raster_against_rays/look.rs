@@ -136,7 +136,7 @@ pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays,
     let shot = Shot { scene, camera, extent: EXTENT };
     let wanted = [
         "gbuffer.draw:depth",
-        "gbuffer.draw:normal",
+        "gbuffer.draw:geometric_normal",
         "gbuffer.draw:ids",
         "test.rays:ids",
         "test.rays:geometry",
@@ -175,7 +175,7 @@ pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays,
         instance: raster_ids[i][0] as u32,
         primitive: raster_ids[i][1] as u32,
         depth: eye.view_depth(depth[i][0]),
-        normal: octahedral(normal[i][2], normal[i][3]),
+        normal: octahedral(normal[i][0], normal[i][1]),
         margin: margins[i][0],
     });
     let traced = (0..depth.len()).map(|i| Seen {
