@@ -59,7 +59,7 @@ fn case(changes: &[&str], turns: bool) -> Case {
 
 /// A few configurations that include every pass of the frame.
 fn few() -> Vec<Case> {
-    let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa", "shadows.precision=32"];
+    let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa", "shadows.precision=32", "ao.precision=32"];
     vec![
         case(&svgf, false),
         case(&["stages.ao=ray-traced", "shadows.tinted=false", "post.resolution_scale=0.67", svgf[1]], true),
@@ -256,9 +256,9 @@ fn heals(gpu: &Gpu, scene: &Scene, case: &Case, full: bool, singly: bool) -> Res
     );
     for pass in counts.iter().filter(|p| !p.starts_with("check.") && COUNTS.iter().any(|c| p.contains(c))) {
         // An input limited to 0 to 1 cannot hold a bad value, nor can a history of 16 bits.
-        let exact = case.changes.iter().any(|c| c == "shadows.precision=32");
+        let exact = |slot: &str| case.changes.iter().any(|c| *c == format!("{slot}.precision=32"));
         let bounded = (pass.contains(".bilateral") && !pass.starts_with("direct."))
-            || (pass.starts_with("shadows.accumulate") && !exact);
+            || (pass.starts_with("shadows.accumulate") && !exact("shadows"));
         ensure!(bounded || counted.contains_key(pass), "{pass} left out nothing: {counted:?}");
     }
     let has_history = |pass: &str| pass.contains(".accumulate") || pass == "post.taa";

@@ -136,13 +136,15 @@ impl<'a> Writer<'a> {
     fn new(input: &'a Input<'a>) -> Self {
         let mut inherited = Vec::new();
         if !input.successions.is_empty() {
+            let earlier = earlier_writes(input);
             inherited = vec![Uses::EMPTY; input.declaration.resources.len()];
             for &(after, before) in input.successions {
+                let inherited = &mut inherited[after as usize];
+                *inherited = inherited.union(earlier[after as usize]);
                 for subresource in input.subresources.of_resource(before) {
                     // Both are on the same queue, or they would not alias.
                     if let Some(last) = input.groups.all.get(input.groups.newest[subresource as usize] as usize) {
-                        let uses = last.uses.into_iter().fold(Uses::EMPTY, Uses::union);
-                        inherited[after as usize] = inherited[after as usize].union(uses);
+                        *inherited = inherited.union(last.uses.into_iter().fold(Uses::EMPTY, Uses::union));
                     }
                 }
             }
@@ -323,6 +325,31 @@ impl<'a> Writer<'a> {
             barrier = both;
         }
         self.placed.push((key, barrier));
+    }
+}
+
+/// For each resource, the kinds of writes to all that was in its memory before it in this frame. Not only those of its direct predecessors:
+/// an image barrier covers the memory of its image alone, which may be less than what the image was given, and what an earlier one wrote
+/// to the rest of it has not been made available since.
+fn earlier_writes(input: &Input<'_>) -> Vec<Uses> {
+    let mut own = vec![Uses::EMPTY; input.declaration.resources.len()];
+    for group in input.groups.all.iter().filter(|group| group.write) {
+        let uses = group.uses.into_iter().fold(Uses::EMPTY, Uses::union);
+        let own = &mut own[group.resource as usize];
+        *own = own.union(uses.iter().filter(|(access, _)| access.writes()).collect());
+    }
+    let mut earlier = vec![Uses::EMPTY; own.len()];
+    // Chains of predecessors are short, and each round goes one further.
+    loop {
+        let mut grows = false;
+        for &(after, before) in input.successions {
+            let all = earlier[after as usize].union(earlier[before as usize]).union(own[before as usize]);
+            grows |= all != earlier[after as usize];
+            earlier[after as usize] = all;
+        }
+        if !grows {
+            return earlier;
+        }
     }
 }
 
