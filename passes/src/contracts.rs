@@ -49,6 +49,8 @@ pub struct Reprojected {
     pub guide: Handle<Image>,
     /// Which four pixels showed the surface, and their shares, in one word; 0 where none did.
     pub taps: Handle<Image>,
+    /// The guide of the previous frame, in that frame's pixels; all 0 if there is none.
+    pub previous_guide: Handle<Image>,
 }
 
 /// Slot `gbuffer`.

@@ -60,7 +60,7 @@ pub fn plan_frame(
     let all = merged(&needs);
     let sampling = Sampling::of(&all);
     let (extent, jitter) = (sampling.extent(output), sampling.jitter(0));
-    let sketch = SceneSketch::new(scene, facts.clone(), camera, all.emitters);
+    let sketch = SceneSketch::new(scene, facts.clone(), camera, &all);
     let mut g = FrameGraph::new(extent);
     let previous = PreviousView { camera, extent, output, jitter };
     let desc = ViewDesc { camera, extent, output, jitter, frame: 1, seed: 0, previous: Some(previous) };

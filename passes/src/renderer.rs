@@ -311,7 +311,7 @@ impl Renderer {
         let output = Extent::new(self.options.width, self.options.height);
         let needs = self.needs();
         let all = merged(&needs);
-        self.scene.borrow_mut().want_emitters(&self.gpu, all.emitters)?;
+        self.scene.borrow_mut().want_light_tables(&self.gpu, all.emitters, all.light_tables)?;
         let sampling = Sampling::of(&all);
         let (extent, jitter) = (sampling.extent(output), sampling.jitter(self.frame));
         let mut g = self.executor.begin(extent);

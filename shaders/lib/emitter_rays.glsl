@@ -1,18 +1,12 @@
 #ifndef LIB_EMITTER_RAYS_GLSL
 #define LIB_EMITTER_RAYS_GLSL
 #include "lib/gbuffer.glsl"
-#include "lib/light_sampling.glsl"
-#include "lib/ray.glsl"
+#include "lib/hit_shading.glsl"
 #include "lib/sequence.glsl"
 #include "shared/direct.glsl"
-#ifdef TINTED
-#include "lib/tinted.glsl"
-#endif
 // Direct light of emissive surfaces, reflected once, divided by the surface's albedo (`reflectance`). Every ray goes either to a point of
 // an emissive triangle or sphere, chosen by power, or along the specular lobe, weighted by the pdf of both strategies (Veach 1997, section
 // 9.2.4: the one-sample model with the balance heuristic). With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
-
-const float FAR = 1e30;
 
 // Counters: closest-hit and any-hit rays.
 uvec2 emitter_traced = uvec2(0u);
@@ -40,7 +34,7 @@ vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
     vec3 l = reflect(-s.v, sample_visible_normal(s.v, s.bsdf.alpha, u));
     vec3 direction = s.around * l;
     if (l.z <= 0.0 || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
-    Ray ray = surface_ray(s.start, direction, FAR);
+    Ray ray = surface_ray(s.start, direction, UNBOUNDED);
 #ifdef TINTED
     // First ray to the nearest opaque surface, then on through all transmitting ones before it.
     ray.mask = INSTANCE_MASK_SOLID;
@@ -81,17 +75,6 @@ vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
 #endif
 }
 
-// Transmittance along a ray, per colour channel.
-vec3 share_along(SceneBuffer scene, Ray ray) {
-#ifdef TINTED
-    float farthest;
-    return light_through(scene, ray, MOST_SHEETS, emitter_traced, farthest);
-#else
-    emitter_traced.y++;
-    return trace_any(scene, ray) ? vec3(0.0) : vec3(1.0);
-#endif
-}
-
 // A sample of a point on an emitter.
 vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which, vec2 u) {
     LightChoiceBuffer table = LightChoiceBuffer(lights.near);
@@ -103,7 +86,7 @@ vec3 found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which,
     if (l.z <= 0.0 || dot(s.start.normal, from.direction) <= 0.0) return vec3(0.0);
     vec3 scattered = bsdf_cosine(s.bsdf, s.v, l, LOBE_DIFFUSE | LOBE_SPECULAR);
     if (scattered == vec3(0.0)) return vec3(0.0);
-    vec3 share = share_along(scene, surface_ray_to(s.start, s.start.position + from.distance * from.direction));
+    vec3 share = seen_along(scene, surface_ray_to(s.start, s.start.position + from.distance * from.direction), emitter_traced);
     float other = s.lobe_probability * bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR);
     return share * scattered * from.radiance / (choice.probability * (1.0 - s.lobe_probability) + other / from.pdf);
 }

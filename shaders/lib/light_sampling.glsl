@@ -1,10 +1,11 @@
 #ifndef LIB_LIGHT_SAMPLING_GLSL
 #define LIB_LIGHT_SAMPLING_GLSL
 #include "lib/lights.glsl"
+#include "lib/random.glsl"
 #include "lib/sampling.glsl"
 #include "lib/sky.glsl"
 #include "lib/surface.glsl"
-#include "shared/reference.glsl"
+#include "shared/light_sampling.glsl"
 // Incident light at a point: samples of every kind of light, and their pdf, per steradian.
 
 // Light from one direction.
@@ -254,6 +255,35 @@ Incident sample_sky(Sky sky, LightTables lights, uint word, vec3 u) {
     vec3 direction = sky_direction((vec2(at) + u.xy) / vec2(lights.sky_cells));
     float pdf = sky_cell_pdf(lights, cell);
     return Incident(direction, INFINITELY_FAR, sky_radiance(sky, direction) / pdf, pdf);
+}
+
+// Groups of lights. Each has a table of its own.
+const uint GROUP_NEAR = 0u;  // local lights, emissive triangles and spheres
+const uint GROUP_FAR = 1u;   // directional lights
+const uint GROUP_SKY = 2u;
+const uint LIGHT_GROUPS = 3u;
+
+// Entries of a group's table; 0 if the group gives no light.
+uint lights_in(LightTables lights, uint group) {
+    return group == GROUP_NEAR ? lights.near_count : group == GROUP_FAR ? lights.far_count : lights.sky_count;
+}
+
+// Samples a group that has lights: one of them, and a point or direction of it. `probability`: of choosing that light; the sky is one light.
+// False if it sends no light to `position`.
+bool sample_group(
+    uint group, ViewBuffer view, SceneBuffer scene, LightTables lights, vec3 position, uvec4 words, out Incident found, out float probability
+) {
+    vec4 u = unit_floats(words);
+    if (group == GROUP_SKY) {
+        probability = 1.0;
+        found = sample_sky(view.at[0].sky, lights, words.x, u.yzw);
+        return found.radiance != vec3(0.0);
+    }
+    LightChoiceBuffer table = LightChoiceBuffer(group == GROUP_NEAR ? lights.near : lights.far);
+    LightChoice choice = table.at[choose(table, lights_in(lights, group), words.x, u.y)];
+    probability = choice.probability;
+    if (choice.light == CHOICE_EMITTER) return sample_emitter(scene, choice, position, u.zw, found);
+    return sample_sized_light(LightBuffer(scene.at[0].lights).at[choice.light], position, u.zw, found);
 }
 
 #endif

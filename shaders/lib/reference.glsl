@@ -1,7 +1,7 @@
 #ifndef LIB_REFERENCE_GLSL
 #define LIB_REFERENCE_GLSL
 #include "lib/gbuffer.glsl"
-#include "lib/light_sampling.glsl"
+#include "lib/hit_shading.glsl"
 #include "lib/random.glsl"
 #include "lib/ray.glsl"
 #include "lib/surface.glsl"

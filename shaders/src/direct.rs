@@ -16,7 +16,7 @@ pub struct EmitterParams {
     pub view: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// The [`LightTables`](super::reference::LightTables), of which only `near` and `emitters` are set.
+    /// The [`LightTables`](super::light_sampling::LightTables), of which only `near` and `emitters` are set.
     pub lights: Address,
     /// The G-buffer.
     pub gbuffer: GBufferImages,

@@ -1,26 +1,28 @@
-//! A lighting effect from outside: one diffuse bounce. Rays see lit surfaces in the previous frame's picture, and emissive ones through the
-//! light table; jitter spreads the rays within pixels, and a denoiser of its own filters what they find.
+//! A lighting effect from outside: one diffuse bounce. Hits of rays are shaded by the lights that they see, or by what the previous frame
+//! saw of them; jitter spreads the rays within pixels, and a denoiser of its own filters what they find.
 use bytemuck::{Pod, Zeroable};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
-use magpie::slot::{Build, Needs, SlotError};
+use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_passes::Slots;
 use magpie_passes::contracts::{Channel, LightingIn, LightingOut, RAY_START};
 use magpie_passes::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
+use magpie_passes::parts::hit_shading::HitShading;
 use magpie_shaders::gbuffer::GBufferImages;
-use magpie_shaders::{Address, SampledImage, StorageImage, compile_rays};
+use magpie_shaders::hit_shading::HitShadingParams;
+use magpie_shaders::{Address, StorageImage, compile_rays};
 
 const GLSL: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
-#include "lib/light_sampling.glsl"
-#include "lib/ray.glsl"
-#include "lib/sampling.glsl"
+#include "lib/hit_shading.glsl"
 #include "lib/sequence.glsl"
 layout(push_constant, scalar) uniform Push {
-    uvec2 view_address; uvec2 lights; GBufferImages gbuffer; uint previous; uint result;
+    uvec2 view_address; uvec2 rays; GBufferImages gbuffer; HitShadingParams hits; uint result;
 };
+
+uvec2 traced = uvec2(0u);
 
 // Radiance that a pixel's surface reflects, by one ray.
 vec3 gather(ViewBuffer view, ivec2 pixel) {
@@ -29,29 +31,27 @@ vec3 gather(ViewBuffer view, ivec2 pixel) {
     SceneBuffer scene = SceneBuffer(view.at[0].scene);
     RayStart start = seen_start(scene, load_uint(gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), s.position);
     uint frame = view.at[0].frame, seed = view.at[0].seed;
-    vec3 direction = frame_of(s.normal) * sample_cosine(sequence2(pixel, frame, SEQUENCE_AO, seed));
-    Ray ray = surface_ray(start, direction, INFINITELY_FAR);
+    mat3 around = frame_of(s.normal);
+    vec3 l = sample_cosine(sequence2(pixel, frame, SEQUENCE_AO, seed));
+    vec3 direction = around * l;
+    Bsdf bsdf = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
+    vec3 reflected = bsdf_cosine(bsdf, s.to_eye * around, l, LOBE_DIFFUSE) * PI / l.z;
+    if (reflected == vec3(0.0) || dot(direction, start.normal) <= 0.0) return vec3(0.0);
+    Ray ray = surface_ray(start, direction, UNBOUNDED);
     Hit hit;
-    if (!trace_closest(scene, ray, hit)) return vec3(0.0);
-    // On the screen, a frame ago: with all light that it reflected then, so that bounces add up from frame to frame.
-    vec3 met = ray.origin + hit.t * ray.direction;
-    vec4 clip = view.at[0].previous_clip_from_world * vec4(met, 1.0);
-    ivec2 was = ivec2(floor((clip.xy / clip.w * 0.5 + 0.5) * vec2(view.at[0].size)));
-    vec3 albedo = (1.0 - s.metalness) * s.base_colour;
-    if (clip.w > 0.0 && inside(was, view.at[0].size)) return albedo * load(previous, was).rgb;
-    // Elsewhere: what a grey surface reflects of one emitter, without shadow.
-    LightTables tables = LightTablesBuffer(lights).at[0];
-    vec2 which = sequence2(pixel, frame, SEQUENCE_AO + 1u, seed);
-    LightChoice choice = LightChoiceBuffer(tables.near).at[uint(which.x * float(tables.near_count))];
-    Incident from;
-    if (!sample_emitter(scene, choice, met, sequence2(pixel, frame, SEQUENCE_AO + 2u, seed), from)) return vec3(0.0);
-    return albedo * 0.5 / PI * from.radiance * max(-dot(direction, from.direction), 0.0) * float(tables.near_count);
+    traced.x++;
+    if (!trace_closest(scene, ray, hit)) return view.at[0].has_sky != 0u ? reflected * sky_radiance(view.at[0].sky, direction) : vec3(0.0);
+    SurfacePoint met = surface_at(scene, ray, hit, NO_FOOTPRINT);
+    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), frame, seed);
+    // Without what the hit emits: `direct` samples emissive surfaces.
+    return reflected * shade_hit(view, scene, hits, hit, met, direction, random, traced).scattered;
 }
 
 void main() {
     ViewBuffer view = ViewBuffer(view_address);
     ivec2 pixel = ivec2(RAY_INVOCATION.xy);
     if (inside(pixel, view.at[0].size)) store(result, pixel, vec4(gather(view, pixel), 1.0));
+    count_rays(rays, traced.x, traced.y);
 }
 "#;
 
@@ -59,23 +59,25 @@ void main() {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Params {
     view: Address,
-    lights: Address,
+    rays: Address,
     gbuffer: GBufferImages,
-    previous: SampledImage,
+    hits: HitShadingParams,
     result: StorageImage,
 }
 
 struct Bounce {
     gather: RayKernel,
     denoiser: Denoiser,
+    reuse: bool,
 }
 
 impl Bounce {
-    fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+    fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let words = compile_rays("bounce.ray", GLSL, build.rays).map_err(SlotError::other)?;
         let options = Options { history: 64, levels: 5, ..Options::default() };
         let denoiser = Denoiser::new(build, "gi", options)?;
-        Ok(Self { gather: build.ray_kernel_from_words("bounce.ray", &words)?, denoiser })
+        let gather = build.ray_kernel_from_words("bounce.ray", &words)?;
+        Ok(Self { gather, denoiser, reuse: settings.switch("reuse")? })
     }
 }
 
@@ -87,23 +89,20 @@ impl Effect for Bounce {
         if facts.diffuse == 0.0 {
             return Needs::idle("nothing reflects diffusely");
         }
-        Needs { jitter: true, emitters: facts.emits(), previous_radiance: true, ..Needs::default() }
+        Needs { jitter: true, light_tables: true, previous_radiance: self.reuse, ..Needs::default() }
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
-        let (Some(previous), Some(lights)) = (i.previous_radiance, i.scene.emitters) else {
-            return LightingOut::default();
-        };
+        let Some(hits) = HitShading::new(&i) else { return LightingOut::default() };
         let (gather, block) = (self.gather, view.block);
         let image = g.pass("gi.gather", Queue::AsyncCompute, |p| {
-            let (view, lights, tlas) = (p.read(block), p.read(lights), i.scene.trace(p));
-            let channels = [RAY_START, &[Channel::BaseColour, Channel::Material]].concat();
-            let (gbuffer, previous) = (i.gbuffer.read(p, &channels), p.sample(previous));
+            let (view, tlas, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
+            let gbuffer = i.gbuffer.read(p, &[RAY_START, &[Channel::BaseColour, Channel::Material]].concat());
             let (noisy, result) = p.create("noisy", ImageDesc::full(Format::Rgba16Float));
             let extent = p.extent(i.gbuffer.depth);
             (noisy.read(), move |c: &mut Record<'_>| {
-                let (view, lights, gbuffer) = (c.id(view), c.id(lights), gbuffer.images(c));
-                let params = Params { view, lights, gbuffer, previous: c.id(previous), result: c.id(result) };
+                let (view, rays, gbuffer) = (c.id(view), c.rays(), gbuffer.images(c));
+                let params = Params { view, rays, gbuffer, hits: hits.params(c), result: c.id(result) };
                 c.trace(gather, tlas, &params, extent);
             })
         });
@@ -116,5 +115,8 @@ impl Effect for Bounce {
 
 /// Puts it into the slot `gi`.
 pub fn register(slots: &mut Slots) {
-    slots.gi.register("bounce", "One diffuse bounce.", &[], |build, _| Ok(Box::new(Bounce::new(build)?)));
+    let reuse = SettingSpec::switch("reuse", "Hits show what the previous frame saw of them: bounces add up.", true);
+    slots.gi.register("bounce", "One diffuse bounce.", &[reuse], |build, settings| {
+        Ok(Box::new(Bounce::new(build, settings)?))
+    });
 }

@@ -10,6 +10,7 @@ use magpie::graph::{
     BufferDesc, Draw, DrawClass, Extent, Format, FrameGraph, Handle, Image, ImageDesc, Queue, Record, Switches,
 };
 use magpie::scene::{AlphaMode, Material, Mesh, SceneFacts, SceneSketch, Sphere};
+use magpie::slot::Needs;
 use magpie_shaders::{SampledImage, Shader, Stage, StorageImage};
 use magpie_tests::bench::Bench;
 use magpie_tests::fixtures::{add, camera, material, plane, scene};
@@ -266,7 +267,7 @@ fn blended_instances_come_farthest_first() -> Result<()> {
         add(&mut s, mesh, alpha(mode), Affine3A::from_translation([far as f32, 0.0, z].into()));
     }
     let (facts, seen) = (Arc::new(SceneFacts::new(&s)), s.cameras.first().context("no camera")?);
-    let sketch = SceneSketch::new(&s, facts, seen, false);
+    let sketch = SceneSketch::new(&s, facts, seen, &Needs::default());
     ensure!((sketch.origin - DVec3::X * far).length() < 100.0, "the origin is {} and does not matter", sketch.origin);
     let mut g = FrameGraph::new(EXTENT);
     let view = ViewDesc::new(seen, EXTENT).sketch(&sketch, &mut g);

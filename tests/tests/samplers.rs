@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
-use magpie_passes::reference::Tables;
+use magpie::scene::light_tables::Tables;
 use magpie_shaders::Address;
 use magpie_tests::bench::{Bench, results};
 use magpie_tests::chi_square::chi_square;

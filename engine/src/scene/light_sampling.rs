@@ -1,38 +1,14 @@
 //! Probabilities for sampling emissive surfaces: proportional to power, in alias tables. Any positive probabilities are unbiased;
 //! good ones have less variance.
-use super::{AlphaMode, Animator, Instance, Material, Mesh, Pose, Scene, Texture, TextureUse, deform};
+use super::{AlphaMode, Instance, Material, Mesh, Pose, Scene, Texture, TextureUse, deform};
 use glam::{DVec3, Vec2, Vec3};
-use magpie_shaders::reference::{CHOICE_EMITTER, LightChoice, NO_EMITTER};
+use magpie_shaders::light_sampling::{CHOICE_EMITTER, LightChoice, NO_EMITTER};
 use std::f64::consts::PI;
 
 /// Fraction of the probability that is distributed evenly, so that no emitter has a probability of zero.
 pub const UNIFORM_FRACTION: f64 = 0.05;
 /// Square root of the number of points at which the emission of a triangle is sampled.
 const TEXTURE_SAMPLES: u32 = 4;
-
-/// Emissive triangles and spheres, with the probability of sampling each. Probabilities are those of the rest pose; for emitters
-/// that deform later they are no longer proportional to power, which adds variance but no bias.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Emitters {
-    /// The alias table, one entry per emitter.
-    pub choices: Vec<LightChoice>,
-    /// For each instance, the index of its first emitter in the table, or [`NO_EMITTER`].
-    pub first: Vec<u32>,
-}
-
-impl Emitters {
-    /// The emitters of a scene; `None` if there are none, not counting surfaces that only show a light.
-    pub fn new(scene: &Scene) -> Option<Self> {
-        if !scene.instances.iter().any(|i| is_emitter(scene, i)) {
-            return None;
-        }
-        let pose = Animator::new(scene).pose(0.0);
-        let mut weighted = Vec::new();
-        let first = (0..scene.instances.len()).map(|i| add_emitters(scene, &pose, i, &mut weighted)).collect();
-        let choices = alias_table(weighted);
-        (!choices.is_empty()).then_some(Self { choices, first })
-    }
-}
 
 /// Whether a material lights other surfaces. One that only shows a light does not, since the light does.
 pub fn emits(material: &Material) -> bool {

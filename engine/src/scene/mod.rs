@@ -16,6 +16,7 @@ mod error;
 mod facts;
 mod import;
 pub mod light_sampling;
+pub mod light_tables;
 mod mesh;
 mod origin;
 mod pose;

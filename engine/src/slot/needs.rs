@@ -23,6 +23,9 @@ pub struct Needs {
     pub resolution_scale: f64,
     /// The table by which emissive triangles and spheres are chosen: [`SceneHandles::emitters`](crate::scene::SceneHandles::emitters).
     pub emitters: bool,
+    /// The tables by which every light is sampled, the sky and emissive surfaces among them, for light at places that the camera does not
+    /// see: [`SceneHandles::lights`](crate::scene::SceneHandles::lights).
+    pub light_tables: bool,
     /// The lit picture of the previous frame, before anti-aliasing and tone mapping.
     pub previous_radiance: bool,
     /// How the scene's geometry is brought to the device; of several the first counts.
@@ -68,6 +71,7 @@ impl Default for Needs {
             jitter: false,
             resolution_scale: 1.0,
             emitters: false,
+            light_tables: false,
             previous_radiance: false,
             geometry: None,
         }
@@ -99,6 +103,7 @@ impl Needs {
             jitter: self.jitter || other.jitter,
             resolution_scale: self.resolution_scale.min(other.resolution_scale),
             emitters: self.emitters || other.emitters,
+            light_tables: self.light_tables || other.light_tables,
             previous_radiance: self.previous_radiance || other.previous_radiance,
             geometry: self.geometry.or(other.geometry),
         }

@@ -1,7 +1,6 @@
 //! The truth: a progressive path tracer, unbiased and unclamped.
 mod estimate;
 mod file;
-mod lights;
 mod show;
 mod subject;
 
@@ -11,11 +10,11 @@ pub use file::EstimateFileError;
 use crate::contracts::AO_RANGE;
 use crate::read_back::Copies;
 use glam::DVec3;
-pub use lights::Tables;
 use magpie::frame::ViewDesc;
-use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, RayKernel, Staging};
+use magpie::gpu::{Buffer, Gpu, GpuError, RayKernel, Staging};
 use magpie::graph::execute::{ExecuteError, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
+use magpie::scene::light_tables::Tables;
 use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
 use magpie::slot::SlotError;
 use magpie_shaders::reference::{
@@ -259,7 +258,7 @@ impl Reference {
         let mut executor = Executor::new(gpu)?;
         Ok(Self {
             kernel: gpu.ray_kernel(options.only.shader(), options.rays)?,
-            lights: upload(gpu, &mut executor, &Tables::new(scene, options.time))?,
+            lights: Tables::new(scene, options.time).upload(gpu, &mut executor, "reference lights")?,
             gpu: gpu.clone(),
             executor,
             scene: resident,
@@ -386,24 +385,4 @@ impl Reference {
         }
         Ok(())
     }
-}
-
-/// Brings the tables to the device.
-fn upload(gpu: &Gpu, executor: &mut Executor, tables: &Tables) -> Result<Arc<Buffer>, ReferenceError> {
-    let bytes = tables.bytes();
-    let buffer = Arc::new(Buffer::new(gpu, "reference lights", bytes, BufferMemory::Device, BufferUse::Storage)?);
-    let mut staging = Staging::new(gpu, "reference lights");
-    let (mut g, mut imports) = (executor.begin(Extent::new(1, 1)), Imports::default());
-    let staged = imports.buffer(staging.write(&tables.placed(buffer.address()))?);
-    let from = g.import_buffer("reference.staged", BufferDesc::new(bytes), Access::CopyRead, staged);
-    let target = imports.buffer(&buffer);
-    let target = g.import_buffer("reference.lights", BufferDesc::new(bytes), Access::CopyWrite, target);
-    let target = g.pass("reference.upload", Queue::Transfer, |p| {
-        let from = p.copy_from(from.read());
-        let (target, to) = p.copy_to(target);
-        (target, move |c: &mut Record<'_>| c.copy_buffer(from, 0, to, 0, bytes))
-    });
-    g.output(target.read());
-    executor.run(g, &imports)?;
-    Ok(buffer)
 }

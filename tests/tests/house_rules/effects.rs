@@ -103,10 +103,11 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
 pub fn parts(tree: &Tree) -> Vec<String> {
     let mut faults = Vec::new();
     for part in tree.folders("passes/src/parts") {
-        let is_tested =
-            tree.rust().any(|(path, text)| path.starts_with("tests/") && text.contains(&format!("{part}.")));
+        let is_tested = tree.has(&format!("tests/tests/{part}.rs"))
+            || tree.rust().any(|(path, text)| path.starts_with("tests/") && text.contains(&format!("{part}.")));
+        let has_shaders = tree.has_folder(&format!("shaders/{part}")) || tree.has(&format!("shaders/lib/{part}.glsl"));
         for (there, what) in [
-            (tree.has_folder(&format!("shaders/{part}")), format!("shaders/{part}")),
+            (has_shaders, format!("shaders/{part} or shaders/lib/{part}.glsl")),
             (tree.has(&format!("docs/parts/{part}.md")), format!("docs/parts/{part}.md")),
             (is_tested, format!("test that names a pass `{part}.…` or a file `{part}.rs`")),
         ] {

@@ -14,9 +14,12 @@ pub struct SceneHandles {
     pub deformed: Option<Handle<Buffer>>,
     /// Indices of every mesh, one after another.
     pub indices: Handle<Buffer>,
-    /// The probabilities with which emissive triangles and spheres are chosen, [`magpie_shaders::reference::LightTables`]; `None` where nothing emits or
-    /// nobody [asked](super::ResidentScene::want_emitters).
+    /// Table by which emissive triangles and spheres are sampled: [`LightTables`](magpie_shaders::light_sampling::LightTables) with only
+    /// `near` and `emitters` set. `None` if nothing emits, or no effect [asked](crate::slot::Needs::emitters) for it.
     pub emitters: Option<Handle<Buffer>>,
+    /// Tables by which every light is sampled: [`LightTables`](magpie_shaders::light_sampling::LightTables). `None` if no effect
+    /// [asked](crate::slot::Needs::light_tables) for them.
+    pub lights: Option<Handle<Buffer>>,
     /// The acceleration structure.
     pub tlas: Handle<Tlas>,
     /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.

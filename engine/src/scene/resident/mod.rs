@@ -3,10 +3,10 @@ mod block;
 mod deform;
 mod detail;
 mod driver;
-mod emitters;
 mod handles;
 mod policy;
 mod rounding;
+mod sampled_lights;
 mod sketch;
 mod software;
 mod state;
@@ -29,7 +29,6 @@ use block::Block;
 use deform::Deformation;
 use detail::Reduced;
 use driver::Driver;
-use emitters::Emission;
 use glam::DVec3;
 use magpie_shaders::scene as shared;
 use magpie_shaders::view::Sky;
@@ -37,6 +36,7 @@ use magpie_shaders::{Address, Rays};
 use policy::Seen;
 use rayon::prelude::*;
 use rounding::Shape;
+use sampled_lights::SampledLights;
 use software::{Frame, Software};
 use state::State;
 use std::cell::RefCell;
@@ -131,7 +131,8 @@ pub struct ResidentScene {
     draws: DrawLists,
     casters: Vec<u32>,
     facts: Arc<SceneFacts>,
-    emission: Emission,
+    emitters: SampledLights,
+    lights: SampledLights,
     sky: Option<Sky>,
 }
 
@@ -321,7 +322,8 @@ impl ResidentScene {
             draws: tables::draws(scene, &index_offsets),
             casters: tables::casters(&scene.lights),
             facts,
-            emission: Emission::new(scene),
+            emitters: SampledLights::emitters(scene),
+            lights: SampledLights::all(scene),
             sky,
             textures,
             vertices,
@@ -402,7 +404,8 @@ impl ResidentScene {
         let tables = buffer("scene.tables", &self.tables, g);
         let vertices = buffer("scene.vertices", &self.vertices, g);
         let indices = buffer("scene.indices", &self.indices, g);
-        let emitters = self.emission.buffer.as_ref().map(|b| buffer("scene.emitters", b, g));
+        let emitters = self.emitters.buffer.as_ref().map(|b| buffer("scene.emitters", b, g));
+        let lights = self.lights.buffer.as_ref().map(|b| buffer("scene.lights", b, g));
         let state = self.state.declare(g, imports)?;
         let mut moved = std::mem::take(&mut self.changed) | (self.policy != *policy);
         // What the camera decides changes with the camera.
@@ -440,7 +443,7 @@ impl ResidentScene {
             }
             Acceleration::Driver(driver) => (driver.declare(g, imports, &frame, |i| now.instance(i))?, [None; 2]),
         };
-        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, tlas, bottom })
+        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, lights, tlas, bottom })
     }
 
     /// An instance for the top level.
@@ -520,7 +523,7 @@ impl ResidentScene {
     pub fn scene_bytes(&self) -> u64 {
         let textures: u64 = self.textures.iter().map(|t| t.bytes()).sum();
         let deforming = self.deformation.as_ref().map_or(0, Deformation::bytes);
-        let tables = self.tables.bytes() + self.state.memory.bytes() + self.emission.bytes();
+        let tables = self.tables.bytes() + self.state.memory.bytes() + self.emitters.bytes() + self.lights.bytes();
         tables + self.vertices.bytes() + self.indices.bytes() + deforming + textures
     }
 

@@ -5,6 +5,7 @@ use super::{Caster, Placed, SceneHandles};
 use crate::graph::{Access, BufferDesc, DrawLists, FrameGraph, ImportKey};
 use crate::ray::Bounds;
 use crate::scene::{Animator, Camera, FloatingOrigin, Scene, SceneFacts, single};
+use crate::slot::Needs;
 use glam::{DVec3, Vec3};
 use magpie_shaders::scene as shared;
 use std::sync::Arc;
@@ -28,6 +29,7 @@ pub struct SceneSketch {
     bytes: Bytes,
     deforms: bool,
     emits: bool,
+    lights: bool,
 }
 
 /// Sizes of the scene's buffers.
@@ -40,9 +42,9 @@ struct Bytes {
 }
 
 impl SceneSketch {
-    /// Sketches a scene as this camera sees it. `emitters`: frames [ask](crate::slot::Needs::emitters) for the table of emissive surfaces.
+    /// Sketches a scene as this camera sees it, with the tables that `needs` asks for.
     #[must_use]
-    pub fn new(scene: &Scene, facts: Arc<SceneFacts>, camera: &Camera, emitters: bool) -> Self {
+    pub fn new(scene: &Scene, facts: Arc<SceneFacts>, camera: &Camera, needs: &Needs) -> Self {
         let origin = FloatingOrigin::default().follow(camera);
         let (animator, pose) = (Animator::new(scene), Animator::new(scene).pose(0.0));
         let caster =
@@ -78,7 +80,8 @@ impl SceneSketch {
                 indices: first,
             },
             deforms: (0..scene.instances.len()).any(|i| animator.deforms(i)),
-            emits: emitters && facts.emits(),
+            emits: needs.emitters && facts.emits(),
+            lights: needs.light_tables,
             facts,
         }
     }
@@ -101,6 +104,7 @@ impl SceneSketch {
             deformed: self.deforms.then(|| buffer("scene.deformed", vertices, g)),
             indices: buffer("scene.indices", indices, g),
             emitters: self.emits.then(|| buffer("scene.emitters", 4, g)),
+            lights: self.lights.then(|| buffer("scene.lights", 4, g)),
             bottom: [None; 2],
             tlas: g.import_tlas("scene.tlas", Access::Trace, ImportKey::Caller(u32::MAX)),
         }

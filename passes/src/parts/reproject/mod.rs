@@ -29,15 +29,16 @@ impl Reprojection {
             scene.read(p);
             let block = p.read(block);
             let gbuffer = i.read(p, &[Channel::Depth, Channel::GeometricNormal, Channel::Motion, Channel::Ids]);
-            let previous = p.sample(previous);
+            let previous_guide = p.sample(previous);
             let (next, guide) = p.write(next);
             let (taps, target) = p.create("taps", ImageDesc::like(Format::R32Uint, i.depth));
             let extent = p.extent(i.depth);
-            (Reprojected { guide: next.read(), taps: taps.read() }, move |c: &mut Record<'_>| {
+            let reprojected = Reprojected { guide: next.read(), taps: taps.read(), previous_guide: previous };
+            (reprojected, move |c: &mut Record<'_>| {
                 let params = ReprojectParams {
                     view: c.id(block),
                     gbuffer: gbuffer.images(c),
-                    previous_guide: c.id(previous),
+                    previous_guide: c.id(previous_guide),
                     guide: c.id(guide),
                     taps: c.id(target),
                     valid: valid.into(),

@@ -1,9 +1,10 @@
-//! What light is sampled, and how often: by power, as alias tables. Any positive probabilities are unbiased; good ones are less noisy.
+//! Tables by which lights are sampled: by power, as alias tables, for the reference and for effects that sample every kind of light.
+//! Any positive probabilities are unbiased; good ones have less variance.
+use super::light_sampling::{UNIFORM_FRACTION, add_emitters, alias_table, luminance};
+use super::{Animator, Environment, Light, Pose, Scene};
 use glam::DVec3;
-use magpie::scene::light_sampling::{UNIFORM_FRACTION, add_emitters, alias_table, luminance};
-use magpie::scene::{Animator, Environment, Light, Pose, Scene};
 use magpie_shaders::Address;
-use magpie_shaders::reference::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
+use magpie_shaders::light_sampling::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
 use std::f64::consts::PI;
 
 /// Cells of an analytic sky.
@@ -11,16 +12,47 @@ const SKY_CELLS: [u32; 2] = [64, 32];
 /// Most cells of an environment map.
 const MAP_CELLS: [u32; 2] = [256, 128];
 
-/// The tables, in one block of bytes: first the root, whose addresses are counted from the block's begin.
+/// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block.
 pub struct Tables {
     block: Vec<u8>,
     root: LightTables,
 }
 
 impl Tables {
-    /// Those of a scene at a moment.
+    /// Every light of a scene at one moment, seconds.
+    #[must_use]
     pub fn new(scene: &Scene, time: f64) -> Self {
-        let pose = Animator::new(scene).pose(time);
+        let animator = Animator::new(scene);
+        Self::of_pose(scene, &animator.pose(time), None)
+    }
+
+    /// Every light of a scene, for all moments of its animation: probabilities are those of the rest pose, but nothing that moves has a
+    /// probability of 0 because it is small there.
+    #[must_use]
+    pub fn of_animation(scene: &Scene) -> Self {
+        let animator = Animator::new(scene);
+        Self::of_pose(scene, &animator.pose(0.0), Some(&animator))
+    }
+
+    /// The emissive triangles and spheres alone, for all moments of the animation. `None` if nothing emits, not counting surfaces that
+    /// only show a light.
+    #[must_use]
+    pub fn emitters(scene: &Scene) -> Option<Self> {
+        let animator = Animator::new(scene);
+        let mut near = Vec::new();
+        let first = add_all_emitters(scene, &animator.pose(0.0), Some(&animator), &mut near);
+        let near = alias_table(near);
+        if near.is_empty() {
+            return None;
+        }
+        let mut tables = Self::empty();
+        tables.root.near_count = near.len() as u32;
+        tables.root.near = tables.add(&near);
+        tables.root.emitters = tables.add(&first);
+        Some(tables)
+    }
+
+    fn of_pose(scene: &Scene, pose: &Pose, moving: Option<&Animator>) -> Self {
         let (mut near, mut far) = (Vec::new(), Vec::new());
         for (index, light) in pose.lights.iter().enumerate() {
             let choice = LightChoice { light: index as u32, ..LightChoice::default() };
@@ -29,13 +61,10 @@ impl Tables {
                 _ => near.push((power(light), choice)),
             }
         }
-        let mut emitters = Vec::with_capacity(scene.instances.len());
-        for instance in 0..scene.instances.len() {
-            emitters.push(add_emitters(scene, &pose, instance, &mut near));
-        }
+        let first = add_all_emitters(scene, pose, moving, &mut near);
         let (near, far) = (alias_table(near), alias_table(far));
-        // What has no power is not met either.
-        let sized = |choice: &&LightChoice| choice.probability > 0.0 && has_size(choice, &pose);
+        // Lights without power are not hit either.
+        let sized = |choice: &&LightChoice| choice.probability > 0.0 && has_size(choice, pose);
         let areas: Vec<_> = near
             .iter()
             .chain(&far)
@@ -45,12 +74,12 @@ impl Tables {
         let (cells, sky_cells) = sky(scene);
         let sky = alias_table(cells.into_iter().map(|weight| (weight, LightChoice::default())).collect());
 
-        let mut tables = Self { block: vec![0; size_of::<LightTables>()], root: LightTables::default() };
+        let mut tables = Self::empty();
         tables.root = LightTables {
             near: tables.add(&near),
             far: tables.add(&far),
             areas: tables.add(&areas),
-            emitters: tables.add(&emitters),
+            emitters: tables.add(&first),
             sky: tables.add(&sky),
             near_count: near.len() as u32,
             far_count: far.len() as u32,
@@ -61,18 +90,33 @@ impl Tables {
         tables
     }
 
+    fn empty() -> Self {
+        Self { block: vec![0; size_of::<LightTables>()], root: LightTables::default() }
+    }
+
+    /// Offset of the items in the block.
     fn add<T: bytemuck::Pod>(&mut self, items: &[T]) -> Address {
         let offset = self.block.len() as u64;
         self.block.extend_from_slice(bytemuck::cast_slice(items));
         Address::new(offset)
     }
 
-    /// How many bytes they are.
+    /// The table of local lights and emissive surfaces.
+    #[must_use]
+    pub fn near(&self) -> Vec<LightChoice> {
+        let begin = self.root.near.get() as usize;
+        let bytes = self.root.near_count as usize * size_of::<LightChoice>();
+        bytemuck::pod_collect_to_vec(&self.block[begin..begin + bytes])
+    }
+
+    /// Size of the block.
+    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.block.len() as u64
     }
 
-    /// The block as it lies at an address.
+    /// The block for a buffer at this address.
+    #[must_use]
     pub fn placed(&self, at: Address) -> Vec<u8> {
         let on = |offset: Address| at.offset(offset.get());
         let LightTables { near, far, areas, emitters, sky, .. } = self.root;
@@ -88,6 +132,29 @@ impl Tables {
         bytes[..size_of::<LightTables>()].copy_from_slice(bytemuck::bytes_of(&root));
         bytes
     }
+}
+
+/// Adds the emissive triangles and spheres of all instances. Returns the index of the first for each instance, or
+/// [`NO_EMITTER`](magpie_shaders::light_sampling::NO_EMITTER). Of instances that `moving` moves, each emitter gets a fraction
+/// [`UNIFORM_FRACTION`] of the mean weight besides its own: in the pose it may have no area, as a lamp that grows from nothing.
+fn add_all_emitters(
+    scene: &Scene,
+    pose: &Pose,
+    moving: Option<&Animator>,
+    entries: &mut Vec<(f64, LightChoice)>,
+) -> Vec<u32> {
+    let begin = entries.len();
+    let first = (0..scene.instances.len()).map(|i| add_emitters(scene, pose, i, entries)).collect();
+    let Some(animator) = moving else { return first };
+    let emitters = &mut entries[begin..];
+    let sum: f64 = emitters.iter().map(|(weight, _)| weight.max(0.0)).sum();
+    let least = if sum > 0.0 { UNIFORM_FRACTION * sum / emitters.len() as f64 } else { 1.0 };
+    for (weight, choice) in emitters {
+        if animator.moves(choice.instance as usize) || animator.changes(choice.instance as usize) {
+            *weight = weight.max(0.0) + least;
+        }
+    }
+    first
 }
 
 /// Emitted power of a light at a place.
@@ -129,17 +196,26 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     };
     let (mut weights, cells) = if let Some(map) = &scene.environment {
         let cells = [map.width.clamp(8, MAP_CELLS[0]), map.height.clamp(4, MAP_CELLS[1])];
-        // All texels that fall into a cell, and where none does, the one at its centre.
-        let (mut sums, mut counts) =
-            (vec![0.0; (cells[0] * cells[1]) as usize], vec![0.0; (cells[0] * cells[1]) as usize]);
-        for (at, radiance) in map.radiance.iter().enumerate() {
-            let d = texel_direction(map, at as u32);
+        // All texels that fall into a cell, and where none does, the one at its centre. Columns and rows are found apart.
+        let column = |x: u32| {
+            let d = texel_direction(map, map.height / 2 * map.width + x);
             let around = d.z.atan2(d.x).rem_euclid(2.0 * PI) / (2.0 * PI);
-            let column = ((around * f64::from(cells[0])) as u32).min(cells[0] - 1);
-            let row = (((0.5 - 0.5 * d.y) * f64::from(cells[1])) as u32).min(cells[1] - 1);
-            let cell = (row * cells[0] + column) as usize;
-            sums[cell] += luminance(*radiance);
-            counts[cell] += 1.0;
+            ((around * f64::from(cells[0])) as u32).min(cells[0] - 1)
+        };
+        let row = |y: u32| {
+            let d = texel_direction(map, y * map.width);
+            (((0.5 - 0.5 * d.y) * f64::from(cells[1])) as u32).min(cells[1] - 1)
+        };
+        let columns: Vec<u32> = (0..map.width).map(column).collect();
+        let cell_count = (cells[0] * cells[1]) as usize;
+        let (mut sums, mut counts) = (vec![0.0; cell_count], vec![0.0; cell_count]);
+        for (y, texels) in (0..).zip(map.radiance.chunks_exact(map.width as usize)) {
+            let first = row(y) * cells[0];
+            for (column, radiance) in columns.iter().zip(texels) {
+                let cell = (first + column) as usize;
+                sums[cell] += luminance(*radiance);
+                counts[cell] += 1.0;
+            }
         }
         let filled = centres(cells).zip(sums.iter().zip(&counts)).map(|((x, y), (sum, count))| {
             let own = luminance(map.radiance[texel_at(map, direction(cells, x, y))]);

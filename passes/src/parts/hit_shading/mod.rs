@@ -1,0 +1,58 @@
+//! Shading at the hits of rays: direct light by sampling every kind of light, or all light that the previous frame saw there. The shader
+//! code is `lib/hit_shading.glsl`, which the reference uses too.
+use crate::contracts::LightingIn;
+use magpie::graph::{Buffer, BufferToken, Handle, Image, PassBuilder, Record, SampleToken};
+use magpie_shaders::SampledImage;
+use magpie_shaders::hit_shading::HitShadingParams;
+
+/// What shading at hits reads of a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct HitShading {
+    lights: Handle<Buffer>,
+    previous: Option<Previous>,
+}
+
+/// What the previous frame saw.
+#[derive(Clone, Copy, Debug)]
+struct Previous {
+    radiance: Handle<Image>,
+    guide: Handle<Image>,
+}
+
+impl HitShading {
+    /// From what an effect is given. `None` unless it asked for [`Needs::light_tables`](magpie::slot::Needs::light_tables). Hits use the
+    /// light of the previous frame if it asked for [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance) too.
+    pub fn new(i: &LightingIn) -> Option<Self> {
+        let guide = i.reprojected.previous_guide;
+        let previous = i.previous_radiance.map(|radiance| Previous { radiance, guide });
+        Some(Self { lights: i.scene.lights?, previous })
+    }
+
+    /// The same without light of the previous frame.
+    #[must_use]
+    pub fn without_previous(self) -> Self {
+        Self { previous: None, ..self }
+    }
+
+    /// Declares that a pass shades hits. It also has to declare that it [traces](crate::contracts::SceneHandles::trace).
+    pub fn read(self, p: &mut PassBuilder<'_>) -> HitShadingToken {
+        let previous = self.previous.map(|previous| (p.sample(previous.radiance), p.sample(previous.guide)));
+        HitShadingToken { lights: p.read(self.lights), previous }
+    }
+}
+
+/// What a pass declared with [`HitShading::read`].
+#[derive(Clone, Copy, Debug)]
+pub struct HitShadingToken {
+    lights: BufferToken,
+    previous: Option<(SampleToken, SampleToken)>,
+}
+
+impl HitShadingToken {
+    /// The block for the parameters of the shader.
+    pub fn params(self, c: &Record<'_>) -> HitShadingParams {
+        let image = |token: Option<SampleToken>| token.map_or(SampledImage::NONE, |token| c.id(token));
+        let (radiance, guide) = self.previous.unzip();
+        HitShadingParams { lights: c.id(self.lights), previous_radiance: image(radiance), previous_guide: image(guide) }
+    }
+}

@@ -1,0 +1,128 @@
+#ifndef LIB_HIT_SHADING_GLSL
+#define LIB_HIT_SHADING_GLSL
+#include "lib/guide.glsl"
+#include "lib/light_sampling.glsl"
+#include "lib/random.glsl"
+#include "lib/ray.glsl"
+#include "lib/reprojection.glsl"
+#include "lib/surface.glsl"
+#ifdef TINTED
+#include "lib/tinted.glsl"
+#endif
+#include "shared/hit_shading.glsl"
+// Light that leaves a surface which a ray has hit: direct light by sampling every kind of light, or all light that the previous frame saw
+// there. The reference samples lights with the same functions. With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
+
+// Rays have no end here, metres.
+const float UNBOUNDED = 1e30;
+
+// What a surface scatters of the light of one sample: BSDF times cosine for the directions `v` and `l`, both local to `frame`, whose third
+// axis is the shading normal. False if nothing: the sample's direction lies on one side by the shading normal and on the other by the
+// geometric normal, or the BSDF is 0.
+bool scatter(SurfacePoint s, mat3 frame, vec3 v, uint lobes, Incident from, out vec3 l, out vec3 scattered) {
+    l = from.direction * frame;
+    scattered = vec3(0.0);
+    bool through = dot(s.start.normal, from.direction) < 0.0;
+    if (through != (l.z < 0.0)) return false;
+    scattered = bsdf_cosine(s.bsdf, v, l, lobes);
+    return scattered != vec3(0.0);
+}
+
+// The shadow ray of a light sample.
+Ray ray_towards(SurfacePoint s, Incident from) {
+    return from.distance >= INFINITELY_FAR ? surface_ray(s.start, from.direction, UNBOUNDED)
+        : surface_ray_to(s.start, s.start.position + from.distance * from.direction);
+}
+
+// Transmittance along a shadow ray, per colour channel. `traced`: closest-hit and any-hit rays.
+vec3 seen_along(SceneBuffer scene, Ray ray, inout uvec2 traced) {
+#ifdef TINTED
+    float farthest;
+    return light_through(scene, ray, MOST_SHEETS, traced, farthest);
+#else
+    traced.y++;
+    return trace_any(scene, ray) ? vec3(0.0) : vec3(1.0);
+#endif
+}
+
+// Direct light, the sky's included, that a surface scatters towards `to_viewer`: one sample of each group of lights, of which one, chosen
+// by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
+vec3 direct_light_at(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, inout Random random, inout uvec2 traced) {
+    mat3 frame = frame_of(s.normal);
+    vec3 v = to_viewer * frame;
+    float choice = random4(random).x;
+    float sum = 0.0;
+    float chosen_luminance = 0.0;
+    vec3 chosen_light = vec3(0.0);
+    Incident chosen;
+    for (uint group = 0u; group < LIGHT_GROUPS; group++) {
+        if (lights_in(lights, group) == 0u) continue;
+        Incident from;
+        float probability;
+        vec3 l, scattered;
+        if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
+        if (!scatter(s, frame, v, LOBE_ALL, from, l, scattered)) continue;
+        vec3 light = scattered * from.radiance / probability;
+        float luminance_here = luminance(light);
+        if (!(luminance_here > 0.0)) continue;
+        // Reservoir with room for one (Chao 1982, "A General Purpose Unequal Probability Sampling Plan"); the random number is rescaled.
+        sum += luminance_here;
+        float share = luminance_here / sum;
+        if (choice < share) {
+            choice /= share;
+            chosen = from;
+            chosen_light = light;
+            chosen_luminance = luminance_here;
+        } else {
+            choice = (choice - share) / (1.0 - share);
+        }
+    }
+    if (chosen_luminance == 0.0) return vec3(0.0);
+    return chosen_light * (sum / chosen_luminance) * seen_along(scene, ray_towards(s, chosen), traced);
+}
+
+// Surfaces smoother than this alpha reflect too differently to the camera and to another viewer.
+const float LEAST_REUSED_ALPHA = 0.25;
+// The previous frame's pixel must show the hit itself: as in reproject.comp.
+const float LEAST_COSINE = 0.9;
+const float DEPTH_SLACK = 0.01;
+
+// All light that a surface sent to the camera one frame ago, in place of what it sends along the ray. False where the camera did not see
+// it, or if it is too smooth.
+bool previous_light_at(ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, uint instance, out vec3 light) {
+    light = vec3(0.0);
+    if (p.previous_radiance == NO_IMAGE || s.bsdf.alpha < LEAST_REUSED_ALPHA) return false;
+    vec3 was = position_before(InstanceBuffer(scene.at[0].instances).at[instance], s.start.position);
+    vec4 clip = view.at[0].previous_clip_from_world * vec4(was, 1.0);
+    if (!(clip.w > 0.0)) return false;
+    vec2 uv = clip.xy / clip.w * 0.5 + 0.5;
+    if (!on_screen(uv)) return false;
+    // The pixel whose sample lay next to it.
+    ivec2 pixel = ivec2(floor(uv * vec2(view.at[0].size) - view.at[0].previous_jitter));
+    if (!inside(pixel, view.at[0].size)) return false;
+    Guide there = load_guide(p.previous_guide, pixel);
+    if (!is_surface(there) || there.instance != ((instance + 1u) & 0xffu) || dot(there.plane, s.start.normal) < LEAST_COSINE) return false;
+    vec2 gradient = depth_gradient(view, pixel, there);
+    if (abs(there.depth - clip.w) > abs(gradient.x) + abs(gradient.y) + DEPTH_SLACK * clip.w) return false;
+    vec4 found = load(p.previous_radiance, pixel);
+    light = found.rgb;
+    return found.a > 0.0;
+}
+
+// Light that a hit sends back along a ray.
+struct HitLight {
+    vec3 emitted;
+    vec3 scattered;
+};
+
+// Shades a hit. Emission is apart, for effects beside which emissive surfaces are sampled as lights: what the previous frame saw of a
+// surface that emits contains both, and is not used. `direction`: of the ray, unit.
+HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit hit, SurfacePoint s, vec3 direction, inout Random random, inout uvec2 traced) {
+    HitLight light = HitLight(s.emission, vec3(0.0));
+    if (s.black) return light;
+    if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, light.scattered)) return light;
+    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, random, traced);
+    return light;
+}
+
+#endif

@@ -1,0 +1,15 @@
+//! What shading at the hits of rays reads.
+use super::types::{Address, SampledImage};
+use bytemuck::{Pod, Zeroable};
+
+/// What `lib/hit_shading.glsl` reads, as a block for the parameters of a pass.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HitShadingParams {
+    /// [`LightTables`](super::light_sampling::LightTables) of every light.
+    pub lights: Address,
+    /// Radiance of the previous frame, RGBA16F, 0 in alpha where it is not known; no image if hits do not look there.
+    pub previous_radiance: SampledImage,
+    /// The denoisers' guide of the previous frame, RG32 unsigned: which surfaces that radiance belongs to.
+    pub previous_guide: SampledImage,
+}

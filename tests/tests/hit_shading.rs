@@ -1,0 +1,91 @@
+//! Light at the hits of rays, by the effect of `tests/outside`: without the previous frame's light it is one bounce, as the reference finds
+//! it with the same lights and materials but other code for the first surface; with it, all bounces between surfaces on the screen.
+#[path = "../outside/bounce.rs"]
+mod bounce;
+
+use anyhow::{Context, Result, ensure};
+use magpie::scene::Scene;
+use magpie_passes::reference::{Only, Reference, ReferenceOptions};
+use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::harness::{builtin, config, gpu};
+
+const SIZE: [u32; 2] = [64, 48];
+const FRAMES: u32 = 192;
+
+/// Mean over frames of what the effect gathered, before its denoiser.
+fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    let mut slots = Slots::default();
+    bounce::register(&mut slots);
+    let config = config(&["stages.gi=bounce", &format!("gi.reuse={reuse}")])?;
+    let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(&gpu, scene, &slots, &config, options)?;
+    let mut sum = vec![[0.0; 3]; (SIZE[0] * SIZE[1]) as usize];
+    // Bounces add up over the first frames.
+    let begin = if reuse { 16 } else { 0 };
+    for frame in 0..begin + FRAMES {
+        let view = Some(("gi.gather", "noisy"));
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back: frame >= begin };
+        let result = renderer.frame(request)?.context("no frame")?;
+        ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        let keeps = result.sample.passes.iter().any(|p| p.name == "previous_radiance.keep");
+        ensure!(keeps == reuse, "the previous frame is kept: {keeps}");
+        let Some(images) = result.images else { continue };
+        for (sum, value) in sum.iter_mut().zip(images.linear.values()) {
+            (0..3).for_each(|c| sum[c] += f64::from(value[c]) / f64::from(FRAMES));
+        }
+    }
+    Ok(Some(sum))
+}
+
+/// Indirect diffuse light of the reference, with at most `depth` scatterings.
+fn truth(scene: &Scene, depth: u32) -> Result<Vec<[f64; 3]>> {
+    let gpu = gpu()?.context("no device")?;
+    let options = ReferenceOptions { width: SIZE[0], height: SIZE[1], depth, only: Only::Gi, ..Default::default() };
+    let mut reference = Reference::new(&gpu, scene, &scene.cameras[0], options)?;
+    reference.add(FRAMES)?;
+    Ok(reference.estimate().mean.iter().map(|v| v.to_array()).collect())
+}
+
+/// Sums over blocks of 8 by 8 pixels, all channels.
+fn blocks(values: &[[f64; 3]]) -> Vec<f64> {
+    let [width, height] = SIZE.map(|n| n as usize);
+    let mut sums = vec![0.0; width / 8 * (height / 8)];
+    for (at, value) in values.iter().enumerate() {
+        sums[at / width / 8 * (width / 8) + at % width / 8] += value.iter().sum::<f64>();
+    }
+    sums
+}
+
+/// Mean over the mean of the truth, and the root mean square difference of blocks over that mean.
+fn compared(found: &[[f64; 3]], truth: &[[f64; 3]]) -> (f64, f64) {
+    let (found, truth) = (blocks(found), blocks(truth));
+    let (sum, wanted): (f64, f64) = (found.iter().sum(), truth.iter().sum());
+    let square: f64 = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum();
+    (sum / wanted, (square / truth.len() as f64).sqrt() / (wanted / truth.len() as f64))
+}
+
+#[test]
+fn one_bounce_is_that_of_the_reference() -> Result<()> {
+    // An area light; a sun, lamps and a sky over foliage.
+    for name in ["cornell", "courtyard"] {
+        let scene = builtin(name)?;
+        let Some(found) = gathered(&scene, false)? else { return Ok(()) };
+        let (ratio, rmse) = compared(&found, &truth(&scene, 2)?);
+        println!("{name}: mean {ratio:.4} of the truth, rmse of blocks {rmse:.4}");
+        ensure!((ratio - 1.0).abs() < 0.02 && rmse < 0.05, "{name}: mean {ratio} of the truth, blocks {rmse}");
+    }
+    Ok(())
+}
+
+#[test]
+fn the_previous_frame_brings_all_bounces() -> Result<()> {
+    let scene = builtin("cornell")?;
+    let (Some(one), Some(all)) = (gathered(&scene, false)?, gathered(&scene, true)?) else { return Ok(()) };
+    let truth = truth(&scene, 0)?;
+    let ((one_ratio, one_rmse), (ratio, rmse)) = (compared(&one, &truth), compared(&all, &truth));
+    println!("one bounce: mean {one_ratio:.4}, rmse {one_rmse:.4}; with the previous frame: {ratio:.4}, {rmse:.4}");
+    // What the camera does not see, such as the backs of the boxes, has one bounce.
+    ensure!(rmse < 0.4 * one_rmse && (ratio - 1.0).abs() < 0.08, "{ratio} of the truth, {rmse}; one bounce {one_rmse}");
+    Ok(())
+}
