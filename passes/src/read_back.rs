@@ -1,4 +1,4 @@
-//! Images on their way to the host.
+//! Copies images to the host.
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::execute::Imports;
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, MipCopy, Queue, Record};
@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Images that are copied to the host, in the order they were asked for.
+/// Images that are copied to the host, in the order of the calls of [`Copies::copy`].
 #[derive(Clone)]
 pub struct Copies {
     gpu: Gpu,
@@ -15,16 +15,16 @@ pub struct Copies {
     made: Rc<RefCell<Vec<Copy>>>,
 }
 
-/// One image's buffer, or why it could not be made.
+/// The read-back buffer of one image, or the error from allocating it.
 type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
 
 impl Copies {
-    /// None yet, for the frame whose objects these are.
+    /// No copies yet. `imports` are those of the frame to which copies will be added.
     pub fn new(gpu: &Gpu, imports: &Rc<RefCell<Imports>>) -> Self {
         Self { gpu: gpu.clone(), imports: imports.clone(), made: Rc::default() }
     }
 
-    /// Adds a pass that copies mip 0 of an image.
+    /// Adds a pass that copies mip 0 of an image to a new buffer. `name` is the name of both.
     pub fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
         let (format, extent) = (g.desc(image).format, g.extent(image));
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
@@ -42,10 +42,10 @@ impl Copies {
         self.made.borrow_mut().push(made.map(|buffer| (format, extent, buffer)));
     }
 
-    /// The images, once the frame ran.
+    /// Returns the images. Must be called after the frame has run.
     ///
     /// # Errors
-    /// Where a buffer could not be made.
+    /// [`GpuError`] if a buffer could not be allocated.
     pub fn finish(&self) -> Result<Vec<Pixels>, GpuError> {
         let made = self.made.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
         let pixels = |(format, extent, buffer): (Format, Extent, Arc<Buffer>)| {

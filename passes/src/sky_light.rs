@@ -1,4 +1,5 @@
-//! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
+//! Light of the sky on the visible surfaces, dimmed by ambient occlusion, in one compute pass. The slots `gi` and `reflections` use it with
+//! different shaders.
 use crate::contracts::{Channel, LightingIn, LightingOut};
 use crate::precision;
 use magpie::gpu::Kernel;
@@ -8,13 +9,13 @@ use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::Shader;
 use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
 
-/// What diffuse light needs of the surfaces.
+/// Channels of the G-buffer for diffuse light.
 const DIFFUSE: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material];
-/// What specular light needs: its lobe may be cut off by the surface's own plane.
+/// Channels of the G-buffer for specular light, whose lobe may be cut off by the surface's own plane.
 const SPECULAR: &[Channel] =
     &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::BaseColour, Channel::Material];
 
-/// No indirect light: no pass.
+/// No indirect light.
 pub struct Off;
 
 impl Effect for Off {
@@ -26,7 +27,7 @@ impl Effect for Off {
     }
 }
 
-/// One shader over the G-buffer.
+/// Sky light by one shader.
 pub struct SkyLight {
     pass: &'static str,
     bends: bool,
@@ -36,8 +37,8 @@ pub struct SkyLight {
 }
 
 impl SkyLight {
-    /// Makes the pipeline of `shader` for a pass of this name. `bends`: the shader reads bent normals. `nothing`: why no
-    /// surface of a scene takes up such light, if none does. The settings have a [`precision`](precision::setting).
+    /// Creates the pipeline of `shader` for a pass of this name. `bends`: the light is diffuse, and the shader reads bent normals. `nothing`
+    /// returns why no surface of a scene reflects such light, if none does. The settings include [`precision`](precision::setting).
     pub fn new(
         build: &Build<'_>,
         pass: &'static str,

@@ -1,4 +1,4 @@
-//! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it; and light of emissive surfaces.
+//! Direct lighting: every light at every pixel, times its visibility; and light of emissive surfaces.
 mod emitters;
 
 use crate::contracts::{Channel, DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
@@ -11,7 +11,7 @@ use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError}
 use magpie_shaders::DIRECT_SHADE_COMP;
 use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
 
-/// From cheap to accurate: points of lights that have a size, and rays to emissive surfaces.
+/// From cheap to accurate. They differ in the number of samples of lights that have a size, and of rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "0")] },
     Preset { name: "medium", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "1")] },
@@ -19,7 +19,6 @@ pub const PRESETS: [Preset; 4] = [
     Preset { name: "ultra", implementation: "all-lights", settings: &[("area", "16"), ("emitter_rays", "4")] },
 ];
 
-/// The slot.
 pub fn slot() -> Slot<DirectIn, DirectOut> {
     let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
     Slot::new("direct")
@@ -41,8 +40,9 @@ fn area() -> SettingSpec {
 
 struct AllLights {
     shade: Kernel,
+    /// Samples of each light that has a size; 0 treats it as a point at its centre.
     area: u32,
-    /// Where rays go to what emits.
+    /// `None` if no rays are traced to emissive surfaces.
     emitters: Option<Emitters>,
     format: Format,
 }
@@ -83,7 +83,7 @@ impl Effect for AllLights {
                 (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
             };
             let group_flags = bits(|group| group.coloured) | bits(|group| group.raw) << 8;
-            // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
+            // In 16 bits, highlights above 65504, such as sunlight on a mirror, are clamped to `greatest`.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance, move |c: &mut Record<'_>| {
@@ -106,7 +106,7 @@ impl Effect for AllLights {
     }
 }
 
-/// The lights of four channels, a byte each: their place among those that can cast shadows.
+/// Packs the lights of four channels into a byte each: their index in [`View::casters`], or [`NO_CASTER`].
 fn casters(view: &View, lights: [u32; 4]) -> u32 {
     let place = |light: u32| view.casters.iter().position(|c| c.light == light).map_or(NO_CASTER, |at| at as u32);
     lights.iter().zip(0..).map(|(light, channel)| place(*light) << (8 * channel)).sum()

@@ -1,4 +1,4 @@
-//! Diffuse indirect light. So far: the irradiance of the sky, as much of it as ambient occlusion leaves.
+//! Diffuse indirect light: at present the irradiance of the sky times ambient occlusion.
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
@@ -6,7 +6,6 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 
-/// The slot.
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
         .about("Diffuse indirect light.")
@@ -19,7 +18,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 
-/// Why no surface reflects diffusely.
+/// The reason why no surface of the scene reflects diffusely, if none does.
 fn nothing(facts: &SceneFacts) -> Option<&'static str> {
     match facts.diffuse {
         _ if facts.area == 0.0 => Some("there is no surface"),

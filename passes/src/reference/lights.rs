@@ -1,4 +1,5 @@
-//! What light is sampled, and how often: by power, as alias tables. Any positive probabilities are unbiased; good ones are less noisy.
+//! Tables for sampling lights: alias tables by power. The probabilities do not bias the result as long as they are positive; they only affect
+//! noise.
 use glam::DVec3;
 use magpie::scene::light_sampling::{UNIFORM_FRACTION, add_emitters, alias_table, luminance};
 use magpie::scene::{Animator, Environment, Light, Pose, Scene};
@@ -6,19 +7,19 @@ use magpie_shaders::Address;
 use magpie_shaders::reference::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
 use std::f64::consts::PI;
 
-/// Cells of an analytic sky.
+/// Columns and rows of cells of an analytic sky.
 const SKY_CELLS: [u32; 2] = [64, 32];
-/// Most cells of an environment map.
+/// Greatest number of columns and rows of cells of an environment map.
 const MAP_CELLS: [u32; 2] = [256, 128];
 
-/// The tables, in one block of bytes: first the root, whose addresses are counted from the block's begin.
+/// The tables in one block of bytes, which begins with [`LightTables`]. Addresses in `root` are offsets from the beginning of the block.
 pub struct Tables {
     block: Vec<u8>,
     root: LightTables,
 }
 
 impl Tables {
-    /// Those of a scene at a moment.
+    /// The tables of a scene at `time`, seconds.
     pub fn new(scene: &Scene, time: f64) -> Self {
         let pose = Animator::new(scene).pose(time);
         let (mut near, mut far) = (Vec::new(), Vec::new());
@@ -34,7 +35,7 @@ impl Tables {
             emitters.push(add_emitters(scene, &pose, instance, &mut near));
         }
         let (near, far) = (alias_table(near), alias_table(far));
-        // What has no power is not met either.
+        // Lights without power are left out: rays do not hit them.
         let sized = |choice: &&LightChoice| choice.probability > 0.0 && has_size(choice, &pose);
         let areas: Vec<_> = near
             .iter()
@@ -67,12 +68,12 @@ impl Tables {
         Address::new(offset)
     }
 
-    /// How many bytes they are.
+    /// Size of the block, bytes.
     pub fn bytes(&self) -> u64 {
         self.block.len() as u64
     }
 
-    /// The block as it lies at an address.
+    /// The block with its offsets turned into addresses, for an upload to `at`.
     pub fn placed(&self, at: Address) -> Vec<u8> {
         let on = |offset: Address| at.offset(offset.get());
         let LightTables { near, far, areas, emitters, sky, .. } = self.root;
@@ -90,7 +91,7 @@ impl Tables {
     }
 }
 
-/// Emitted power of a light at a place.
+/// Emitted power of a local light, as luminance; 0 for directional lights.
 fn power(light: &Light) -> f64 {
     let square = |radius: &f32| f64::from(*radius).powi(2);
     match light {
@@ -116,7 +117,7 @@ fn has_size(choice: &LightChoice, pose: &Pose) -> bool {
     }
 }
 
-/// Luminance of each cell of the sky, and how many columns and rows there are; zero where there is no sky. Rows have equal steps of
+/// Weight of each cell of the sky by its luminance, and the number of columns and rows; none without a sky. Rows have equal steps of
 /// height, as in `sky_direction` of `lib/light_sampling.glsl`.
 fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     let direction = |[columns, rows]: [u32; 2], x: f64, y: f64| {
@@ -129,7 +130,7 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     };
     let (mut weights, cells) = if let Some(map) = &scene.environment {
         let cells = [map.width.clamp(8, MAP_CELLS[0]), map.height.clamp(4, MAP_CELLS[1])];
-        // All texels that fall into a cell, and where none does, the one at its centre.
+        // The mean over the texels whose centres are in a cell, but at least the texel at the centre of the cell.
         let (mut sums, mut counts) =
             (vec![0.0; (cells[0] * cells[1]) as usize], vec![0.0; (cells[0] * cells[1]) as usize]);
         for (at, radiance) in map.radiance.iter().enumerate() {
@@ -158,7 +159,7 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     (weights, cells)
 }
 
-/// Direction of a texel's centre; the convention is that of [`Environment`].
+/// World direction of a texel's centre, by the convention of [`Environment`].
 fn texel_direction(map: &Environment, texel: u32) -> DVec3 {
     let (x, y) = (f64::from(texel % map.width) + 0.5, f64::from(texel / map.width) + 0.5);
     let p = 2.0 * PI * (x / f64::from(map.width) - 0.5) - f64::from(map.turn);
@@ -166,7 +167,7 @@ fn texel_direction(map: &Environment, texel: u32) -> DVec3 {
     DVec3::new(p.sin() * sin, cos, -p.cos() * sin)
 }
 
-/// The texel of a direction.
+/// Index of the texel in a world direction.
 fn texel_at(map: &Environment, d: DVec3) -> usize {
     let p = d.x.atan2(-d.z) + f64::from(map.turn);
     let u = (p / (2.0 * PI) + 0.5).rem_euclid(1.0);

@@ -1,24 +1,24 @@
-//! Which lights cast shadows, and how those of each are found.
+//! Which lights cast shadows, and by which technique.
 use magpie::scene::Caster;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT};
 use magpie_shaders::view::MOST_CASTERS;
 use std::fmt;
 
-/// How the shadows of a light are found.
+/// How the visibility of a light is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
-    /// It casts none.
+    /// The light is unshadowed.
     None,
-    /// By rays.
+    /// Shadow rays.
     Rays,
-    /// By shadow maps.
+    /// Shadow maps.
     Map,
-    /// By maps, and by rays where these are not sure.
+    /// Shadow maps, and rays where the maps are unsure.
     Hybrid,
 }
 
-/// Their names in the configuration.
+/// Names of the techniques in the configuration.
 const TECHNIQUES: [(&str, Technique); 4] =
     [("none", Technique::None), ("rays", Technique::Rays), ("map", Technique::Map), ("hybrid", Technique::Hybrid)];
 
@@ -32,40 +32,45 @@ const KINDS: [(&str, u32); 6] = [
     ("sphere", LIGHT_SPHERE),
 ];
 
-/// Which lights a rule is for.
+/// The lights to which a rule applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Whom {
+    /// All lights of a kind, `LIGHT_*`.
     Kind(u32),
+    /// One light, by its index in the scene.
     Light(u32),
 }
 
-/// What the configuration says.
+/// The technique of each light, from the settings.
 #[derive(Clone, Debug)]
 pub struct Choice {
+    /// Greatest number of lights that cast shadows.
     most: usize,
+    /// Technique of lights to which no rule applies.
     otherwise: Technique,
+    /// The last rule that applies to a light counts.
     rules: Vec<(Whom, Technique)>,
 }
 
-/// Lights that share an image.
+/// Lights whose visibility is in the same image.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// How their shadows are found.
+    /// The technique of all of them.
     pub technique: Technique,
-    /// One to four.
+    /// One to four lights, in the order of the channels.
     pub lights: Vec<Caster>,
-    /// One light, whose colours have a channel each.
+    /// There is one light only, whose visibility is in red, green and blue.
     pub coloured: bool,
 }
 
 impl Group {
-    /// How many channels of the image are its.
+    /// Number of channels in use.
     pub fn channels(&self) -> usize {
         if self.coloured { 3 } else { self.lights.len() }
     }
 }
 
-/// A rule that says nothing.
+/// A rule that could not be parsed.
 #[derive(Debug)]
 struct BadRule(String);
 
@@ -84,7 +89,7 @@ impl fmt::Display for BadRule {
 
 impl std::error::Error for BadRule {}
 
-/// The settings of every implementation.
+/// Settings that all implementations share.
 pub fn settings() -> [SettingSpec; 2] {
     let most = i64::from(MOST_CASTERS);
     [
@@ -107,7 +112,7 @@ pub fn settings() -> [SettingSpec; 2] {
 }
 
 impl Choice {
-    /// Reads them. `otherwise`: what the implementation stands for.
+    /// Reads the settings. `otherwise` is the technique of the implementation.
     pub fn new(settings: &Settings, otherwise: Technique) -> Result<Self, SlotError> {
         let mut rules = Vec::new();
         for rule in settings.choice("per_light")?.split_whitespace() {
@@ -125,8 +130,8 @@ impl Choice {
         rule.map_or(self.otherwise, |(_, technique)| *technique)
     }
 
-    /// Groups of lights that share a technique, the light that matters most in the first channel of the first. `tinted`: rays tell
-    /// colours.
+    /// Groups lights of the same technique. The most important light is in the first channel of the first group. If `tinted`, each light
+    /// with shadow rays has a group of its own, with visibility in colour.
     pub fn groups(&self, casters: &[Caster], tinted: bool) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let chosen = casters.iter().map(|c| (self.technique(c), c)).filter(|(t, _)| *t != Technique::None);

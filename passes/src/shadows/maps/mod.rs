@@ -1,5 +1,5 @@
-//! Shadow maps: cascades for the sun, a pyramid for a spot, faces of a cube around other lamps. A map is drawn anew only where
-//! something in it has changed.
+//! Shadow maps: cascades for directional lights, one pyramid for spot lights, faces of a cube for other local lights. A layer is redrawn
+//! only if something in it has changed.
 mod cascades;
 mod layer;
 mod settings;
@@ -27,13 +27,13 @@ use settings::Chosen;
 use std::f32::consts::PI;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Nothing nearer to a lamp than this is in its map, metres: what touches it does not hide it.
+/// Distance of the near plane of a local light, metres. Geometry that touches the light does not occlude it.
 const NEAR: f64 = 1e-3;
 
-/// A spot wider than this, the tangent of half its angle, has the faces of a cube.
+/// Spot lights with a larger tangent of half their angle use the faces of a cube.
 const WIDEST: f32 = 4.0;
 
-/// Shadow maps of any lights, and looks at them.
+/// Visibility by shadow maps.
 pub struct MapShadows {
     chosen: Chosen,
     opaque: RasterKernel,
@@ -44,16 +44,16 @@ pub struct MapShadows {
     scope: HistoryScope,
 }
 
-/// What maps say of up to four lights.
+/// Results of the shadow maps of up to four lights.
 #[derive(Clone, Copy, Debug)]
 pub struct MapOut {
-    /// The share of a light in each channel that is seen.
+    /// Visibility of one light in each channel, 0 to 1.
     pub visibility: Handle<Image>,
-    /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; where they were asked for.
+    /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; `None` if they were not requested.
     pub unsure: Option<Handle<Image>>,
 }
 
-/// The map of a light as the graph knows it.
+/// The shadow map of a light.
 struct Map {
     light: MapLight,
     image: Handle<Image>,
@@ -61,7 +61,7 @@ struct Map {
 }
 
 impl MapShadows {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let chosen = Chosen::new(settings)?;
         let raster = |name, vertex, fragment, constants: &[u32]| {
@@ -83,8 +83,8 @@ impl MapShadows {
         })
     }
 
-    /// Visibility of up to four lights, one in each channel; with `classify` where the maps are not to be trusted too. `name` is added to
-    /// those of the passes, so that several groups of lights do not share one.
+    /// Adds the passes for up to four lights. With `classify` the result includes where the maps are unsure. `name` is appended to the names
+    /// of the passes, to tell several groups of lights apart.
     pub fn add(
         &self,
         g: &mut FrameGraph,
@@ -114,7 +114,7 @@ impl MapShadows {
         self.look(g, view, i, (&maps, classify), name)
     }
 
-    /// Where the maps of a light lie. One that lights nothing has a map of one empty layer.
+    /// The layers of a light's map.
     fn layers(&self, g: &FrameGraph, view: &View, light: &SharedLight) -> Vec<Layer> {
         let position = Vec3::from(light.position).as_dvec3() + view.origin;
         let forward = Vec3::from(light.direction).as_dvec3().try_normalize().unwrap_or(DVec3::NEG_Y);
@@ -126,11 +126,11 @@ impl MapShadows {
                 cascades::cascades(&view.camera, aspect, scene, forward, &self.chosen.division)
             }
             LIGHT_SPOT => {
-                // -cos(outer) * cone_scale, folded as KHR_lights_punctual does.
+                // cone_offset is -cos(outer) * cone_scale.
                 let cosine = -light.cone_offset / light.cone_scale;
                 let tangent = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine;
                 if cosine > 0.0 && tangent < WIDEST {
-                    // Texels hang over its edge, so that the filter finds what is there.
+                    // The map is wider than the cone, so that the filter's texels at its edge are in the map.
                     let side = f64::from(self.chosen.lamp_side);
                     let margin = 1.0 + 2.0 * f64::from(self.chosen.kernel + 2.0) / side;
                     vec![layer::face(position, forward, f64::from(tangent.max(1e-3)) * margin, NEAR)]
@@ -139,13 +139,13 @@ impl MapShadows {
                 }
             }
             LIGHT_RECTANGLE | LIGHT_DISC => layer::faces(position, Some(forward), NEAR),
-            // Inside of a lamp there is nothing.
+            // Nothing is inside of a spherical light, so the near plane is at its radius.
             LIGHT_SPHERE => layer::faces(position, None, f64::from(light.radius).max(NEAR)),
             _ => layer::faces(position, None, NEAR),
         }
     }
 
-    /// The map of a light, with a pass for each layer that is not as it should be.
+    /// The map of a light. Adds a pass for each layer that has to be redrawn.
     fn map(
         &self,
         g: &mut FrameGraph,
@@ -182,7 +182,7 @@ impl MapShadows {
         image.read()
     }
 
-    /// A look at the maps from every pixel.
+    /// Adds the lookup of every pixel in the maps, and contact shadows.
     fn look(
         &self,
         g: &mut FrameGraph,
@@ -191,7 +191,6 @@ impl MapShadows {
         (maps, classify): (&[Map], bool),
         name: &str,
     ) -> MapOut {
-        // The tables.
         let lights: Vec<MapLight> = maps.iter().map(|m| m.light).collect();
         let layers: Vec<MapLayer> = maps.iter().flat_map(|m| &m.layers).map(|l| l.shared(view.origin)).collect();
         let first = size_of_val(&*lights) as u64;
@@ -264,14 +263,14 @@ impl MapShadows {
     }
 }
 
-/// What is drawn into a layer. Both sides of every triangle cast a shadow, as they do for rays.
+/// The draws of the instances that may be in a layer. Both sides of every triangle cast shadows, as with rays.
 fn draws(view: &View, layer: &Layer) -> Vec<Draw> {
     let there = |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
     let both = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
     view.draws.all().iter().filter(there).map(both).collect()
 }
 
-/// Everything that a layer's picture depends on.
+/// A hash of everything on which the contents of a layer depend.
 fn key(view: &View, layer: &Layer, draws: &[Draw]) -> u64 {
     let mut hasher = DefaultHasher::new();
     view.scene.hash(&mut hasher);
@@ -282,7 +281,7 @@ fn key(view: &View, layer: &Layer, draws: &[Draw]) -> u64 {
     hasher.finish()
 }
 
-/// As the maps know it: the tangent of half the angle of the sun, the radius of a disc of the area of a lamp, metres.
+/// As in [`MapLight::size`]: tangent of the angular radius of a directional light; radius of a disc of equal area for a local light, metres.
 fn size(light: &SharedLight) -> f32 {
     match light.kind {
         LIGHT_DIRECTIONAL => light.radius.tan(),
