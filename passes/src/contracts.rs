@@ -4,7 +4,7 @@
 //! than its contract allows, the frame is refused with an error that names the slot, the implementation and both formats or sizes.
 mod gbuffer;
 
-use crate::outputs::{DIRECTION, DISTANCE, Gives, ONE, RADIANCE, SHARES};
+use crate::outputs::{DIRECTION, DISTANCE, Gives, RADIANCE, SCALAR, VISIBILITY};
 pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
@@ -117,7 +117,7 @@ pub struct ShadowOut {
 
 impl Gives for ShadowOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        self.groups.iter().flatten().map(|group| ("visibility", group.visibility, SHARES)).collect()
+        self.groups.iter().flatten().map(|group| ("visibility", group.visibility, VISIBILITY)).collect()
     }
 }
 
@@ -147,7 +147,7 @@ pub struct AoOut {
 
 impl Gives for AoOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        let openness = self.openness.map(|image| ("openness", image, ONE));
+        let openness = self.openness.map(|image| ("openness", image, SCALAR));
         openness.into_iter().chain(self.bent_normal.map(|image| ("bent_normal", image, DIRECTION))).collect()
     }
 
@@ -238,7 +238,7 @@ impl Gives for LightingOut {
         let all = [
             ("radiance", self.radiance, RADIANCE),
             ("hit_distance", self.hit_distance, DISTANCE),
-            ("confidence", self.confidence, ONE),
+            ("confidence", self.confidence, SCALAR),
         ];
         all.into_iter().filter_map(|(name, image, formats)| Some((name, image?, formats))).collect()
     }

@@ -5,12 +5,12 @@ use magpie::graph::{Contract, Extent, Format, FrameGraph, Handle, Idle, Image};
 use magpie::slot::Implementation;
 
 /// Formats of one value, 0 to 1.
-pub const ONE: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Float, Format::R32Float];
+pub const SCALAR: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Float, Format::R32Float];
 /// Formats of metalness and roughness; those with four channels also hold the specular reflectance of the dielectric part.
 pub const MATERIAL: &[Format] =
     &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
 /// Formats of the visibility of one, two or up to four lights.
-pub const SHARES: &[Format] = &[
+pub const VISIBILITY: &[Format] = &[
     Format::R8Unorm,
     Format::Rg8Unorm,
     Format::Rgba8Unorm,

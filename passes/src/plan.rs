@@ -49,7 +49,8 @@ pub enum PlanError {
 pub fn plan_frame(
     scene: &Scene,
     camera: &Camera,
-    (slots, config): (&Slots, &Config),
+    slots: &Slots,
+    config: &Config,
     rays: Rays,
     output: Extent,
 ) -> Result<FramePlan, PlanError> {

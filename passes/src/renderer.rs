@@ -160,11 +160,12 @@ impl Renderer {
         }
         let (implementations, facts) =
             (Frame::new(&Build::new(gpu, options.rays), slots, config)?, SceneFacts::new(scene));
-        let mut how = ResidentOptions { rays: options.rays, ..ResidentOptions::default() };
+        let mut resident_options = ResidentOptions { rays: options.rays, ..ResidentOptions::default() };
         if let Some(geometry) = merged(&implementations.needs(&facts)).geometry {
-            (how.compaction, how.ray_detail) = (geometry.compaction, geometry.ray_detail);
+            resident_options.compaction = geometry.compaction;
+            resident_options.ray_detail = geometry.ray_detail;
         }
-        let resident = ResidentScene::with_facts(gpu, scene, facts, how)?;
+        let resident = ResidentScene::with_facts(gpu, scene, facts, resident_options)?;
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
@@ -226,10 +227,10 @@ impl Renderer {
     pub fn swap(&mut self, slot: &str, implementation: &str) -> Result<(), RenderError> {
         let mut over = Config::default();
         over.stages.insert(slot.to_owned(), implementation.to_owned());
-        self.slots.catalogue().check(&over, "swap").map_err(wrong)?;
+        self.slots.catalogue().check(&over, "swap").map_err(config_error)?;
         let mut config = self.config.clone();
         config.merge(over);
-        self.put_in_place(config)
+        self.apply(config)
     }
 
     /// Sets the configuration from the next frame on. Slots whose implementation and settings do not change keep their histories.
@@ -237,11 +238,11 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::swap`], and for invalid settings. Nothing has changed in these cases.
     pub fn configure(&mut self, config: &Config) -> Result<(), RenderError> {
-        self.slots.catalogue().check(config, "configure").map_err(wrong)?;
-        self.put_in_place(config.clone())
+        self.slots.catalogue().check(config, "configure").map_err(config_error)?;
+        self.apply(config.clone())
     }
 
-    fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
+    fn apply(&mut self, config: Config) -> Result<(), RenderError> {
         self.implementations.configure(&Build::new(&self.gpu, self.options.rays), &self.slots, &config)?;
         self.config = config;
         Ok(())
@@ -283,7 +284,7 @@ impl Renderer {
             let (origin, key, slot) = ("read_slots".to_owned(), (*slot).to_owned(), (*slot).to_owned());
             let suggestion = Suggestion::find(&slot, known.iter().copied());
             let known = known.into_iter().map(str::to_owned).collect();
-            return Err(wrong(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
+            return Err(config_error(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
         }
         self.read_slots = slots.iter().map(|s| (*s).to_owned()).collect();
         Ok(())
@@ -341,19 +342,19 @@ impl Renderer {
             scanner = Some(Box::new(observer));
         }
         let copies = Copies::new(&self.gpu, &imports);
-        let mut wanted = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
+        let mut requested = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
         let viewer = copies.clone();
         g.observe_passes(move |g, pass| {
             if let Some(scanner) = &mut scanner {
                 scanner(g, pass);
             }
-            if wanted.is_some() {
+            if requested.is_some() {
                 let found = g
                     .images_of(pass)
                     .into_iter()
-                    .find(|p| wanted.as_ref() == Some(&(p.pass.clone(), p.output.clone())));
+                    .find(|p| requested.as_ref() == Some(&(p.pass.clone(), p.output.clone())));
                 if let Some(found) = found {
-                    wanted = None;
+                    requested = None;
                     viewer.copy(g, "view.read_back", found.image);
                 }
             }
@@ -362,13 +363,13 @@ impl Renderer {
         let mut slot_copies = None;
         if request.read_back && !self.read_slots.is_empty() {
             let copies = Copies::new(&self.gpu, &imports);
-            let gave = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
-            slot_copies = Some((copies.clone(), gave.clone()));
-            let wanted = self.read_slots.clone();
+            let has_image = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
+            slot_copies = Some((copies.clone(), has_image.clone()));
+            let requested = self.read_slots.clone();
             g.observe_slots(move |g, slot, image| {
-                if let (Some(at), Some(image)) = (wanted.iter().position(|w| w == slot), image) {
+                if let (Some(at), Some(image)) = (requested.iter().position(|name| name == slot), image) {
                     copies.copy(g, &format!("read_back.{slot}"), image);
-                    gave.borrow_mut()[at] = true;
+                    has_image.borrow_mut()[at] = true;
                 }
             });
         }
@@ -412,7 +413,7 @@ impl Renderer {
         self.frame += 1;
         let slots = match slot_copies {
             None => Vec::new(),
-            Some((copies, gave)) => in_order(&self.read_slots, &gave.borrow(), copies.finish()?),
+            Some((copies, has_image)) => in_order(&self.read_slots, &has_image.borrow(), copies.finish()?),
         };
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
@@ -421,16 +422,16 @@ impl Renderer {
 }
 
 /// Sorts the images of slots, which come in the order of the frame, by the order in which they were requested.
-fn in_order(wanted: &[String], gave: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
-    let mut slots: Vec<(String, Option<Pixels>)> = wanted.iter().map(|slot| (slot.clone(), None)).collect();
+fn in_order(requested: &[String], has_image: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
+    let mut slots: Vec<(String, Option<Pixels>)> = requested.iter().map(|slot| (slot.clone(), None)).collect();
     let in_frame = Slots::with_images().into_iter();
-    let given = in_frame.filter_map(|slot| wanted.iter().position(|w| w == slot)).filter(|at| gave[*at]);
-    for (at, image) in given.zip(images) {
+    let places = in_frame.filter_map(|slot| requested.iter().position(|name| name == slot)).filter(|at| has_image[*at]);
+    for (at, image) in places.zip(images) {
         slots[at].1 = Some(image);
     }
     slots
 }
 
-fn wrong(error: ConfigError) -> RenderError {
+fn config_error(error: ConfigError) -> RenderError {
     RenderError::Config(Box::new(error))
 }

@@ -48,7 +48,7 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
             (0.0, 12.6),
         ),
     ];
-    let settings = [loaded().as_slice(), settings.as_slice()].concat();
+    let settings = [load_settings().as_slice(), settings.as_slice()].concat();
     Slot::new("acceleration").about("Brings moved and deformed meshes, and the trees that rays walk, up to date.").with(
         "two-level",
         "A tree per mesh and one over the instances.",
@@ -58,7 +58,7 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
 }
 
 /// Settings that take effect when a scene is loaded.
-fn loaded() -> [SettingSpec; 2] {
+fn load_settings() -> [SettingSpec; 2] {
     [
         SettingSpec::switch(
             "compaction",

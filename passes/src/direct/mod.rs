@@ -9,7 +9,7 @@ use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::DIRECT_SHADE_COMP;
-use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
+use magpie_shaders::direct::{NO_EMITTERS, NO_SHADOW_LIGHT, ShadeParams};
 
 /// From cheap to accurate. They differ in the number of samples of lights that have a size, and of rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [
@@ -77,7 +77,8 @@ impl Effect for AllLights {
                 .read(p, &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Emission]);
             let emitters = emitters.map(|image| p.sample(image));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
-            let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
+            let shadow_lights =
+                i.shadows.groups.map(|group| group.map_or(0, |group| pack_shadow_lights(view, group.lights)));
             let bits = |is: fn(&ShadowGroup) -> bool| {
                 let is = |k: usize| i.shadows.groups[k].as_ref().is_some_and(is);
                 (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
@@ -96,7 +97,7 @@ impl Effect for AllLights {
                     area,
                     group_count: groups.iter().flatten().count() as u32,
                     visibility: groups.map(|group| group.map_or(0, |token| c.id(token).index())),
-                    casters: channels,
+                    shadow_lights,
                     group_flags,
                 };
                 c.dispatch(kernel, &params, extent);
@@ -106,8 +107,10 @@ impl Effect for AllLights {
     }
 }
 
-/// Packs the lights of four channels into a byte each: their index in [`View::casters`], or [`NO_CASTER`].
-fn casters(view: &View, lights: [u32; 4]) -> u32 {
-    let place = |light: u32| view.casters.iter().position(|c| c.light == light).map_or(NO_CASTER, |at| at as u32);
-    lights.iter().zip(0..).map(|(light, channel)| place(*light) << (8 * channel)).sum()
+/// Packs the lights of four channels into a byte each: their index in [`View::casters`], or [`NO_SHADOW_LIGHT`].
+fn pack_shadow_lights(view: &View, lights: [u32; 4]) -> u32 {
+    let index_of = |light: u32| {
+        view.casters.iter().position(|shadow_light| shadow_light.light == light).map_or(NO_SHADOW_LIGHT, |at| at as u32)
+    };
+    lights.iter().zip(0..).map(|(light, channel)| index_of(*light) << (8 * channel)).sum()
 }

@@ -13,13 +13,13 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "sky",
             "Irradiance of the whole sky, dimmed by the slot `ao` and the material's occlusion map: no light of other surfaces.",
             &[precision::setting()],
-            |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, nothing, settings)?)),
+            |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, idle_reason, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 
 /// The reason why no surface of the scene reflects diffusely, if none does.
-fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.diffuse {
         _ if facts.area == 0.0 => Some("there is no surface"),
         0.0 => Some("all surfaces are metal"),

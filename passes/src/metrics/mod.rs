@@ -77,7 +77,7 @@ impl Metrics {
     pub fn declare(&self, g: &mut FrameGraph, i: MetricsIn) -> MetricsOut {
         let (error, sum) = (self.error, self.sum);
         let (extent, test_extent) = (g.extent(i.reference), g.extent(i.test));
-        let read = [i.test, i.reference].map(|image| how_to_read(g.desc(image).format));
+        let read = [i.test, i.reference].map(|image| read_mode(g.desc(image).format));
         let groups = [extent.width.div_ceil(TILE_WIDTH), extent.height.div_ceil(TILE_HEIGHT), 1];
         let (count, bytes) = (groups[0] * groups[1], size_of::<ErrorSums>() as u64);
 
@@ -123,7 +123,7 @@ impl Effect for Metrics {
 
 /// `READ_*` of a format, as `Picture::from_pixels` of the library reads images on the host: images of one channel are grey, and RGBA8 without
 /// an sRGB format holds sRGB-encoded display values.
-fn how_to_read(format: Format) -> u32 {
+fn read_mode(format: Format) -> u32 {
     match (format, format.channels()) {
         (Format::Rgba8Unorm, _) => READ_DISPLAY,
         (_, 1) => READ_GREY,

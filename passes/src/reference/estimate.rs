@@ -41,9 +41,9 @@ impl Estimate {
         if other.samples > 0 {
             let mine = self.mean.iter_mut().zip(&mut self.squares);
             for ((mean, squares), (their_mean, their_squares)) in mine.zip(other.mean.iter().zip(&other.squares)) {
-                let apart = *their_mean - *mean;
-                *mean += apart * (m / (n + m));
-                *squares += *their_squares + apart * apart * (n * m / (n + m));
+                let difference = *their_mean - *mean;
+                *mean += difference * (m / (n + m));
+                *squares += *their_squares + difference * difference * (n * m / (n + m));
             }
             self.samples += other.samples;
         }

@@ -143,8 +143,8 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
             counts[cell] += 1.0;
         }
         let filled = centres(cells).zip(sums.iter().zip(&counts)).map(|((x, y), (sum, count))| {
-            let own = luminance(map.radiance[texel_at(map, direction(cells, x, y))]);
-            f64::max(own, if *count > 0.0 { sum / count } else { 0.0 }) * f64::from(map.scale)
+            let at_centre = luminance(map.radiance[texel_at(map, direction(cells, x, y))]);
+            f64::max(at_centre, if *count > 0.0 { sum / count } else { 0.0 }) * f64::from(map.scale)
         });
         (filled.collect::<Vec<_>>(), cells)
     } else if let Some(daylight) = &scene.daylight {

@@ -236,13 +236,13 @@ impl Reference {
         }
         // The raster alpha-tests blended surfaces. So camera rays do the same where the result is compared with a single slot, and shadow and
         // ambient occlusion rays too. All other rays blend by alpha, with a cut-off of 0.
-        let tested = ResidentOptions::default().blend_cutoff;
-        let (seen, met) = match options.only {
+        let raster_cutoff = ResidentOptions::default().blend_cutoff;
+        let (camera_cutoff, ray_cutoff) = match options.only {
             Only::All => (0.0, 0.0),
-            Only::Shadows | Only::AmbientOcclusion => (tested, tested),
-            _ => (tested, 0.0),
+            Only::Shadows | Only::AmbientOcclusion => (raster_cutoff, raster_cutoff),
+            _ => (raster_cutoff, 0.0),
         };
-        let resident = ResidentOptions { rays: options.rays, blend_cutoff: met, ..ResidentOptions::default() };
+        let resident = ResidentOptions { rays: options.rays, blend_cutoff: ray_cutoff, ..ResidentOptions::default() };
         let mut resident = ResidentScene::new(gpu, scene, resident)?;
         let origin = FloatingOrigin::default().follow(camera);
         resident.set_moment(&Moment { time: options.time, origin, cut: true });
@@ -268,7 +268,7 @@ impl Reference {
             options: ReferenceOptions { depth, ..options },
             flags: counted | strategy | centre | clear,
             first_lobes,
-            blend_cutoff: seen,
+            blend_cutoff: camera_cutoff,
             view: Staging::new(gpu, "view"),
             estimate: Estimate::new(options.width, options.height),
             rays: [0; 2],
@@ -291,9 +291,9 @@ impl Reference {
     /// # Errors
     /// [`ReferenceError::Size`].
     pub fn resume(&mut self, from: &Estimate) -> Result<(), ReferenceError> {
-        let mut begun = Estimate::new(self.options.width, self.options.height);
-        begun.merge(from)?;
-        self.estimate = begun;
+        let mut resumed = Estimate::new(self.options.width, self.options.height);
+        resumed.merge(from)?;
+        self.estimate = resumed;
         Ok(())
     }
 

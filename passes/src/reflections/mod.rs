@@ -14,14 +14,21 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "The sky in the mirror direction, blurred with roughness and dimmed by the slot `ao`: no other objects.",
             &[precision::setting()],
             |build, settings| {
-                Ok(Box::new(SkyLight::new(build, "reflections.sky", &REFLECTIONS_SKY_COMP, false, nothing, settings)?))
+                Ok(Box::new(SkyLight::new(
+                    build,
+                    "reflections.sky",
+                    &REFLECTIONS_SKY_COMP,
+                    false,
+                    idle_reason,
+                    settings,
+                )?))
             },
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 
 /// The reason why no surface of the scene has a specular reflection, if none does.
-fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.specular {
         _ if facts.area == 0.0 => Some("there is no surface"),
         0.0 => Some("no surface has a specular reflection"),

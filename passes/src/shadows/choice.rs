@@ -34,7 +34,7 @@ const KINDS: [(&str, u32); 6] = [
 
 /// The lights to which a rule applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Whom {
+enum Target {
     /// All lights of a kind, `LIGHT_*`.
     Kind(u32),
     /// One light, by its index in the scene.
@@ -44,12 +44,12 @@ enum Whom {
 /// The technique of each light, from the settings.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    /// Greatest number of lights that cast shadows.
-    most: usize,
+    /// Greatest number of shadow-casting lights.
+    max_lights: usize,
     /// Technique of lights to which no rule applies.
-    otherwise: Technique,
+    default: Technique,
     /// The last rule that applies to a light counts.
-    rules: Vec<(Whom, Technique)>,
+    rules: Vec<(Target, Technique)>,
 }
 
 /// Lights whose visibility is in the same image.
@@ -76,12 +76,12 @@ struct BadRule(String);
 
 impl fmt::Display for BadRule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let whom: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
-        let how: Vec<&str> = TECHNIQUES.iter().map(|(name, _)| *name).collect();
-        let (whom, how) = (whom.join(", "), how.join(", "));
+        let kinds: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
+        let techniques: Vec<&str> = TECHNIQUES.iter().map(|(name, _)| *name).collect();
+        let (kinds, techniques) = (kinds.join(", "), techniques.join(", "));
         write!(
             f,
-            "shadows.per_light: wanted rules such as \"sun=rays 3=none\" (left: {whom}, or the number of a light; right: {how}), got \"{}\"",
+            "shadows.per_light: wanted rules such as \"sun=rays 3=none\" (left: {kinds}, or the number of a light; right: {techniques}), got \"{}\"",
             self.0
         )
     }
@@ -91,7 +91,7 @@ impl std::error::Error for BadRule {}
 
 /// Settings that all implementations share.
 pub fn settings() -> [SettingSpec; 2] {
-    let most = i64::from(MOST_CASTERS);
+    let max_lights = i64::from(MOST_CASTERS);
     [
         SettingSpec::integer(
             "most_lights",
@@ -99,7 +99,7 @@ pub fn settings() -> [SettingSpec; 2] {
             "How many lights cast shadows, the sun and the strongest lamps first. Higher: fewer lights shine through walls; a ray or a \
              map more for each.",
             4,
-            (1, most),
+            (1, max_lights),
         ),
         SettingSpec::text(
             "per_light",
@@ -112,43 +112,44 @@ pub fn settings() -> [SettingSpec; 2] {
 }
 
 impl Choice {
-    /// Reads the settings. `otherwise` is the technique of the implementation.
-    pub fn new(settings: &Settings, otherwise: Technique) -> Result<Self, SlotError> {
+    /// Reads the settings. `default` is the technique of the implementation.
+    pub fn new(settings: &Settings, default: Technique) -> Result<Self, SlotError> {
         let mut rules = Vec::new();
         for rule in settings.choice("per_light")?.split_whitespace() {
             rules.push(parse(rule).ok_or_else(|| SlotError::other(BadRule(rule.to_owned())))?);
         }
-        Ok(Self { most: settings.u32("most_lights")? as usize, otherwise, rules })
+        Ok(Self { max_lights: settings.u32("most_lights")? as usize, default, rules })
     }
 
-    fn technique(&self, caster: &Caster) -> Technique {
-        let fits = |whom: Whom| match whom {
-            Whom::Kind(kind) => kind == caster.placed.kind,
-            Whom::Light(light) => light == caster.light,
+    fn technique(&self, light: &Caster) -> Technique {
+        let applies = |target: Target| match target {
+            Target::Kind(kind) => kind == light.placed.kind,
+            Target::Light(index) => index == light.light,
         };
-        let rule = self.rules.iter().rev().find(|(whom, _)| fits(*whom));
-        rule.map_or(self.otherwise, |(_, technique)| *technique)
+        let rule = self.rules.iter().rev().find(|(target, _)| applies(*target));
+        rule.map_or(self.default, |(_, technique)| *technique)
     }
 
     /// Groups lights of the same technique. The most important light is in the first channel of the first group. If `tinted`, each light
     /// with shadow rays has a group of its own, with visibility in colour.
-    pub fn groups(&self, casters: &[Caster], tinted: bool) -> Vec<Group> {
+    pub fn groups(&self, shadow_lights: &[Caster], tinted: bool) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
-        let chosen = casters.iter().map(|c| (self.technique(c), c)).filter(|(t, _)| *t != Technique::None);
-        for (technique, caster) in chosen.take(self.most) {
+        let shadowed =
+            shadow_lights.iter().map(|light| (self.technique(light), light)).filter(|(t, _)| *t != Technique::None);
+        for (technique, light) in shadowed.take(self.max_lights) {
             let coloured = tinted && technique == Technique::Rays;
             match groups.iter_mut().find(|g| g.technique == technique && g.lights.len() < 4 && !coloured) {
-                Some(group) => group.lights.push(*caster),
-                None => groups.push(Group { technique, lights: vec![*caster], coloured }),
+                Some(group) => group.lights.push(*light),
+                None => groups.push(Group { technique, lights: vec![*light], coloured }),
             }
         }
         groups
     }
 }
 
-fn parse(rule: &str) -> Option<(Whom, Technique)> {
-    let (whom, how) = rule.split_once('=')?;
-    let kind = KINDS.iter().find(|(name, _)| *name == whom).map(|(_, kind)| Whom::Kind(*kind));
-    let whom = kind.or_else(|| whom.parse().ok().map(Whom::Light))?;
-    TECHNIQUES.iter().find(|(name, _)| *name == how).map(|(_, technique)| (whom, *technique))
+fn parse(rule: &str) -> Option<(Target, Technique)> {
+    let (left, right) = rule.split_once('=')?;
+    let kind = KINDS.iter().find(|(name, _)| *name == left).map(|(_, kind)| Target::Kind(*kind));
+    let target = kind.or_else(|| left.parse().ok().map(Target::Light))?;
+    TECHNIQUES.iter().find(|(name, _)| *name == right).map(|(_, technique)| (target, *technique))
 }

@@ -95,10 +95,11 @@ impl Shadows {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (group, maps): (&Group, Option<MapOut>),
+        group: &Group,
+        maps: Option<MapOut>,
         name: &str,
     ) -> Handle<Image> {
-        let Traced { visibility, change, penumbra } = self.rays.add(g, view, i, (group, maps), name);
+        let Traced { visibility, change, penumbra } = self.rays.add(g, view, i, group, maps, name);
         if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
@@ -135,12 +136,12 @@ impl Effect for Shadows {
             // Names of passes of the first group have no suffix.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
             let visibility = match group.technique {
-                Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
+                Technique::Map => self.maps.add(g, view, i, &group.lights, false, &name).visibility,
                 Technique::Hybrid => {
-                    let maps = self.maps.add(g, view, i, (&group.lights, true), &name);
-                    self.rays(g, view, i, (group, Some(maps)), &name)
+                    let maps = self.maps.add(g, view, i, &group.lights, true, &name);
+                    self.rays(g, view, i, group, Some(maps), &name)
                 }
-                Technique::Rays | Technique::None => self.rays(g, view, i, (group, None), &name),
+                Technique::Rays | Technique::None => self.rays(g, view, i, group, None, &name),
             };
             let lights = ray_traced::indices(&group.lights);
             let raw = group.technique == Technique::Rays && self.rays.gives_raw();

@@ -94,7 +94,7 @@ pub fn format(channels: usize) -> Format {
 
 /// Scene indices of up to four lights, then [`NO_LIGHT`].
 pub fn indices(lights: &[Caster]) -> [u32; 4] {
-    std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |caster| caster.light))
+    std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |light| light.light))
 }
 
 impl RayTraced {
@@ -129,7 +129,7 @@ impl RayTraced {
             LIGHT_DIRECTIONAL => light.radius > 0.0,
             _ => true,
         };
-        self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
+        self.samples > 0 && lights.iter().any(|light| has_size(&light.placed))
     }
 
     /// Whether the output is the unfiltered rays of each pixel: no denoiser and no upsampling follows.
@@ -145,7 +145,7 @@ impl RayTraced {
     /// A bit for each channel whose light has moved since the previous frame.
     pub fn moved(&self, group: &Group) -> u32 {
         let bits = |channel: usize| if group.coloured { 0b111 } else { 1 << channel };
-        let moved = group.lights.iter().enumerate().filter(|(_, caster)| caster.moved);
+        let moved = group.lights.iter().enumerate().filter(|(_, light)| light.moved);
         moved.map(|(channel, _)| bits(channel)).fold(0, |all, bits| all | bits)
     }
 
@@ -155,15 +155,16 @@ impl RayTraced {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (group, maps): (&Group, Option<MapOut>),
+        group: &Group,
+        maps: Option<MapOut>,
         name: &str,
     ) -> Traced {
         let lights = &group.lights[..];
         let tinted = self.tinted.filter(|_| group.coloured);
         let (kernel, gradient) = tinted.unwrap_or((self.trace, self.gradient));
         // Temporal gradients compare rays with rays, so they do not apply to visibility by maps.
-        let wanted = self.is_noisy(lights) && maps.is_none();
-        let (change, next) = match gradient.filter(|_| wanted) {
+        let has_gradient = self.is_noisy(lights) && maps.is_none();
+        let (change, next) = match gradient.filter(|_| has_gradient) {
             Some(kernel) => {
                 let changes = self.changes(g, view, kernel, i, group, name);
                 (Some(changes.change), Some((changes.visibility, changes.surfaces)))
@@ -202,7 +203,7 @@ impl RayTraced {
                     visibility: c.id(target),
                     penumbra: penumbra_target.map_or(NO_PENUMBRA, |t| c.id(t).index()),
                     surfaces: surfaces.map_or(NO_SURFACES, |t| c.id(t).index()),
-                    map_visibility: maps.map_or(NO_MAP, |(seen, _)| c.id(seen).index()),
+                    map_visibility: maps.map_or(NO_MAP, |(visibility, _)| c.id(visibility).index()),
                     unsure: maps.map_or(NO_MAP, |(_, unsure)| c.id(unsure).index()),
                     step,
                     samples,

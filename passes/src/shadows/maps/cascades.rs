@@ -65,7 +65,7 @@ pub fn cascades(camera: &Camera, aspect: f64, scene: [DVec3; 2], forward: DVec3,
         forward,
         depth,
     };
-    let whole = reach(right).max(reach(down)) * (1.0 + MARGIN);
+    let scene_half_side = reach(right).max(reach(down)) * (1.0 + MARGIN);
 
     let (eye, near) = (camera.eye(), f64::from(camera.near));
     let furthest = [scene[0], scene[1]].map(|c| (c - eye).abs()).iter().fold(DVec3::ZERO, |a, b| a.max(*b)).length();
@@ -76,23 +76,23 @@ pub fn cascades(camera: &Camera, aspect: f64, scene: [DVec3; 2], forward: DVec3,
     let spread = tangent * tangent * (1.0 + aspect * aspect);
     let ahead = -camera.world_from_camera.matrix3.z_axis;
 
-    let mut made = Vec::new();
+    let mut layers = Vec::new();
     let mut begin = near;
     for end in ends(near, far, division) {
         let (centre, radius) = sphere(begin, end, spread);
         begin = end;
         // Wider by half a step on either side, as rounding may move the centre by that much.
         let half_side = radius * STEPS / (STEPS - 1.0);
-        if half_side >= whole {
-            made.push(layer(middle.dot(right), middle.dot(down), whole));
+        if half_side >= scene_half_side {
+            layers.push(layer(middle.dot(right), middle.dot(down), scene_half_side));
             break;
         }
         let step = 2.0 * half_side / STEPS;
         let snapped = |v: f64| (v / step).round() * step;
         let centre = eye + centre * ahead;
-        made.push(layer(snapped(centre.dot(right)), snapped(centre.dot(down)), half_side));
+        layers.push(layer(snapped(centre.dot(right)), snapped(centre.dot(down)), half_side));
     }
-    made
+    layers
 }
 
 #[cfg(test)]
@@ -107,7 +107,7 @@ mod tests {
         Camera { near: 0.1, ..Camera::look_at("t", eye, to, Vec3::Y, 0.7).unwrap() }
     }
 
-    fn made(eye: DVec3, to: DVec3) -> Vec<Layer> {
+    fn cascades_of(eye: DVec3, to: DVec3) -> Vec<Layer> {
         cascades(&camera(eye, to), 16.0 / 9.0, SCENE, DVec3::new(0.4, -0.7, 0.3).normalize(), &DIVISION)
     }
 
@@ -142,7 +142,7 @@ mod tests {
             let (eye, to) =
                 (DVec3::new(3.0 * t, 2.0 + t.sin(), -2.0 * t), DVec3::new((2.1 * t).cos() * 900.0, 0.0, 300.0));
             let camera = camera(eye, to);
-            let (layers, ends) = (made(eye, to), ends(0.1, 100.0, &DIVISION));
+            let (layers, ends) = (cascades_of(eye, to), ends(0.1, 100.0, &DIVISION));
             assert_eq!(layers.len(), 4);
             let tangent = (0.5 * f64::from(camera.vertical_fov)).tan();
             let mut begin = 0.1;
@@ -162,11 +162,11 @@ mod tests {
 
     #[test]
     fn texels_stay_where_they_are_and_the_size_does_not_change() {
-        let first = made(DVec3::ZERO, DVec3::Z);
+        let first = cascades_of(DVec3::ZERO, DVec3::Z);
         let mut still = 0;
         for i in 1..200 {
             let t = 0.01 * f64::from(i);
-            let moved = made(DVec3::new(t, 0.2 * t, -t), DVec3::new(t.sin(), 0.0, t.cos()));
+            let moved = cascades_of(DVec3::new(t, 0.2 * t, -t), DVec3::new(t.sin(), 0.0, t.cos()));
             for (a, b) in first.iter().zip(&moved) {
                 assert_eq!((a.right, a.down, a.forward, a.depth), (b.right, b.down, b.forward, b.depth));
                 let texel = 2.0 * a.right.length() / 512.0;

@@ -75,15 +75,15 @@ impl Layer {
         let half = 0.5 * (bounds.max - bounds.min).as_dvec3();
         let centre = bounds.centre().as_dvec3() + origin - self.origin;
         // Greatest value of the dot product with `along` over the box.
-        let most = |along: DVec3| along.dot(centre) + along.abs().dot(half);
+        let max_dot = |along: DVec3| along.dot(centre) + along.abs().dot(half);
         let sides = [self.right, -self.right, self.down, -self.down];
         if self.is_box {
             let square = self.right.length_squared();
-            let inside = sides.iter().all(|side| -most(-*side) <= square);
-            return inside && most(-self.forward) >= 0.0 && -most(self.forward) <= self.depth;
+            let inside = sides.iter().all(|side| -max_dot(-*side) <= square);
+            return inside && max_dot(-self.forward) >= 0.0 && -max_dot(self.forward) <= self.depth;
         }
         let square = self.right.length_squared();
-        most(self.forward) >= 0.0 && sides.iter().all(|side| most(square * self.forward - *side) >= 0.0)
+        max_dot(self.forward) >= 0.0 && sides.iter().all(|side| max_dot(square * self.forward - *side) >= 0.0)
     }
 
     /// Hashes all fields.

@@ -23,7 +23,7 @@ use magpie_shaders::{
     SHADOWS_CONTACT_COMP, SHADOWS_MAP_FRAG, SHADOWS_MAP_LOOK_COMP, SHADOWS_MAP_SPHERE_FRAG, SHADOWS_MAP_SPHERE_VERT,
     SHADOWS_MAP_VERT, SampledImage, StorageImage,
 };
-use settings::Chosen;
+use settings::MapOptions;
 use std::f32::consts::PI;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -31,11 +31,11 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 const NEAR: f64 = 1e-3;
 
 /// Spot lights with a larger tangent of half their angle use the faces of a cube.
-const WIDEST: f32 = 4.0;
+const MAX_SPOT_TANGENT: f32 = 4.0;
 
 /// Visibility by shadow maps.
 pub struct MapShadows {
-    chosen: Chosen,
+    options: MapOptions,
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
     spheres: RasterKernel,
@@ -63,7 +63,7 @@ struct Map {
 impl MapShadows {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let chosen = Chosen::new(settings)?;
+        let options = MapOptions::new(settings)?;
         let raster = |name, vertex, fragment, constants: &[u32]| {
             let (blend, depth) = (Blend::Opaque, Some(Format::D32Float));
             let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], blend, depth };
@@ -73,12 +73,12 @@ impl MapShadows {
             |name, alpha_test: bool| raster(name, &SHADOWS_MAP_VERT, &SHADOWS_MAP_FRAG, &[alpha_test.into()]);
         let kernel = |shader| build.kernel(shader);
         Ok(Self {
-            chosen,
+            options,
             opaque: triangles("shadows.map_opaque", false)?,
             alpha_tested: triangles("shadows.map_alpha_tested", true)?,
             spheres: raster("shadows.map_spheres", &SHADOWS_MAP_SPHERE_VERT, &SHADOWS_MAP_SPHERE_FRAG, &[])?,
             look: kernel(&SHADOWS_MAP_LOOK_COMP)?,
-            contact: (chosen.contact > 0.0).then(|| kernel(&SHADOWS_CONTACT_COMP)).transpose()?,
+            contact: (options.contact > 0.0).then(|| kernel(&SHADOWS_CONTACT_COMP)).transpose()?,
             scope: HistoryScope::new(),
         })
     }
@@ -90,28 +90,29 @@ impl MapShadows {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (casters, classify): (&[Caster], bool),
+        lights: &[Caster],
+        classify: bool,
         name: &str,
     ) -> MapOut {
         let mut maps: Vec<Map> = Vec::with_capacity(MAP_LIGHTS as usize);
-        for caster in casters.iter().take(MAP_LIGHTS as usize) {
-            let layers = self.layers(g, view, &caster.placed);
-            let side = if layers.iter().any(|l| l.is_box) { self.chosen.sun_side } else { self.chosen.lamp_side };
-            let image = self.map(g, view, i, (caster.light, side), &layers);
+        for light in lights.iter().take(MAP_LIGHTS as usize) {
+            let layers = self.layers(g, view, &light.placed);
+            let side = if layers.iter().any(|l| l.is_box) { self.options.sun_side } else { self.options.lamp_side };
+            let image = self.map(g, view, i, light.light, side, &layers);
             let light = MapLight {
-                light: caster.light,
-                kind: if caster.placed.kind == LIGHT_DIRECTIONAL { MAP_CASCADES } else { MAP_FACES },
+                light: light.light,
+                kind: if light.placed.kind == LIGHT_DIRECTIONAL { MAP_CASCADES } else { MAP_FACES },
                 first: maps.iter().map(|m| m.layers.len() as u32).sum(),
                 layers: layers.len() as u32,
-                size: size(&caster.placed),
-                facing: match caster.placed.kind {
-                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => caster.placed.direction,
+                size: size(&light.placed),
+                facing: match light.placed.kind {
+                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => light.placed.direction,
                     _ => [0.0; 3],
                 },
             };
             maps.push(Map { light, image, layers });
         }
-        self.look(g, view, i, (&maps, classify), name)
+        self.look_up(g, view, i, &maps, classify, name)
     }
 
     /// The layers of a light's map.
@@ -123,16 +124,16 @@ impl MapShadows {
                 let aspect = f64::from(g.full().width) / f64::from(g.full().height);
                 let scene = layer::coarse_box(view.placed.iter().map(|p| &p.bounds), view.origin);
                 let scene = scene.unwrap_or([view.camera.eye(); 2]);
-                cascades::cascades(&view.camera, aspect, scene, forward, &self.chosen.division)
+                cascades::cascades(&view.camera, aspect, scene, forward, &self.options.division)
             }
             LIGHT_SPOT => {
                 // cone_offset is -cos(outer) * cone_scale.
                 let cosine = -light.cone_offset / light.cone_scale;
                 let tangent = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine;
-                if cosine > 0.0 && tangent < WIDEST {
+                if cosine > 0.0 && tangent < MAX_SPOT_TANGENT {
                     // The map is wider than the cone, so that the filter's texels at its edge are in the map.
-                    let side = f64::from(self.chosen.lamp_side);
-                    let margin = 1.0 + 2.0 * f64::from(self.chosen.kernel + 2.0) / side;
+                    let side = f64::from(self.options.lamp_side);
+                    let margin = 1.0 + 2.0 * f64::from(self.options.kernel + 2.0) / side;
                     vec![layer::face(position, forward, f64::from(tangent.max(1e-3)) * margin, NEAR)]
                 } else {
                     layer::faces(position, Some(forward), NEAR)
@@ -145,13 +146,14 @@ impl MapShadows {
         }
     }
 
-    /// The map of a light. Adds a pass for each layer that has to be redrawn.
+    /// The map of a light of this index in the scene, with `side` texels on a side. Adds a pass for each layer that has to be redrawn.
     fn map(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (light, side): (u32, u32),
+        light: u32,
+        side: u32,
         layers: &[Layer],
     ) -> Handle<Image> {
         let drawn: Vec<Vec<Draw>> = layers.iter().map(|layer| draws(view, layer)).collect();
@@ -169,13 +171,13 @@ impl MapShadows {
                 let (image, _) = p.depth_layer(image, at, 0.0);
                 (image, move |c: &mut Record<'_>| {
                     let params = magpie_shaders::shadow_map::MapDrawParams { view: c.id(block), ..params };
-                    let (triangles, round) =
+                    let (triangles, sphere_draws) =
                         draws.split_at(draws.partition_point(|d| d.class != DrawClass::Procedural));
-                    let (solid, tested) =
+                    let (opaque_draws, alpha_tested_draws) =
                         triangles.split_at(triangles.partition_point(|d| d.class == DrawClass::Opaque));
-                    c.draw(opaque, &params, indices, solid);
-                    c.draw(alpha_tested, &params, indices, tested);
-                    c.draw(spheres, &params, indices, round);
+                    c.draw(opaque, &params, indices, opaque_draws);
+                    c.draw(alpha_tested, &params, indices, alpha_tested_draws);
+                    c.draw(spheres, &params, indices, sphere_draws);
                 })
             });
         }
@@ -183,12 +185,13 @@ impl MapShadows {
     }
 
     /// Adds the lookup of every pixel in the maps, and contact shadows.
-    fn look(
+    fn look_up(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (maps, classify): (&[Map], bool),
+        maps: &[Map],
+        classify: bool,
         name: &str,
     ) -> MapOut {
         let lights: Vec<MapLight> = maps.iter().map(|m| m.light).collect();
@@ -203,14 +206,14 @@ impl MapShadows {
             })
         });
 
-        let (kernel, block, chosen, count) = (self.look, view.block, self.chosen, maps.len());
+        let (kernel, block, options, count) = (self.look, view.block, self.options, maps.len());
         let out = g.pass(&format!("shadows.map_look{name}"), Queue::AsyncCompute, |p| {
             let (block, tables) = (p.read(block), p.read(tables));
             i.scene.read(p);
             let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
             let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
-            let unsure = (classify || chosen.doubts)
+            let unsure = (classify || options.always_classify)
                 .then(|| p.create("unsure", ImageDesc::like(Format::R32Uint, i.gbuffer.depth)));
             let (unsure, mask) = unsure.map_or((None, None), |(image, token)| (Some(image.read()), Some(token)));
             let extent = p.extent(i.gbuffer.depth);
@@ -227,12 +230,12 @@ impl MapShadows {
                     visibility: c.id(target),
                     unsure: mask.map_or(StorageImage::default(), |m| c.id(m)),
                     classify: mask.is_some().into(),
-                    filter_kind: chosen.filter,
-                    kernel: chosen.kernel,
-                    taps: chosen.taps,
-                    rotate: chosen.rotate.into(),
-                    blend: chosen.blend,
-                    coarse: chosen.coarse,
+                    filter_kind: options.filter,
+                    kernel: options.kernel,
+                    taps: options.taps,
+                    rotate: options.rotate.into(),
+                    blend: options.blend,
+                    coarse: options.coarse,
                 };
                 c.dispatch(kernel, &params, extent);
             })
@@ -252,8 +255,8 @@ impl MapShadows {
                         light_count: count as u32,
                         gbuffer: gbuffer.images(c),
                         visibility: c.id(target),
-                        reach: chosen.contact,
-                        steps: chosen.contact_steps,
+                        reach: options.contact,
+                        steps: options.contact_steps,
                     };
                     c.dispatch(kernel, &params, extent);
                 })
@@ -265,9 +268,10 @@ impl MapShadows {
 
 /// The draws of the instances that may be in a layer. Both sides of every triangle cast shadows, as with rays.
 fn draws(view: &View, layer: &Layer) -> Vec<Draw> {
-    let there = |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
-    let both = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
-    view.draws.all().iter().filter(there).map(both).collect()
+    let may_be_inside =
+        |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
+    let both_sides = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
+    view.draws.all().iter().filter(may_be_inside).map(both_sides).collect()
 }
 
 /// A hash of everything on which the contents of a layer depend.

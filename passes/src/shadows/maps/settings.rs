@@ -5,7 +5,7 @@ use magpie_shaders::shadow_map::{MAP_FILTER_NONE, MAP_FILTER_PCF, MAP_FILTER_PCS
 
 /// The values of the settings.
 #[derive(Clone, Copy, Debug)]
-pub struct Chosen {
+pub struct MapOptions {
     /// `MAP_FILTER_*`.
     pub filter: u32,
     /// Width of the PCF box, texels.
@@ -27,7 +27,7 @@ pub struct Chosen {
     /// Steps of its march.
     pub contact_steps: u32,
     /// Always output where the maps are unsure.
-    pub doubts: bool,
+    pub always_classify: bool,
     /// Width of a texel, pixels, from which on an edge nearby is unsure.
     pub coarse: f32,
 }
@@ -133,7 +133,7 @@ pub fn settings() -> Vec<SettingSpec> {
     ]
 }
 
-impl Chosen {
+impl MapOptions {
     /// Reads the settings.
     pub fn new(settings: &Settings) -> Result<Self, SlotError> {
         let filter = match settings.choice("filter")? {
@@ -157,7 +157,7 @@ impl Chosen {
             blend: settings.f32("blend")?,
             contact: settings.f32("contact")?,
             contact_steps: settings.u32("contact_steps")?,
-            doubts: settings.switch("doubts")?,
+            always_classify: settings.switch("doubts")?,
             coarse: settings.f32("coarse")?,
         })
     }
