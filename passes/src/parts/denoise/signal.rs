@@ -16,8 +16,8 @@ pub struct Signal {
 /// What a noisy image holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// Visibility of 1 to 4 lights, or of one light in 3 colour channels, 0 to 1. Channels are filtered independently. Visibility depends on
-    /// the geometric normal of a surface only, not on its shading normal.
+    /// Visibility of 1 to 4 lights, or of one light in 3 colour channels, 0 to 1. Channels are filtered independently. Filters compare
+    /// geometric normals only: the shading normal matters only where it turns away from a light, which makes visibility 0.
     Visibility {
         /// Number of channels.
         channels: u32,
