@@ -74,7 +74,7 @@ pub(crate) fn plan(arguments: &PlanArguments) -> Result<(), Failure> {
     let size = arguments.size.unwrap_or(SIZES[usize::from(arguments.measure)]);
     let slots = Slots::default();
     let extent = PixelExtent::new(size.width, size.height);
-    let planned = plan_frame(&scene, &camera, (&slots, &config), Rays::Software, extent).map_err(failure)?;
+    let planned = plan_frame(&scene, &camera, &slots, &config, Rays::Software, extent).map_err(failure)?;
     let measured = arguments.measure.then(|| measure(arguments, &scene, &camera, &config, size)).transpose()?;
 
     let pixels = u64::from(size.width) * u64::from(size.height);

@@ -1,10 +1,10 @@
-//! The contract of every slot: what goes in and what comes out. Effects know of each other only through these.
+//! The contract of every slot: its inputs and outputs. Effects depend on each other only through these types.
 //!
-//! Every image that comes out is as large as the frame, that of `post` as large as the picture. Where one has another format or size than its
-//! contract says, the frame is refused with both, and with the names of slot and implementation.
+//! Output images have the size of the frame; those of `post` have the size of the output picture. If an image has another format or size
+//! than its contract allows, the frame is refused with an error that names the slot, the implementation and both formats or sizes.
 mod gbuffer;
 
-use crate::outputs::{DIRECTION, DISTANCE, Gives, ONE, RADIANCE, SHARES};
+use crate::outputs::{DIRECTION, DISTANCE, Gives, RADIANCE, SCALAR, VISIBILITY};
 pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
@@ -15,23 +15,23 @@ use magpie_shaders::view::MOST_CASTERS;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Slot `acceleration`.
+/// Input of the slot `acceleration`.
 #[derive(Clone)]
 pub enum AccelerationIn {
-    /// The scene on the device, gone to the moment that the frame shows.
+    /// The scene on the device, animated to the time of the frame.
     Resident {
         /// The scene.
         scene: SharedScene,
-        /// Objects of the frame at hand.
+        /// Buffers and images that this frame imports into the graph.
         imports: Rc<RefCell<Imports>>,
-        /// From where the frame is seen.
+        /// The camera of the frame.
         camera: Camera,
     },
     /// A frame that is only planned, without a device.
     Sketch(Rc<SceneSketch>),
 }
 
-/// The scene as rays see it, up to date.
+/// The scene's tables and acceleration structures, brought up to date for this frame.
 pub type AccelerationOut = Result<SceneHandles, ResidentError>;
 
 impl Gives for AccelerationOut {
@@ -42,35 +42,35 @@ impl Gives for AccelerationOut {
     }
 }
 
-/// The surfaces that are seen, and where they were one frame ago, as denoisers read them.
+/// The visible surfaces and their reprojection into the previous frame, as denoisers read them.
 #[derive(Clone, Copy, Debug)]
 pub struct Reprojected {
-    /// View depth, geometric normal and instance in two words.
+    /// The guide, RG32 uint: view depth, geometric normal and instance, packed as in `lib/guide.glsl`.
     pub guide: Handle<Image>,
-    /// Which four pixels showed the surface, and their shares, in one word; 0 where none did.
+    /// The four pixels of the previous frame that showed the surface and their weights, R32 uint, packed as in `lib/taps.glsl`; 0 if none did.
     pub taps: Handle<Image>,
     /// The guide of the previous frame, in that frame's pixels; all 0 if there is none.
     pub previous_guide: Handle<Image>,
 }
 
-/// Slot `gbuffer`.
+/// Input of the slot `gbuffer`.
 #[derive(Clone, Copy, Debug)]
 pub struct GBufferIn {
-    /// What to draw.
+    /// The scene to draw.
     pub scene: SceneHandles,
 }
 
-/// Slot `rays`.
+/// Input of the slot `rays`.
 #[derive(Clone, Copy, Debug)]
 pub struct RaysIn {
-    /// What rays see.
+    /// The scene to trace.
     pub scene: SceneHandles,
 }
 
-/// How much work rays are; `None` when nobody wants to know.
+/// Output of the slot `rays`: the cost of traversal per pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct RaysOut {
-    /// In false colours, RGBA8.
+    /// Steps of one primary ray per pixel in false colours, RGBA8; `None` if the slot is off.
     pub colours: Option<Handle<Image>>,
 }
 
@@ -82,73 +82,74 @@ impl Gives for RaysOut {
     }
 }
 
-/// Slot `shadows`.
+/// Input of the slot `shadows`.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowIn {
-    /// What casts.
+    /// The scene, which contains lights and occluders.
     pub scene: SceneHandles,
-    /// What receives.
+    /// The surfaces that receive shadows.
     pub gbuffer: GBuffer,
-    /// Where it was one frame ago.
+    /// Reprojection of these surfaces into the previous frame.
     pub reprojected: Reprojected,
 }
 
-/// Most images of visibility: every light that casts a shadow may have its own.
+/// Greatest number of visibility images: every shadow-casting light may have its own.
 pub const SHADOW_GROUPS: usize = MOST_CASTERS as usize;
 
-/// How much of some lights each pixel sees.
+/// Visibility of up to four lights, in one image.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowGroup {
-    /// A light in each channel: the share of it that is seen, 0 to 1. Red alone, red and green, or four channels, of 8 bits,
-    /// 16F or 32F.
+    /// The visible share of one light in each channel, 0 to 1. One, two or four channels: R, RG or RGBA of 8-bit unorm, 16-bit unorm, 16F or
+    /// 32F.
     pub visibility: Handle<Image>,
-    /// Which lights, by their index in the scene, of those that can cast shadows; `NO_LIGHT` in channels that hold none.
+    /// Scene index of the light in each channel; `NO_LIGHT` for unused channels. They must be among the shadow-casting lights of the view.
     pub lights: [u32; 4],
-    /// The first three channels belong to the first light, one for each of its colours.
+    /// The first three channels hold the red, green and blue visibility of the first light.
     pub coloured: bool,
-    /// Single rays of the pixel, unfiltered: their mean over frames is the share, and each of them may be far beside it.
+    /// The values are single unfiltered rays of the pixel. Their mean over frames is the visibility, but one frame may be far from it.
     pub raw: bool,
 }
 
-/// Visibility of the lights that cast shadows; all others shine through everything.
+/// Visibility of the shadow-casting lights; all other lights are unshadowed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShadowOut {
-    /// Implementation from the front.
+    /// Visibility images. Used entries come first.
     pub groups: [Option<ShadowGroup>; SHADOW_GROUPS],
 }
 
 impl Gives for ShadowOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        self.groups.iter().flatten().map(|group| ("visibility", group.visibility, SHARES)).collect()
+        self.groups.iter().flatten().map(|group| ("visibility", group.visibility, VISIBILITY)).collect()
     }
 }
 
-/// How far away a thing still counts for ambient occlusion where nothing else is said, metres: of the effects and of the reference.
+/// Default distance up to which geometry counts as an occluder for ambient occlusion, metres. The effects and the reference share it.
 pub const AO_RANGE: f32 = 1.0;
 
-/// Slot `ao`.
+/// Input of the slot `ao`.
 #[derive(Clone, Copy, Debug)]
 pub struct AoIn {
-    /// What hides.
+    /// The scene, which contains the occluders.
     pub scene: SceneHandles,
-    /// What is hidden from.
+    /// The surfaces for which openness is computed.
     pub gbuffer: GBuffer,
-    /// Where it was one frame ago.
+    /// Reprojection of these surfaces into the previous frame.
     pub reprojected: Reprojected,
 }
 
-/// What is left of the hemisphere above each pixel, weighed with the cosine; `None` for all of it. For indirect light only.
+/// Ambient occlusion. It applies to indirect light only.
 #[derive(Clone, Copy, Debug)]
 pub struct AoOut {
-    /// Openness, one channel: 1 where nothing near hides anything, 0 where all is hidden. R8, R16F or R32F.
+    /// Openness, the cosine-weighted share of the hemisphere without an occluder in range: 0 is closed, 1 is open. R8 unorm, R16 unorm, R16F or
+    /// R32F; `None` means 1 everywhere.
     pub openness: Option<Handle<Image>>,
-    /// Mean direction of what is not hidden, in the world, octahedral in RG16F or RG32F. `None`: the normal has to do.
+    /// Bent normal, the mean unoccluded direction, in world space: octahedral in RG16F or RG32F. If `None`, the shading normal is used.
     pub bent_normal: Option<Handle<Image>>,
 }
 
 impl Gives for AoOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        let openness = self.openness.map(|image| ("openness", image, ONE));
+        let openness = self.openness.map(|image| ("openness", image, SCALAR));
         openness.into_iter().chain(self.bent_normal.map(|image| ("bent_normal", image, DIRECTION))).collect()
     }
 
@@ -157,23 +158,23 @@ impl Gives for AoOut {
     }
 }
 
-/// Slot `direct`.
+/// Input of the slot `direct`.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectIn {
-    /// Lights and materials.
+    /// The scene, which contains lights and materials.
     pub scene: SceneHandles,
-    /// What is lit.
+    /// The surfaces to light.
     pub gbuffer: GBuffer,
-    /// Where it was one frame ago.
+    /// Reprojection of these surfaces into the previous frame.
     pub reprojected: Reprojected,
-    /// What is in shadow.
+    /// Visibility of the lights.
     pub shadows: ShadowOut,
 }
 
-/// Radiance towards the camera from the lights, emission included.
+/// Reflected radiance of the lights towards the camera, plus emission.
 #[derive(Debug)]
 pub struct DirectOut {
-    /// The image, RGBA32F or RGBA16F.
+    /// Radiance, RGBA32F or RGBA16F.
     pub radiance: WriteHandle<Image>,
 }
 
@@ -183,51 +184,51 @@ impl Gives for DirectOut {
     }
 }
 
-/// Slots `gi` and `reflections`, and others that light what the camera sees.
+/// Input of the slots `gi` and `reflections`, and of other effects that light the visible surfaces.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct LightingIn {
-    /// Lights, materials, and what rays see.
+    /// The scene: lights, materials and acceleration structures.
     pub scene: SceneHandles,
-    /// What is lit.
+    /// The surfaces to light.
     pub gbuffer: GBuffer,
-    /// Where it was one frame ago.
+    /// Reprojection of these surfaces into the previous frame.
     pub reprojected: Reprojected,
-    /// What hides indirect light.
+    /// Ambient occlusion, for indirect light.
     pub ao: AoOut,
-    /// Radiance from the lights and emission, of this frame.
+    /// Output of the slot `direct` in this frame: direct light plus emission.
     pub direct: Handle<Image>,
-    /// Radiance of the previous frame with everything in it, in the previous frame's pixels, before anti-aliasing and tone mapping: RGBA16F
-    /// with 1 in alpha, 0 in all channels where it is not known, as in the first frame. `None` unless an effect asks for it with
+    /// Radiance of the complete previous frame, sky included, before anti-aliasing and tone mapping. It is in the pixels of that frame, not
+    /// reprojected. RGBA16F with 1 in alpha; 0 in all channels where it is unknown, as in the first frame. `None` unless an effect asks for it with
     /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance).
     pub previous_radiance: Option<Handle<Image>>,
 }
 
-/// One kind of light. The default is none.
+/// Light of one kind, such as diffuse or specular indirect light. The default is no light.
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct LightingOut {
-    /// Radiance towards the camera, RGBA32F or RGBA16F; `None` if there is none.
+    /// Radiance towards the camera, RGBA32F or RGBA16F; `None` if there is no light.
     pub radiance: Option<Handle<Image>>,
-    /// Distance from which most of it comes, metres, where that is known: R16F or R32F.
+    /// Distance from which most of the light comes, metres, R16F or R32F; `None` if it is unknown.
     pub hit_distance: Option<Handle<Image>>,
-    /// How much the radiance can be trusted, 0 to 1, where that varies: R8, R16, R16F or R32F.
+    /// Confidence in the radiance, 0 to 1, R8 unorm, R16 unorm, R16F or R32F; `None` if it is the same everywhere.
     pub confidence: Option<Handle<Image>>,
 }
 
 impl LightingOut {
-    /// Radiance alone.
+    /// Radiance without hit distance and confidence.
     pub fn radiance(radiance: Handle<Image>) -> Self {
         Self { radiance: Some(radiance), ..Self::default() }
     }
 
-    /// With [`LightingOut::hit_distance`].
+    /// Sets [`LightingOut::hit_distance`].
     #[must_use]
     pub fn with_hit_distance(self, hit_distance: Handle<Image>) -> Self {
         Self { hit_distance: Some(hit_distance), ..self }
     }
 
-    /// With [`LightingOut::confidence`].
+    /// Sets [`LightingOut::confidence`].
     #[must_use]
     pub fn with_confidence(self, confidence: Handle<Image>) -> Self {
         Self { confidence: Some(confidence), ..self }
@@ -239,7 +240,7 @@ impl Gives for LightingOut {
         let all = [
             ("radiance", self.radiance, RADIANCE),
             ("hit_distance", self.hit_distance, DISTANCE),
-            ("confidence", self.confidence, ONE),
+            ("confidence", self.confidence, SCALAR),
         ];
         all.into_iter().filter_map(|(name, image, formats)| Some((name, image?, formats))).collect()
     }
@@ -249,10 +250,10 @@ impl Gives for LightingOut {
     }
 }
 
-/// Slot `compose`.
+/// Input of the slot `compose`.
 #[derive(Debug)]
 pub struct ComposeIn {
-    /// Lights and emission.
+    /// Direct light and emission.
     pub direct: DirectOut,
     /// Diffuse indirect light.
     pub gi: LightingOut,
@@ -260,7 +261,7 @@ pub struct ComposeIn {
     pub reflections: LightingOut,
 }
 
-/// The sum of all light; RGBA32F or RGBA16F.
+/// The sum of all light, RGBA32F or RGBA16F. The slot `sky` writes the background into the same image.
 pub type ComposeOut = WriteHandle<Image>;
 
 impl Gives for ComposeOut {
@@ -269,42 +270,42 @@ impl Gives for ComposeOut {
     }
 }
 
-/// Slot `sky`.
+/// Input of the slot `sky`.
 #[derive(Debug)]
 pub struct SkyIn {
-    /// Where nothing was drawn.
+    /// Reversed depth; 0 marks the background.
     pub depth: Handle<Image>,
-    /// The lit picture.
+    /// The lit picture, to draw the background into.
     pub lit: WriteHandle<Image>,
 }
 
-/// The picture with what lies behind everything, and the right to draw on; RGBA32F or RGBA16F.
+/// The lit picture with its background, RGBA32F or RGBA16F. It may still be written to.
 pub type SkyOut = WriteHandle<Image>;
 
-/// Slot `post`.
+/// Input of the slot `post`.
 #[derive(Clone, Copy, Debug)]
 pub struct PostIn {
-    /// Linear radiance.
+    /// Linear radiance, RGBA32F or RGBA16F.
     pub colour: Handle<Image>,
-    /// What the picture shows; `None` where it was not drawn in this frame, so that it has nothing to do with others.
+    /// The surfaces in the picture, for temporal effects; `None` if the picture was not rendered by this frame, which turns them off.
     pub seen: Option<Seen>,
 }
 
-/// What a picture shows.
+/// The surfaces that a picture shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// What moves.
+    /// The scene, which contains the transforms of this and the previous frame.
     pub scene: SceneHandles,
-    /// What every pixel sees first.
+    /// The G-buffer of the picture.
     pub gbuffer: GBuffer,
 }
 
-/// The picture, in the size of the output.
+/// The finished picture, in the size of the output.
 #[derive(Clone, Copy, Debug)]
 pub struct PostOut {
-    /// Linear radiance of which the display's image is made, RGBA32F or RGBA16F.
+    /// Linear radiance before exposure and tone curve, RGBA32F or RGBA16F.
     pub radiance: Handle<Image>,
-    /// RGBA8, sRGB-encoded.
+    /// Display values, RGBA8, sRGB-encoded.
     pub display: Handle<Image>,
 }
 

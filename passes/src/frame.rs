@@ -1,4 +1,4 @@
-//! The whole frame on one screen: read this first.
+//! Declares the whole frame. Read this first.
 use crate::contracts::*;
 use crate::outputs::Slotted;
 use crate::slots::Frame;
@@ -6,19 +6,19 @@ use magpie::prelude::*;
 use magpie::scene::ResidentError;
 use magpie::slot::Needs;
 
-/// What a frame is made for.
+/// The results of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameOut {
-    /// Linear radiance before the tone map, RGBA32F.
+    /// Linear radiance before exposure and tone curve, RGBA32F or RGBA16F.
     pub radiance: Handle<Image>,
-    /// What a display shows, RGBA8.
+    /// Display values, RGBA8, sRGB-encoded.
     pub display: Handle<Image>,
 }
 
-/// Declares the frame. Data flow is ordinary Rust: outputs of one slot are inputs of the next. `needs` is what all slots ask for together.
+/// Declares the frame. The outputs of one slot are passed to the next as ordinary values. `needs` are the merged needs of all slots.
 ///
 /// # Errors
-/// [`ResidentError`] where the scene could not be brought up to date.
+/// [`ResidentError`] if the scene could not be updated on the device.
 pub fn frame(
     slots: &mut Frame,
     g: &mut FrameGraph,
@@ -27,9 +27,9 @@ pub fn frame(
     scene: AccelerationIn,
 ) -> Result<FrameOut, ResidentError> {
     let scene = slots.acceleration.give(g, view, scene)?;
-    slots.rays.give(g, view, RaysIn { scene }); // for looking at, and culled when nobody does
+    slots.rays.give(g, view, RaysIn { scene }); // for inspection only; culled unless its output is read
     let gbuffer = slots.gbuffer.give(g, view, GBufferIn { scene });
-    let reprojected = slots.reprojection.add(g, view, scene, gbuffer); // culled where no effect reads it
+    let reprojected = slots.reprojection.add(g, view, scene, gbuffer); // culled if no effect reads it
     let shadows = slots.shadows.give(g, view, ShadowIn { scene, gbuffer, reprojected });
     let ao = slots.ao.give(g, view, AoIn { scene, gbuffer, reprojected });
     let direct = slots.direct.give(g, view, DirectIn { scene, gbuffer, reprojected, shadows });

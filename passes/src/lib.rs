@@ -1,7 +1,7 @@
-//! The effects of Magpie, one folder each, and the frame that they make.
+//! The effects of Magpie, one folder each, and the frame that they form.
 //!
-//! Read [`frame`](frame::frame) first: it is the whole frame on one screen. [`contracts`] holds what goes in and out of every slot, [`slots`]
-//! the table of them.
+//! Read [`frame`](frame::frame) first: it declares the whole frame in one function. [`contracts`] defines the inputs and outputs of every
+//! slot, and [`slots`] lists the slots.
 //!
 //! ```no_run
 //! use magpie::{config::Config, gpu::GpuOptions, prelude::*};

@@ -1,15 +1,16 @@
-//! Whether what fills a slot gives what the slot's contract in [`contracts`](crate::contracts) says: formats and sizes. An image that is not so is
-//! a mistake of the frame, as any other in its declaration: nothing runs, and the message names slot, implementation and both.
+//! Checks the output images of a slot against the formats and sizes of its contract in [`contracts`](crate::contracts). A violation is an error
+//! in the declaration of the frame: no pass runs, and the message names the slot, the implementation, and what was wanted and found.
 use magpie::frame::View;
 use magpie::graph::{Contract, Extent, Format, FrameGraph, Handle, Idle, Image};
 use magpie::slot::Implementation;
 
-pub const ONE: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Float, Format::R32Float];
-/// Two numbers, or four where materials have a reflection of their own.
+/// Formats of one value, 0 to 1.
+pub const SCALAR: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Float, Format::R32Float];
+/// Formats of metalness and roughness; those with four channels also hold the specular reflectance of the dielectric part.
 pub const MATERIAL: &[Format] =
     &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
-/// Shares of lights in one, two or four channels.
-pub const SHARES: &[Format] = &[
+/// Formats of the visibility of one, two or up to four lights.
+pub const VISIBILITY: &[Format] = &[
     Format::R8Unorm,
     Format::Rg8Unorm,
     Format::Rgba8Unorm,
@@ -31,28 +32,28 @@ pub const DEPTH: &[Format] = &[Format::D32Float];
 pub const IDS: &[Format] = &[Format::Rg32Uint];
 pub const RADIANCE: &[Format] = &[Format::Rgba32Float, Format::Rgba16Float];
 
-/// What a slot gives.
+/// The outputs of a slot.
 pub trait Gives {
-    /// The slot has an image that stands for what it does.
+    /// Whether the slot has a main image, which observers of the slot get.
     const SHOWN: bool = true;
 
-    /// Its images, each with its name in the contract and the formats that it may have.
+    /// All output images, each with its name in the contract and its allowed formats.
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])>;
 
-    /// That image; `None` where this implementation gives none.
+    /// The main image; `None` if this implementation outputs none.
     fn shown(&self) -> Option<Handle<Image>> {
         self.images().first().map(|(_, image, _)| *image)
     }
 
-    /// How large all of them are.
+    /// The size that all output images must have.
     fn extent(&self, g: &FrameGraph, _: &View) -> Extent {
         g.full()
     }
 }
 
-/// A slot that gives what its contract says.
+/// An implementation whose outputs are checked against the contract of its slot.
 pub trait Slotted<In, Out> {
-    /// Adds the passes of what fills the slot, compares what it gives with the contract, and tells observers of the slot's image.
+    /// Adds the passes of the implementation, checks its outputs, and passes the main image to observers of the slot.
     fn give(&mut self, g: &mut FrameGraph, view: &View, input: In) -> Out;
 }
 

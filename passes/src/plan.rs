@@ -1,4 +1,4 @@
-//! A frame that is planned without a device: what runs in it, what is idle and why, and what memory it takes.
+//! Plans a frame without a device: which passes run, which effects are idle and why, and how much memory it takes.
 use crate::contracts::AccelerationIn;
 use crate::frame::frame;
 use crate::sampling::Sampling;
@@ -15,41 +15,42 @@ use magpie_shaders::Rays;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// A frame that was planned.
+/// A planned frame.
 #[derive(Debug)]
 pub struct FramePlan {
-    /// What the scene is made of.
+    /// Facts about the scene that decide what runs.
     pub facts: Arc<SceneFacts>,
-    /// What runs in each slot, in the order of the frame.
+    /// The passes that run in each slot, and why others are idle, in the order of the frame.
     pub slots: Vec<SlotReport>,
-    /// What was declared.
+    /// The declared passes and resources.
     pub declaration: Declaration,
-    /// How it would run, with everything padded to 256 bytes.
+    /// Order, memory and barriers. Sizes in memory are padded to 256 bytes, as no device is asked.
     pub plan: Plan,
 }
 
 /// Why a frame could not be planned.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
-    /// An implementation could not be made, or needs a device.
+    /// An implementation could not be created, or needs a device.
     #[error(transparent)]
     Slot(#[from] SlotError),
-    /// The scene could not be brought into the frame.
+    /// The scene could not be declared.
     #[error(transparent)]
     Scene(#[from] ResidentError),
-    /// The frame was declared with mistakes.
+    /// The declaration of the frame has errors.
     #[error(transparent)]
     Declaration(#[from] GraphErrors),
 }
 
-/// Plans a frame of a scene at rest as it would run on a device with the graphics queue alone. `output`: pixels of the picture.
+/// Plans a frame of a static scene as it would run on a device with a graphics queue only. `output` is the size of the picture, pixels.
 ///
 /// # Errors
 /// [`PlanError`].
 pub fn plan_frame(
     scene: &Scene,
     camera: &Camera,
-    (slots, config): (&Slots, &Config),
+    slots: &Slots,
+    config: &Config,
     rays: Rays,
     output: Extent,
 ) -> Result<FramePlan, PlanError> {

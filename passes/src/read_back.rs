@@ -1,4 +1,4 @@
-//! Images on their way to the host.
+//! Copies images to the host.
 use magpie::gpu::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use magpie::graph::execute::Imports;
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, MipCopy, Queue, Record};
@@ -7,30 +7,30 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Images that are copied to the host, in the order they were asked for.
+/// Images that are copied to the host, in the order of the calls of [`Copies::copy`].
 #[derive(Clone)]
 pub struct Copies {
     gpu: Gpu,
     imports: Rc<RefCell<Imports>>,
-    made: Rc<RefCell<Vec<Copy>>>,
+    buffers: Rc<RefCell<Vec<ImageBuffer>>>,
 }
 
-/// One image's buffer, or why it could not be made.
-type Copy = Result<(Format, Extent, Arc<Buffer>), GpuError>;
+/// The read-back buffer of one image, or the error from allocating it.
+type ImageBuffer = Result<(Format, Extent, Arc<Buffer>), GpuError>;
 
 impl Copies {
-    /// None yet, for the frame whose objects these are.
+    /// No copies yet. `imports` are those of the frame to which copies will be added.
     pub fn new(gpu: &Gpu, imports: &Rc<RefCell<Imports>>) -> Self {
-        Self { gpu: gpu.clone(), imports: imports.clone(), made: Rc::default() }
+        Self { gpu: gpu.clone(), imports: imports.clone(), buffers: Rc::default() }
     }
 
-    /// Adds a pass that copies mip 0 of an image.
+    /// Adds a pass that copies mip 0 of an image to a new buffer. `name` is the name of both.
     pub fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
         let (format, extent) = (g.desc(image).format, g.extent(image));
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
-        let made = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
-        if let Ok(buffer) = &made {
-            let key = self.imports.borrow_mut().buffer(buffer);
+        let buffer = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
+        if let Ok(target) = &buffer {
+            let key = self.imports.borrow_mut().buffer(target);
             let target = g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key);
             let target = g.pass(name, Queue::Transfer, |p| {
                 let from = p.copy_from(image);
@@ -39,19 +39,19 @@ impl Copies {
             });
             g.leave(target.read(), Access::HostRead, Domain::Copy);
         }
-        self.made.borrow_mut().push(made.map(|buffer| (format, extent, buffer)));
+        self.buffers.borrow_mut().push(buffer.map(|buffer| (format, extent, buffer)));
     }
 
-    /// The images, once the frame ran.
+    /// Returns the images. Must be called after the frame has run.
     ///
     /// # Errors
-    /// Where a buffer could not be made.
+    /// [`GpuError`] if a buffer could not be allocated.
     pub fn finish(&self) -> Result<Vec<Pixels>, GpuError> {
-        let made = self.made.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
+        let buffers = self.buffers.borrow_mut().drain(..).collect::<Result<Vec<_>, _>>()?;
         let pixels = |(format, extent, buffer): (Format, Extent, Arc<Buffer>)| {
             let bytes = extent.width as usize * extent.height as usize * format.bytes_per_pixel() as usize;
             Pixels { extent, format, bytes: buffer.contents()[..bytes].to_vec() }
         };
-        Ok(made.into_iter().map(pixels).collect())
+        Ok(buffers.into_iter().map(pixels).collect())
     }
 }

@@ -1,4 +1,4 @@
-//! Renders a scene frame by frame: declares the frame, runs it, reads images back.
+//! Renders a scene frame by frame: declares each frame, runs it, and reads images back.
 use crate::contracts::AccelerationIn;
 use crate::frame::frame;
 use crate::read_back::Copies;
@@ -22,64 +22,64 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How to render.
+/// Options of a [`Renderer`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderOptions {
-    /// Pixels of the picture from left to right, or 0: minimised.
+    /// Width of the picture, pixels; 0 while a window is minimised.
     pub width: u32,
-    /// Pixels from top to bottom, or 0: minimised.
+    /// Height of the picture, pixels; 0 while a window is minimised.
     pub height: u32,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u32,
-    /// Scan every pass output for NaN and infinity, and ask the validation layers, which the device must have been opened with
-    /// ([`GpuOptions::validation`](magpie::gpu::GpuOptions)): else [`Renderer::new`] fails with [`GpuError::NotValidated`].
+    /// Scan every pass output for NaN and infinity, and treat messages of the validation layers as errors. The device must have been opened with
+    /// them ([`GpuOptions::validation`](magpie::gpu::GpuOptions)), else [`Renderer::new`] fails with [`GpuError::NotValidated`].
     pub check: bool,
-    /// How rays are traced; the device must be able to.
+    /// Ray-tracing backend, which the device must support.
     pub rays: Rays,
 }
 
-/// One frame, as it is asked for.
+/// Parameters of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameRequest<'a> {
-    /// From where.
+    /// The camera.
     pub camera: &'a Camera,
-    /// Which moment of the scene's animation, seconds.
+    /// Time in the scene's animation, seconds.
     pub time: f64,
-    /// An image to read back instead of the frame's own: the pass and its output.
+    /// An image to read back instead of the finished picture: names of the pass and of its output.
     pub view: Option<(&'a str, &'a str)>,
-    /// Bring the images to the host.
+    /// Copy images to the host.
     pub read_back: bool,
 }
 
 /// Images of a frame on the host.
 #[derive(Clone, Debug)]
 pub struct ReadBack {
-    /// Linear radiance before the tone map, or the image that was asked for.
+    /// Linear radiance before exposure and tone curve, or the image of [`FrameRequest::view`].
     pub linear: Pixels,
-    /// What a display shows; `None` when another image was asked for.
+    /// Display values; `None` with a [`FrameRequest::view`].
     pub display: Option<Pixels>,
 }
 
-/// A frame that ran.
+/// The result of a frame.
 pub struct FrameResult {
     /// Times, counts and memory.
     pub sample: FrameSample,
-    /// Images, when they were asked for.
+    /// The images, with [`FrameRequest::read_back`].
     pub images: Option<ReadBack>,
-    /// What the slots of [`Renderer::read_slots`] gave, in that order; `None` where a slot gave nothing, as one that is off.
+    /// Main images of the slots of [`Renderer::read_slots`], in that order; `None` for a slot without output, such as one that is off.
     pub slots: Vec<(String, Option<Pixels>)>,
-    /// What the scan found.
+    /// Values that are not finite, as the scan found them.
     pub findings: Vec<Finding>,
-    /// What the implementations asked for.
+    /// The needs of the implementations.
     pub needs: Vec<SlotNeeds>,
-    /// What was declared.
+    /// The declared passes and resources.
     pub declaration: Arc<Declaration>,
-    /// How it ran.
+    /// Order, queues, memory and barriers of the frame.
     pub plan: Arc<Plan>,
 }
 
 impl FrameResult {
-    /// What ran in each slot, and what was idle and why.
+    /// The passes that ran in each slot, and why others were idle.
     #[must_use]
     pub fn what_runs(&self) -> Vec<SlotReport> {
         slot_reports(&self.needs, &self.declaration, &self.plan)
@@ -89,22 +89,22 @@ impl FrameResult {
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// A stage could not be made.
+    /// An implementation could not be created.
     #[error(transparent)]
     Stage(#[from] SlotError),
-    /// No such slot, implementation or setting.
+    /// There is no such slot, implementation or setting.
     #[error(transparent)]
     Config(Box<ConfigError>),
-    /// The scene could not be brought to the device.
+    /// The scene could not be uploaded or updated.
     #[error("scene: {0}")]
     Scene(#[from] ResidentError),
-    /// The frame did not run.
+    /// The frame could not be run.
     #[error(transparent)]
     Execute(#[from] ExecuteError),
-    /// No such image for `--view`.
+    /// The image of [`FrameRequest::view`] does not exist.
     #[error(transparent)]
     View(#[from] GraphError),
-    /// The device refused.
+    /// The device reported an error.
     #[error(transparent)]
     Gpu(#[from] GpuError),
 }
@@ -128,7 +128,7 @@ pub struct Renderer {
     origin: FloatingOrigin,
 }
 
-/// From where the frame before was seen.
+/// Camera and size of the previous frame.
 struct Previous {
     camera: Camera,
     extent: Extent,
@@ -144,7 +144,7 @@ impl Previous {
 }
 
 impl Renderer {
-    /// Uploads the scene and makes every pipeline.
+    /// Uploads the scene and creates all pipelines.
     ///
     /// # Errors
     /// [`RenderError`].
@@ -160,11 +160,12 @@ impl Renderer {
         }
         let (implementations, facts) =
             (Frame::new(&Build::new(gpu, options.rays), slots, config)?, SceneFacts::new(scene));
-        let mut how = ResidentOptions { rays: options.rays, ..ResidentOptions::default() };
+        let mut resident_options = ResidentOptions { rays: options.rays, ..ResidentOptions::default() };
         if let Some(geometry) = merged(&implementations.needs(&facts)).geometry {
-            (how.compaction, how.ray_detail) = (geometry.compaction, geometry.ray_detail);
+            resident_options.compaction = geometry.compaction;
+            resident_options.ray_detail = geometry.ray_detail;
         }
-        let resident = ResidentScene::with_facts(gpu, scene, facts, how)?;
+        let resident = ResidentScene::with_facts(gpu, scene, facts, resident_options)?;
         Ok(Self {
             gpu: gpu.clone(),
             executor: Executor::new(gpu)?,
@@ -184,71 +185,70 @@ impl Renderer {
         })
     }
 
-    /// Sets which steps the frame graph takes, from the next frame on.
+    /// Sets which optional steps the frame graph takes, from the next frame on.
     pub fn set_switches(&mut self, switches: Switches) {
         self.executor.set_options(ExecuteOptions { switches, ..self.executor.options() });
     }
 
-    /// How frames are run.
+    /// The options by which frames are executed.
     pub fn execution(&self) -> ExecuteOptions {
         self.executor.options()
     }
 
-    /// Sets how frames are run, from the next on.
+    /// Sets the options by which frames are executed, from the next frame on.
     pub fn set_execution(&mut self, options: ExecuteOptions) {
         self.executor.set_options(options);
     }
 
-    /// Begins anew: the next frame is the first again, and nothing is left of those before it.
+    /// Starts over: the next frame has the number 0 and no histories.
     pub fn restart(&mut self) {
         self.executor.restart();
         self.tracker.clear();
         (self.frame, self.previous, self.origin) = (0, None, FloatingOrigin::default());
     }
 
-    /// Renders in another size from the next frame on. What histories hold in the old size is lost then, but not before:
-    /// where the old size returns without a frame between them, as after a window was minimised, they go on.
+    /// Sets the size of the picture from the next frame on. Histories are discarded when a frame of the new size is rendered. If the old size
+    /// is restored before that, as after a window was minimised, they are kept.
     pub fn resize(&mut self, width: u32, height: u32) {
         (self.options.width, self.options.height) = (width, height);
     }
 
-    /// The camera jumps: the next frame has nothing to do with the one before. Nothing moves in it, and histories begin anew.
+    /// Marks a camera cut: the next frame has no histories, and its motion vectors are 0.
     pub fn cut(&mut self) {
         self.executor.cut();
         self.previous = None;
     }
 
-    /// Puts an implementation into a slot, with the settings that the configuration has for it.
+    /// Replaces the implementation of a slot. The new one gets the settings that the configuration has for it.
     ///
     /// # Errors
-    /// [`RenderError::Config`] where there is no such slot or implementation, [`RenderError::Stage`] where it cannot be made.
-    /// The old one stays then.
+    /// [`RenderError::Config`] if there is no such slot or implementation, [`RenderError::Stage`] if it cannot be created. The old implementation
+    /// is kept in both cases.
     pub fn swap(&mut self, slot: &str, implementation: &str) -> Result<(), RenderError> {
         let mut over = Config::default();
         over.stages.insert(slot.to_owned(), implementation.to_owned());
-        self.slots.catalogue().check(&over, "swap").map_err(wrong)?;
+        self.slots.catalogue().check(&over, "swap").map_err(config_error)?;
         let mut config = self.config.clone();
         config.merge(over);
-        self.put_in_place(config)
+        self.apply(config)
     }
 
-    /// Renders with another configuration from the next frame on. Slots whose implementation and settings stay what they are
-    /// keep their histories.
+    /// Sets the configuration from the next frame on. Slots whose implementation and settings do not change keep their histories.
     ///
     /// # Errors
-    /// As [`Renderer::swap`], and for settings that do not suit. Nothing has changed then.
+    /// As [`Renderer::swap`], and for invalid settings. Nothing has changed in these cases.
     pub fn configure(&mut self, config: &Config) -> Result<(), RenderError> {
-        self.slots.catalogue().check(config, "configure").map_err(wrong)?;
-        self.put_in_place(config.clone())
+        self.slots.catalogue().check(config, "configure").map_err(config_error)?;
+        self.apply(config.clone())
     }
 
-    fn put_in_place(&mut self, config: Config) -> Result<(), RenderError> {
+    fn apply(&mut self, config: Config) -> Result<(), RenderError> {
         self.implementations.configure(&Build::new(&self.gpu, self.options.rays), &self.slots, &config)?;
         self.config = config;
         Ok(())
     }
 
-    /// What the implementation in each slot asks for in the frame to come, in the order of the frame.
+    /// The needs of the implementation in each slot for the next frame, in the order of the frame.
     pub fn needs(&self) -> Vec<SlotNeeds> {
         self.implementations.needs(self.scene.borrow().facts())
     }
@@ -258,43 +258,43 @@ impl Renderer {
         &self.config
     }
 
-    /// Where everything that the scan has found came from. Frames count from 0, as in [`magpie::frame::View::frame`].
+    /// The origins of all values that are not finite and that the scan has found. Frames are counted from 0, as in [`magpie::frame::View::frame`].
     pub fn finding_tracker(&self) -> &FindingTracker {
         &self.tracker
     }
 
-    /// Multiplies the strength of a light with a factor, at least 0, from the next frame on: 0 switches it off.
+    /// Scales the strength of a light of the scene from the next frame on. `factor` is at least 0; 0 switches the light off.
     pub fn scale_light(&mut self, light: u32, factor: f32) {
         self.scene.borrow_mut().scale_light(light, factor);
     }
 
-    /// Spoils an output of the next frame, to test what finds NaN.
+    /// Writes NaN or infinity into an output of the next frame, to test how they are found and contained.
     pub fn poison(&mut self, poison: Poison) {
         self.poisons.push(poison);
     }
 
-    /// From the next frame on, frames that are read back also bring the main image of these slots: `shadows` the visibility, `ao` the openness,
-    /// `direct`, `gi` and `reflections` their radiance, `compose` and `sky` the sum so far, `post` the display.
+    /// From the next frame on, frames that are read back also include the main image of these slots: visibility of `shadows` (the first group of
+    /// lights), openness of `ao`, radiance of `direct`, `gi` and `reflections`, the sum so far of `compose` and `sky`, display values of `post`.
     ///
     /// # Errors
-    /// [`RenderError::Config`] where there is no such slot, or it has no image.
+    /// [`RenderError::Config`] if there is no such slot, or it has no image.
     pub fn read_slots(&mut self, slots: &[&str]) -> Result<(), RenderError> {
         let known = Slots::with_images();
         if let Some(slot) = slots.iter().find(|s| !known.contains(s)) {
             let (origin, key, slot) = ("read_slots".to_owned(), (*slot).to_owned(), (*slot).to_owned());
             let suggestion = Suggestion::find(&slot, known.iter().copied());
             let known = known.into_iter().map(str::to_owned).collect();
-            return Err(wrong(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
+            return Err(config_error(ConfigError::UnknownSlot { origin, key, slot, known, suggestion }));
         }
         self.read_slots = slots.iter().map(|s| (*s).to_owned()).collect();
         Ok(())
     }
 
-    /// Renders one frame and waits for it. `None`: the size is zero, nothing was done, and all is as it was.
+    /// Renders one frame and waits for it. If the size is zero, it does nothing and returns `None`.
     ///
     /// # Errors
-    /// [`RenderError::View`] when the image that was asked for does not exist, and whatever the device says. With
-    /// `check`, messages of the validation layers are errors.
+    /// [`RenderError::View`] if the requested image does not exist, and errors of the device. With [`RenderOptions::check`], messages of the
+    /// validation layers are errors too.
     pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
         let result = self.try_frame(request);
         if result.is_err() {
@@ -333,7 +333,7 @@ impl Renderer {
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
 
-        // Observers see every pass while what it wrote is new: the scan, and the copy for `--view`.
+        // Observers run after each pass is declared, before later passes overwrite its outputs: the scan, and the copy for `request.view`.
         let mut scan = None;
         let mut scanner: Option<Observer> = None;
         if let Some(pipelines) = self.scan {
@@ -342,19 +342,19 @@ impl Renderer {
             scanner = Some(Box::new(observer));
         }
         let copies = Copies::new(&self.gpu, &imports);
-        let mut wanted = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
+        let mut requested = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
         let viewer = copies.clone();
         g.observe_passes(move |g, pass| {
             if let Some(scanner) = &mut scanner {
                 scanner(g, pass);
             }
-            if wanted.is_some() {
+            if requested.is_some() {
                 let found = g
                     .images_of(pass)
                     .into_iter()
-                    .find(|p| wanted.as_ref() == Some(&(p.pass.clone(), p.output.clone())));
+                    .find(|p| requested.as_ref() == Some(&(p.pass.clone(), p.output.clone())));
                 if let Some(found) = found {
-                    wanted = None;
+                    requested = None;
                     viewer.copy(g, "view.read_back", found.image);
                 }
             }
@@ -363,13 +363,13 @@ impl Renderer {
         let mut slot_copies = None;
         if request.read_back && !self.read_slots.is_empty() {
             let copies = Copies::new(&self.gpu, &imports);
-            let gave = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
-            slot_copies = Some((copies.clone(), gave.clone()));
-            let wanted = self.read_slots.clone();
+            let has_image = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
+            slot_copies = Some((copies.clone(), has_image.clone()));
+            let requested = self.read_slots.clone();
             g.observe_slots(move |g, slot, image| {
-                if let (Some(at), Some(image)) = (wanted.iter().position(|w| w == slot), image) {
+                if let (Some(at), Some(image)) = (requested.iter().position(|name| name == slot), image) {
                     copies.copy(g, &format!("read_back.{slot}"), image);
-                    gave.borrow_mut()[at] = true;
+                    has_image.borrow_mut()[at] = true;
                 }
             });
         }
@@ -392,7 +392,8 @@ impl Renderer {
         let declare_ns = start.elapsed().as_nanos() as u64;
         let Executed { declaration, plan, mut sample } = self.executor.run(g, &imports.borrow())?;
         if sample.passes.iter().any(|p| p.not_finite > 0) {
-            // It may stand in what is made from the scene only where that moves: all of that is made anew.
+            // Data derived from the scene, such as deformed meshes, is updated only where the scene moves, so it could keep values that are not
+            // finite. All of it is updated in the next frame.
             self.scene.borrow_mut().forget();
         }
         if self.options.check {
@@ -412,7 +413,7 @@ impl Renderer {
         self.frame += 1;
         let slots = match slot_copies {
             None => Vec::new(),
-            Some((copies, gave)) => in_order(&self.read_slots, &gave.borrow(), copies.finish()?),
+            Some((copies, has_image)) => in_order(&self.read_slots, &has_image.borrow(), copies.finish()?),
         };
         let mut images = copies.finish()?.into_iter();
         let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
@@ -420,17 +421,17 @@ impl Renderer {
     }
 }
 
-/// Images come in the order of the frame; they are wanted in the order in which they were asked for.
-fn in_order(wanted: &[String], gave: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
-    let mut slots: Vec<(String, Option<Pixels>)> = wanted.iter().map(|slot| (slot.clone(), None)).collect();
+/// Sorts the images of slots, which come in the order of the frame, by the order in which they were requested.
+fn in_order(requested: &[String], has_image: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
+    let mut slots: Vec<(String, Option<Pixels>)> = requested.iter().map(|slot| (slot.clone(), None)).collect();
     let in_frame = Slots::with_images().into_iter();
-    let given = in_frame.filter_map(|slot| wanted.iter().position(|w| w == slot)).filter(|at| gave[*at]);
-    for (at, image) in given.zip(images) {
+    let places = in_frame.filter_map(|slot| requested.iter().position(|name| name == slot)).filter(|at| has_image[*at]);
+    for (at, image) in places.zip(images) {
         slots[at].1 = Some(image);
     }
     slots
 }
 
-fn wrong(error: ConfigError) -> RenderError {
+fn config_error(error: ConfigError) -> RenderError {
     RenderError::Config(Box::new(error))
 }

@@ -1,30 +1,30 @@
-//! How many pixels a frame renders for its picture, and where in each it looks.
+//! Resolution scale and jitter of a frame.
 use magpie::prelude::*;
 use magpie::slot::Needs;
 
-/// Both, of one frame.
+/// How a frame samples the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
-    /// Rendered pixels over those of the picture, each way; above 0 and at most 1.
+    /// Rendered pixels over pixels of the picture, in each direction; above 0 and at most 1.
     pub scale: f64,
-    /// Pixels are sampled somewhere else in each frame, and the frames made one picture.
+    /// Whether sample points differ from frame to frame, for temporal anti-aliasing.
     pub jittered: bool,
 }
 
 impl Sampling {
-    /// What the effects of a frame ask for together.
+    /// From the merged needs of all effects.
     pub fn of(needs: &Needs) -> Self {
         Self { scale: needs.resolution_scale, jittered: needs.jitter }
     }
 
-    /// Pixels to render for a picture of that size, one at least.
+    /// Size to render for a picture of size `picture`, pixels; at least 1 in each direction.
     pub fn extent(self, picture: Extent) -> Extent {
         let side = |pixels: u32| ((f64::from(pixels) * self.scale).round() as u32).max(1);
         Extent::new(side(picture.width), side(picture.height))
     }
 
-    /// Where frame number `frame` samples its pixels: pixels from their centres, right and down. Any run of frames covers the pixel
-    /// evenly (Halton 1960, bases 2 and 3).
+    /// Offset of the sample points of frame `frame` from the pixel centres, right and down, pixels, -0.5 to 0.5. Any run of consecutive frames
+    /// covers the pixel evenly (Halton 1960, bases 2 and 3).
     pub fn jitter(self, frame: u32) -> [f32; 2] {
         if !self.jittered {
             return [0.0; 2];
@@ -33,7 +33,7 @@ impl Sampling {
     }
 }
 
-/// The digits of a number behind the point, in the other order: van der Corput 1935.
+/// The radical inverse (van der Corput 1935): the digits of `number` in this base, mirrored at the radix point. 0 to below 1.
 fn radical_inverse(mut number: u32, base: u32) -> f64 {
     let (mut place, mut sum) = (1.0 / f64::from(base), 0.0);
     while number > 0 {
@@ -59,11 +59,11 @@ mod tests {
             assert!(points.iter().flatten().all(|x| (-0.5..=0.5).contains(x)), "{points:?}");
             let mut cells = [0; 72];
             for [x, y] in &points {
-                // Points lie on the lower borders of cells, or a ninth of one away: thirds are rounded.
+                // Points lie on the lower borders of cells or a ninth of a cell above; the added 1e-3 absorbs the rounding of thirds.
                 let cell = |at: f32, cells: f32| (((at + 0.5) * cells + 1e-3) as usize).min(cells as usize - 1);
                 cells[cell(*x, 8.0) * 9 + cell(*y, 9.0)] += 1;
             }
-            // 72 points of the sequence hit each of 8 by 9 cells once, unless the numbers begin anew.
+            // 72 consecutive points hit each of 8 by 9 cells once, unless the frame number wraps.
             let wanted = if first < 2000 { 1 } else { 2 };
             assert!(cells.iter().all(|&hits| hits <= wanted), "from {first}: {cells:?}");
             for axis in [0, 1] {

@@ -1,4 +1,5 @@
-//! Light of the sky on what the camera sees, as much of it as ambient occlusion leaves: one compute pass. Slots `gi` and `reflections` differ in the shader.
+//! Light of the sky on the visible surfaces, dimmed by ambient occlusion, in one compute pass. The slots `gi` and `reflections` use it with
+//! different shaders.
 use crate::contracts::{Channel, LightingIn, LightingOut};
 use crate::precision;
 use magpie::gpu::Kernel;
@@ -8,13 +9,13 @@ use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::Shader;
 use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
 
-/// What diffuse light needs of the surfaces.
+/// Channels of the G-buffer for diffuse light.
 const DIFFUSE: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material];
-/// What specular light needs: its lobe may be cut off by the surface's own plane.
+/// Channels of the G-buffer for specular light, whose lobe may be cut off by the surface's own plane.
 const SPECULAR: &[Channel] =
     &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::BaseColour, Channel::Material];
 
-/// No indirect light: no pass.
+/// No indirect light.
 pub struct Off;
 
 impl Effect for Off {
@@ -26,28 +27,28 @@ impl Effect for Off {
     }
 }
 
-/// One shader over the G-buffer.
+/// Sky light by one shader.
 pub struct SkyLight {
     pass: &'static str,
-    bends: bool,
-    nothing: fn(&SceneFacts) -> Option<&'static str>,
+    is_diffuse: bool,
+    idle_reason: fn(&SceneFacts) -> Option<&'static str>,
     kernel: Kernel,
     format: Format,
 }
 
 impl SkyLight {
-    /// Makes the pipeline of `shader` for a pass of this name. `bends`: the shader reads bent normals. `nothing`: why no
-    /// surface of a scene takes up such light, if none does. The settings have a [`precision`](precision::setting).
+    /// Creates the pipeline of `shader` for a pass of this name. `is_diffuse`: the shader reads bent normals. `idle_reason` returns
+    /// why no surface of a scene reflects such light, if none does. The settings include [`precision`](precision::setting).
     pub fn new(
         build: &Build<'_>,
         pass: &'static str,
         shader: &Shader,
-        bends: bool,
-        nothing: fn(&SceneFacts) -> Option<&'static str>,
+        is_diffuse: bool,
+        idle_reason: fn(&SceneFacts) -> Option<&'static str>,
         settings: &Settings,
     ) -> Result<Self, SlotError> {
         let format = precision::format(settings)?;
-        Ok(Self { pass, bends, nothing, kernel: build.kernel(shader)?, format })
+        Ok(Self { pass, is_diffuse, idle_reason, kernel: build.kernel(shader)?, format })
     }
 }
 
@@ -56,7 +57,7 @@ impl Effect for SkyLight {
     type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
-        let idle = if !facts.has_sky { Some("the scene has no sky") } else { (self.nothing)(facts) };
+        let idle = if !facts.has_sky { Some("the scene has no sky") } else { (self.idle_reason)(facts) };
         idle.map_or_else(Needs::default, Needs::idle)
     }
 
@@ -64,13 +65,13 @@ impl Effect for SkyLight {
         if self.needs(&view.facts).idle.is_some() {
             return LightingOut::default();
         }
-        let (kernel, format, bends, block) = (self.kernel, self.format, self.bends, view.block);
+        let (kernel, format, is_diffuse, block) = (self.kernel, self.format, self.is_diffuse, view.block);
         let LightingIn { gbuffer, ao, .. } = i;
         let radiance = g.pass(self.pass, Queue::AsyncCompute, |p| {
             let block = p.read(block);
-            let surfaces = gbuffer.read(p, if bends { DIFFUSE } else { SPECULAR });
+            let surfaces = gbuffer.read(p, if is_diffuse { DIFFUSE } else { SPECULAR });
             let openness = ao.openness.map(|h| p.sample(h));
-            let bent_normal = ao.bent_normal.filter(|_| bends).map(|h| p.sample(h));
+            let bent_normal = ao.bent_normal.filter(|_| is_diffuse).map(|h| p.sample(h));
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {

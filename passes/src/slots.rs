@@ -1,7 +1,7 @@
-//! The slots of the frame: one table, in the order in which [`frame`](crate::frame::frame()) goes through them.
+//! The slots of the frame: one table, in the order in which [`frame`](crate::frame::frame()) adds them.
 //!
-//! A slot is a line of this table, its contract in [`contracts`], a folder with a function `slot()` that says what can fill it, and a line of
-//! `frame()` that wires it.
+//! A slot consists of a line of this table, its contract in [`contracts`], a folder with a function `slot()` that lists its implementations,
+//! and a line of `frame()` that connects it.
 use crate::contracts;
 use crate::outputs::Gives;
 use crate::parts::previous_radiance::PreviousRadiance;
@@ -10,10 +10,10 @@ use magpie::config::{Catalogue, Config};
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Implementation, Needs, Slot, SlotError, SlotInfo, SlotNeeds};
 
-/// Makes from one list of slots all that holds one thing for each of them.
+/// Generates, from one list of slots, the types and functions that have an entry for each slot.
 macro_rules! slots {
     ($($(#[$about:meta])* $name:ident: $In:ident => $Out:ident,)*) => {
-        /// Every slot of the frame with all that can fill it. A user adds more with [`Slot::register`].
+        /// Every slot of the frame with its implementations. [`Slot::register`] adds more.
         #[derive(Clone, Debug)]
         pub struct Slots {
             $($(#[$about])* pub $name: Slot<contracts::$In, contracts::$Out>,)*
@@ -26,7 +26,7 @@ macro_rules! slots {
         }
 
         impl Slots {
-            /// Those that have an image which stands for what they do, in the order of the frame.
+            /// Names of the slots that have a main image, in the order of the frame.
             pub(crate) fn with_images() -> Vec<&'static str> {
                 let all = [$((stringify!($name), <contracts::$Out as Gives>::SHOWN),)*];
                 all.into_iter().filter(|(_, shown)| *shown).map(|(name, _)| name).collect()
@@ -38,7 +38,7 @@ macro_rules! slots {
             }
         }
 
-        /// A frame that can be declared: an implementation in every slot.
+        /// The implementation in every slot, ready to declare frames.
         pub struct Frame {
             $(pub(crate) $name: Implementation<contracts::$In, contracts::$Out>,)*
             pub(crate) reprojection: Reprojection,
@@ -46,10 +46,10 @@ macro_rules! slots {
         }
 
         impl Frame {
-            /// Fills every slot with the implementation that `config` names.
+            /// Creates the implementation that `config` names for every slot.
             ///
             /// # Errors
-            /// [`SlotError`] for an unknown name or setting, or a faulty shader.
+            /// [`SlotError`] for an unknown name or setting, or a shader or pipeline that could not be created.
             pub fn new(build: &Build<'_>, slots: &Slots, config: &Config) -> Result<Self, SlotError> {
                 Ok(Self {
                     $($name: slots.$name.from_config(build, config)?,)*
@@ -58,19 +58,19 @@ macro_rules! slots {
                 })
             }
 
-            /// Puts what `config` names into the slots where that is another implementation or has other settings. The others keep their
-            /// instances, and with them their histories.
+            /// Replaces the implementations that differ in name or settings from what `config` says. All others are kept, together with
+            /// their histories.
             ///
             /// # Errors
-            /// As [`Frame::new`]; then nothing has changed.
+            /// As [`Frame::new`]; nothing has changed in that case.
             pub fn configure(&mut self, build: &Build<'_>, slots: &Slots, config: &Config) -> Result<(), SlotError> {
-                // Everything is made before anything takes its place.
+                // All new implementations are created before any is put in place, so that an error changes nothing.
                 let changes = [$(slots.$name.change(&mut self.$name, build, config)?,)*];
                 changes.into_iter().flatten().for_each(|change| change());
                 Ok(())
             }
 
-            /// What each implementation asks for in such a scene, in the order of the frame.
+            /// The needs of each implementation for a scene, in the order of the frame.
             pub fn needs(&self, facts: &SceneFacts) -> Vec<SlotNeeds> {
                 vec![$(SlotNeeds {
                     slot: stringify!($name),
@@ -83,17 +83,17 @@ macro_rules! slots {
 }
 
 slots! {
-    /// The scene as rays see it.
+    /// Updates the scene's geometry and acceleration structures.
     acceleration: AccelerationIn => AccelerationOut,
-    /// How much work rays are.
+    /// Shows the cost of ray traversal.
     rays: RaysIn => RaysOut,
-    /// What the camera sees first.
+    /// Images of the surfaces that the camera sees first.
     gbuffer: GBufferIn => GBuffer,
-    /// How much of each light is seen.
+    /// Visibility of lights.
     shadows: ShadowIn => ShadowOut,
-    /// What is left of the hemisphere above each pixel.
+    /// Ambient occlusion.
     ao: AoIn => AoOut,
-    /// Light straight from the lights.
+    /// Direct light and emission.
     direct: DirectIn => DirectOut,
     /// Diffuse indirect light.
     gi: LightingIn => LightingOut,
@@ -101,19 +101,19 @@ slots! {
     reflections: LightingIn => LightingOut,
     /// The sum of all light.
     compose: ComposeIn => ComposeOut,
-    /// What lies behind everything.
+    /// The background.
     sky: SkyIn => SkyOut,
-    /// From radiance to a display.
+    /// Anti-aliasing, exposure and tone curve: from radiance to display values.
     post: PostIn => PostOut,
 }
 
-/// What all slots together ask for.
+/// The merged needs of all slots.
 pub fn merged(needs: &[SlotNeeds]) -> Needs {
     needs.iter().fold(Needs::default(), |all, slot| all.and(slot.needs.clone()))
 }
 
 impl Slots {
-    /// What a configuration is checked against.
+    /// The catalogue of slots, implementations and settings, against which configurations are checked.
     pub fn catalogue(&self) -> Catalogue {
         Catalogue::new(self.infos())
     }

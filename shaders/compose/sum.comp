@@ -4,7 +4,7 @@
 #include "lib/gbuffer.glsl"
 #include "lib/precision.glsl"
 #include "shared/compose.glsl"
-// The sum of the lighting stages.
+// The sum of the lighting slots.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SumParams params; };
 

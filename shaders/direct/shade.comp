@@ -20,8 +20,8 @@ struct Seen {
 Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
     for (uint group = 0u; group < params.group_count; group++) {
         for (uint channel = 0u; channel < 4u; channel++) {
-            uint caster = (params.casters[group] >> (8u * channel)) & 255u;
-            if (caster == NO_CASTER || view.at[0].casters[caster] != light) continue;
+            uint index = (params.shadow_lights[group] >> (8u * channel)) & 255u;
+            if (index == NO_SHADOW_LIGHT || view.at[0].casters[index] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
             vec3 share = (params.group_flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
             return Seen(share, (params.group_flags & (256u << group)) != 0u);

@@ -7,7 +7,7 @@
 #include "lib/precision.glsl"
 #include "lib/sky.glsl"
 #include "shared/sky_light.glsl"
-// Diffuse light of sky and ground, times the occlusion map and ambient occlusion.
+// Diffuse light of sky and ground, dimmed by the occlusion map or ambient occlusion, whichever is darker.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 

@@ -33,8 +33,8 @@ Guide load_guide(uint image, ivec2 pixel) {
     return unpack_guide(load_uint(image, pixel).xy);
 }
 
-// `normals` is the G-buffer's image for light that depends on the shading normal, or NO_IMAGE for light that depends on the geometric
-// normal only, as visibility does.
+// `normals` is the G-buffer's image for signals that depend on the shading normal everywhere, or NO_IMAGE to compare geometric normals, as for
+// visibility.
 Guide load_guide(uint image, uint normals, ivec2 pixel) {
     Guide g = load_guide(image, pixel);
     if (normals != NO_IMAGE) g.normal = octahedral_decode(load(normals, pixel).xy);

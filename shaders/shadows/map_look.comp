@@ -116,7 +116,7 @@ uint doubts(MapLight light, MapSheet sheet, MapPoint p, MapPoint unmoved, bool m
     return why;
 }
 
-// Half side of a cascade, -1 to 1, that leaves room for the filter.
+// Half side of the part of a cascade in which the filter stays inside the cascade, as a share of its half side.
 float usable(MapLight light, MapPoint p, float side) {
     float margin = 2.0 * (0.5 * params.kernel + 1.0) / side;
     if (params.filter_kind == MAP_FILTER_PCSS) margin = max(margin, (1.0 - p.depth) * p.reach);
@@ -180,7 +180,7 @@ void main() {
     for (uint i = 0u; surface.exists && i < params.light_count; i++) {
         MapLight light = known.at[i];
         LightSample towards = sample_light(lights.at[light.light], surface.position);
-        // Unlit anyway.
+        // Surfaces that the light does not reach need no lookup.
         bool faces = dot(surface.normal, towards.direction) > 0.0 && dot(surface.geometric_normal, towards.direction) > 0.0;
         if (!faces || towards.irradiance == vec3(0.0)) continue;
         float turn = pixel_turn(pixel);

@@ -2,18 +2,18 @@
 use super::types::{SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Value of an input whose stage is off.
+/// Value of an input whose slot has no output.
 pub const NO_INPUT: u32 = 4294967295;
 
-/// Push constants of `sum.comp`: the sum of the lighting stages.
+/// Push constants of `sum.comp`: the sum of the lighting slots.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SumParams {
-    /// Radiance of the direct stage.
+    /// Radiance of the slot `direct`.
     pub direct: SampledImage,
-    /// Radiance of the gi stage, or [`NO_INPUT`].
+    /// Radiance of the slot `gi`, or [`NO_INPUT`].
     pub gi: u32,
-    /// Radiance of the reflections stage, or [`NO_INPUT`].
+    /// Radiance of the slot `reflections`, or [`NO_INPUT`].
     pub reflections: u32,
     /// Output, RGBA32F or RGBA16F.
     pub lit: StorageImage,

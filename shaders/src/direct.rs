@@ -3,8 +3,8 @@ use super::gbuffer::GBufferImages;
 use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// A byte of [`ShadeParams::casters`] for a channel without a light.
-pub const NO_CASTER: u32 = 255;
+/// A byte of [`ShadeParams::shadow_lights`] for a channel without a light.
+pub const NO_SHADOW_LIGHT: u32 = 255;
 /// [`ShadeParams::emitters`] if emissive surfaces do not light others.
 pub const NO_EMITTERS: u32 = 4294967295;
 
@@ -49,8 +49,8 @@ pub struct ShadeParams {
     /// Visibility images, up to four lights each.
     pub visibility: [u32; 8],
     /// Lights of each image: a byte per channel, the first channel lowest, with an index in [`View::casters`](super::view::View::casters)
-    /// or [`NO_CASTER`].
-    pub casters: [u32; 8],
+    /// or [`NO_SHADOW_LIGHT`].
+    pub shadow_lights: [u32; 8],
     /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
     pub group_flags: u32,
 }

@@ -15,7 +15,7 @@ pub use types::{Address, SampledImage, SamplerId, StorageImage};
 /// A compiled shader.
 #[derive(Clone, Copy, Debug)]
 pub struct Shader {
-    /// Path below `shaders`, such as `shadows/trace.comp`.
+    /// Path below `shaders`, such as `shadows/contact.comp`.
     pub name: &'static str,
     /// Its pipeline stage.
     pub stage: Stage,

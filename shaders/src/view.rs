@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 /// Entry of a table of lights that stands for none.
 pub const NO_LIGHT: u32 = 4294967295;
 
-/// Most shadow-casting lights in one frame.
+/// Greatest number of shadow-casting lights in one frame.
 pub const MOST_CASTERS: u32 = 8;
 
 /// Camera, frame and sky. Matrices are column-major; clip space has reversed, infinite depth and y down.

@@ -67,12 +67,12 @@ fn strips() -> (Scene, Vec<Vec3>) {
     let mut strips = scene("strips", camera([0.0, 8.9, 0.01], [0.0, 0.0, 0.0]));
     add(&mut strips, plane(20.0), material([0.7; 3], 0.0, 1.0), Affine3A::IDENTITY);
     let mut wanted = Vec::new();
-    for (at, (casters, left)) in left.into_iter().enumerate() {
-        for (above, caster) in casters.into_iter().enumerate() {
+    for (at, (occluders, left)) in left.into_iter().enumerate() {
+        for (above, occluder) in occluders.into_iter().enumerate() {
             let place = Vec3::new(at as f32 - 5.5, 10.0 + 0.5 * above as f32, 0.0);
             let stretched =
                 Affine3A::from_scale_rotation_translation(Vec3::new(0.5, 1.0, 20.0), glam::Quat::IDENTITY, place);
-            add(&mut strips, plane(1.0), caster, stretched);
+            add(&mut strips, plane(1.0), occluder, stretched);
         }
         wanted.push(left);
     }

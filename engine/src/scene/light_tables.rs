@@ -7,9 +7,9 @@ use magpie_shaders::Address;
 use magpie_shaders::light_sampling::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
 use std::f64::consts::PI;
 
-/// Cells of an analytic sky.
+/// Columns and rows of cells of an analytic sky.
 const SKY_CELLS: [u32; 2] = [64, 32];
-/// Most cells of an environment map.
+/// Greatest number of columns and rows of cells of an environment map.
 const MAP_CELLS: [u32; 2] = [256, 128];
 
 /// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block.
@@ -183,7 +183,7 @@ fn has_size(choice: &LightChoice, pose: &Pose) -> bool {
     }
 }
 
-/// Luminance of each cell of the sky, and how many columns and rows there are; zero where there is no sky. Rows have equal steps of
+/// Weight of each cell of the sky by its luminance, and the number of columns and rows; none without a sky. Rows have equal steps of
 /// height, as in `sky_direction` of `lib/light_sampling.glsl`.
 fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     let direction = |[columns, rows]: [u32; 2], x: f64, y: f64| {
@@ -218,8 +218,8 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
             }
         }
         let filled = centres(cells).zip(sums.iter().zip(&counts)).map(|((x, y), (sum, count))| {
-            let own = luminance(map.radiance[texel_at(map, direction(cells, x, y))]);
-            f64::max(own, if *count > 0.0 { sum / count } else { 0.0 }) * f64::from(map.scale)
+            let at_centre = luminance(map.radiance[texel_at(map, direction(cells, x, y))]);
+            f64::max(at_centre, if *count > 0.0 { sum / count } else { 0.0 }) * f64::from(map.scale)
         });
         (filled.collect::<Vec<_>>(), cells)
     } else if let Some(daylight) = &scene.daylight {
@@ -234,7 +234,7 @@ fn sky(scene: &Scene) -> (Vec<f64>, [u32; 2]) {
     (weights, cells)
 }
 
-/// Direction of a texel's centre; the convention is that of [`Environment`].
+/// World direction of a texel's centre, by the convention of [`Environment`].
 fn texel_direction(map: &Environment, texel: u32) -> DVec3 {
     let (x, y) = (f64::from(texel % map.width) + 0.5, f64::from(texel / map.width) + 0.5);
     let p = 2.0 * PI * (x / f64::from(map.width) - 0.5) - f64::from(map.turn);
@@ -242,7 +242,7 @@ fn texel_direction(map: &Environment, texel: u32) -> DVec3 {
     DVec3::new(p.sin() * sin, cos, -p.cos() * sin)
 }
 
-/// The texel of a direction.
+/// Index of the texel in a world direction.
 fn texel_at(map: &Environment, d: DVec3) -> usize {
     let p = d.x.atan2(-d.z) + f64::from(map.turn);
     let u = (p / (2.0 * PI) + 0.5).rem_euclid(1.0);

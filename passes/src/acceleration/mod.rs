@@ -1,12 +1,10 @@
-//! The scene as rays see it: what moves goes to the device, skins and morph targets deform, trees are refitted and built.
-//!
-//! The work itself is the engine's ([`magpie::scene::ResidentScene::declare`]); here are its settings.
+//! Brings the scene on the device up to date: uploads what moved, deforms skinned and morphing meshes, refits and builds acceleration
+//! structures. The engine does the work ([`magpie::scene::ResidentScene::declare`]); this module holds the settings.
 use crate::contracts::AccelerationIn;
 use magpie::prelude::*;
 use magpie::scene::{Culling, Policy, ResidentError, SceneFacts, SceneHandles};
 use magpie::slot::{Geometry, Needs, SettingSpec, Settings, Slot, SlotError};
 
-/// The slot.
 pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
     let defaults = Policy::default();
     let settings = [
@@ -50,7 +48,7 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
             (0.0, 12.6),
         ),
     ];
-    let settings = [loaded().as_slice(), settings.as_slice()].concat();
+    let settings = [load_settings().as_slice(), settings.as_slice()].concat();
     Slot::new("acceleration").about("Brings moved and deformed meshes, and the trees that rays walk, up to date.").with(
         "two-level",
         "A tree per mesh and one over the instances.",
@@ -59,8 +57,8 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
     )
 }
 
-/// Settings that count when a scene is loaded.
-fn loaded() -> [SettingSpec; 2] {
+/// Settings that take effect when a scene is loaded.
+fn load_settings() -> [SettingSpec; 2] {
     [
         SettingSpec::switch(
             "compaction",

@@ -1,4 +1,4 @@
-//! Ambient occlusion: how much of the hemisphere above each pixel nothing near hides. It dims indirect light and no other.
+//! Ambient occlusion: the cosine-weighted share of the hemisphere above each pixel that has no occluder in range. It dims indirect light only.
 mod ray_traced;
 mod screen_space;
 mod upsample;
@@ -8,7 +8,7 @@ use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 
-/// From cheap to accurate. What the picture does not show hides nothing from `screen-space`.
+/// From cheap to accurate. Occluders outside of the picture are missing from `screen-space`.
 pub const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "screen-space", settings: &[("resolution", "half")] },
     Preset { name: "medium", implementation: "screen-space", settings: &[] },
@@ -16,7 +16,6 @@ pub const PRESETS: [Preset; 4] = [
     Preset { name: "ultra", implementation: "ray-traced", settings: &[("rays", "4"), ("denoiser", "svgf")] },
 ];
 
-/// The slot.
 pub fn slot() -> Slot<AoIn, AoOut> {
     Slot::new("ao")
         .about("How much of the hemisphere above each pixel nothing near hides. It dims indirect light.")
@@ -41,19 +40,19 @@ pub fn slot() -> Slot<AoIn, AoOut> {
         .presets(&PRESETS)
 }
 
-/// The setting `range`, the same for all.
+/// The setting `range`, which all implementations share.
 fn range() -> SettingSpec {
     let about = "How far away a thing still hides a point from ambient light. Higher: wider and darker corners; what is in the open \
                  loses light as well, and rays and steps cost more. 0: nothing is hidden, and there is no pass.";
     SettingSpec::float("range", "metres", about, AO_RANGE.into(), (0.0, 1000.0))
 }
 
-/// Without a range nothing hides anything.
+/// Whether the setting `range` is above 0; otherwise nothing occludes.
 fn has_range(settings: &Settings) -> Result<bool, SlotError> {
     Ok(settings.f32("range")? > 0.0)
 }
 
-/// What either way of finding it asks for.
+/// The needs of both implementations.
 fn needs(facts: &SceneFacts) -> Needs {
     if facts.area > 0.0 { Needs::default() } else { Needs::idle("there is no surface") }
 }

@@ -1,5 +1,5 @@
-//! Ray-traced ambient occlusion: rays over the cosine-weighted hemisphere, as the reference has them. What comes out is noisy: 1 ray per
-//! pixel says no more than open or hidden, and a denoiser follows.
+//! Ray-traced ambient occlusion: cosine-distributed rays over the hemisphere, as in the reference, followed by a denoiser. With 1 ray per
+//! pixel each sample is either 0 or 1.
 use super::needs;
 use super::upsample::{OPENNESS, upsample};
 use crate::contracts::{AoIn, AoOut, RAY_START};
@@ -11,23 +11,23 @@ use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::ao::TraceParams;
 use magpie_shaders::{AO_TRACE_RAY, AO_UPSAMPLE_COMP};
 
-/// The effect.
+/// Ray-traced ambient occlusion.
 pub struct RayTraced {
     trace: RayKernel,
     samples: u32,
     range: f32,
-    /// At half resolution only.
+    /// Set at half resolution only.
     upsample: Option<Kernel>,
     denoiser: Denoiser,
 }
 
-/// Its settings.
+/// Settings of `ray-traced`.
 pub fn settings() -> Vec<SettingSpec> {
     let rays = "Rays per pixel and frame. Higher: less noise, at a cost that grows as much.";
     let resolution = "`full`: rays from every pixel. `half`: from one of four pixels, brought to full size along surfaces; a quarter \
                       of the rays, small folds suffer.";
     let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8])];
-    // What hides a surface from ambient light goes with it, mostly: nobody looks for changes.
+    // Occluders mostly move together with the surface, so temporal gradients (the setting `adaptive`) are not offered.
     settings.extend(denoise::settings());
     settings.push(denoise::precision());
     settings.push(super::range());
@@ -36,7 +36,7 @@ pub fn settings() -> Vec<SettingSpec> {
 }
 
 impl RayTraced {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;

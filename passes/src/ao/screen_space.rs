@@ -1,5 +1,5 @@
 //! Screen-space ambient occlusion after Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate Indirect
-//! Occlusion" (GTAO): a search for horizons in the depth image, and a filter for its noise.
+//! Occlusion" (GTAO): a horizon search in the depth image, and a filter for its noise.
 use super::needs;
 use super::upsample::{BENT_NORMAL, OPENNESS, upsample};
 use crate::contracts::{AoIn, AoOut, GEOMETRY};
@@ -10,30 +10,35 @@ use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::ao::{FilterParams, NO_BENT_NORMAL, SearchParams};
 use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP, AO_UPSAMPLE_COMP};
 
-/// Turns of the slices from frame to frame, shares of half a circle, and starts of the steps: those of the paper. Six and four make
-/// twelve frames without a repetition.
+/// Rotations of the slices from frame to frame, as shares of half a circle, from the paper. Together with [`STARTS`] the noise repeats after
+/// 24 frames.
 const TURNS: [f32; 6] = [60.0 / 360.0, 300.0 / 360.0, 180.0 / 360.0, 240.0 / 360.0, 120.0 / 360.0, 0.0];
+/// Offsets of the steps, as shares of a step, from the paper. The offset changes every six frames.
 const STARTS: [f32; 4] = [0.0, 0.5, 0.25, 0.75];
 
-/// Bent normals, -1 to 1 stored as 0 to 1, and openness: noisy, so 8 bits are enough for the mean of 25 that the filter takes.
+/// Format of the search's result: bent normals, -1 to 1 stored as 0 to 1, and openness. It is noisy, and the filter takes the mean of 25
+/// values, so 8 bits are enough.
 const FOUND: Format = Format::Rgba8Unorm;
-/// The same after the filter at half resolution.
+/// Format of the same after the filter, at half resolution.
 const FILTERED: Format = Format::Rgba16Float;
 
-/// The effect.
+/// Screen-space ambient occlusion.
 pub struct ScreenSpace {
     search: Kernel,
     filter: Kernel,
     slices: u32,
     steps: u32,
+    /// Metres.
     range: f32,
+    /// As in [`SearchParams::decay`].
     decay: f32,
+    /// The noise differs from frame to frame.
     moving_noise: bool,
-    /// At half resolution only.
+    /// Set at half resolution only.
     upsample: Option<Kernel>,
 }
 
-/// Its settings.
+/// Settings of `screen-space`.
 pub fn settings() -> [SettingSpec; 6] {
     let slices = "Planes through the line of sight in which horizons are sought. Higher: less noise, at a cost that grows as much.";
     let steps = "Depths that are looked up on each side of a slice. Higher: thin things are missed less often, at a cost that grows \
@@ -55,7 +60,7 @@ pub fn settings() -> [SettingSpec; 6] {
 }
 
 impl ScreenSpace {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
@@ -66,14 +71,14 @@ impl ScreenSpace {
             slices: settings.u32("slices")?,
             steps,
             range: settings.f32("range")?,
-            // The same fall over the range, however many steps it has.
+            // After all steps the horizon has fallen to the share `thickness`, however many steps there are.
             decay: 1.0 - settings.f32("thickness")?.powf(1.0 / steps as f32),
             moving_noise: settings.choice("noise")? == "moving",
             upsample,
         })
     }
 
-    /// Size of what is searched, and pixels from one to the next.
+    /// Description of an image of the searched resolution, and the spacing of its pixels in full-resolution pixels.
     fn size(&self, i: AoIn, format: Format) -> (ImageDesc, u32) {
         match self.upsample {
             Some(_) => (ImageDesc::half(format), 2),
@@ -81,7 +86,7 @@ impl ScreenSpace {
         }
     }
 
-    /// Horizons: noisy bent normals and openness.
+    /// Adds the horizon search, which outputs noisy bent normals and openness.
     fn search(&self, g: &mut FrameGraph, view: &View, i: AoIn) -> Handle<Image> {
         let (kernel, block, (desc, step)) = (self.search, view.block, self.size(i, FOUND));
         let Self { slices, steps, range, decay, .. } = *self;
@@ -109,7 +114,7 @@ impl ScreenSpace {
         })
     }
 
-    /// The noise filtered away. At half resolution what comes out is still to be brought to full, in one image.
+    /// Adds the filter. At half resolution its output is a single image in [`AoOut::openness`], which holds both values and must be upsampled.
     fn filter(&self, g: &mut FrameGraph, view: &View, i: AoIn, found: Handle<Image>) -> AoOut {
         let (kernel, block, is_whole) = (self.filter, view.block, self.upsample.is_none());
         let (desc, step) = self.size(i, if is_whole { OPENNESS } else { FILTERED });

@@ -1,4 +1,4 @@
-//! From half resolution to full, along surfaces.
+//! Edge-aware upsampling from half to full resolution.
 use crate::contracts::{AoIn, AoOut, GEOMETRY};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -9,7 +9,7 @@ pub const OPENNESS: Format = Format::R16Float;
 /// Format of bent normals.
 pub const BENT_NORMAL: Format = Format::Rg16Float;
 
-/// Brings `half_size` to full: bent normals and openness, or openness alone.
+/// Upsamples `half_size` to full resolution. It holds bent normals and openness if `is_bent`, else openness alone.
 pub fn upsample(
     g: &mut FrameGraph,
     view: &View,

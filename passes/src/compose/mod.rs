@@ -1,4 +1,4 @@
-//! The sum of direct light, diffuse and specular indirect light. Without indirect light there is nothing to add and no pass.
+//! The sum of direct light, diffuse and specular indirect light. Without indirect light there is no pass.
 use crate::contracts::ComposeIn;
 use crate::precision;
 use magpie::gpu::Kernel;
@@ -7,7 +7,6 @@ use magpie::slot::{Build, Settings, Slot, SlotError};
 use magpie_shaders::COMPOSE_SUM_COMP;
 use magpie_shaders::compose::{NO_INPUT, SumParams};
 
-/// The slot.
 pub fn slot() -> Slot<ComposeIn, WriteHandle<Image>> {
     Slot::new("compose").about("The sum of all light.").with(
         "sum",

@@ -1,11 +1,11 @@
-//! The G-buffer: what the camera sees first. A channel is one entry of the table below, one field of the shaders'
-//! [`GBufferImages`], and whatever writes it.
+//! The G-buffer: the surface that the camera sees first in each pixel. To add a channel, add an entry to the table below, a field of the same
+//! name to the shaders' [`GBufferImages`], and code that writes it.
 use crate::outputs::{COLOUR, DEPTH, DIRECTION, Gives, IDS, MATERIAL, NORMAL, RADIANCE};
 use magpie::graph::{Format, Handle, Image, PassBuilder, Record, SampleToken};
 use magpie_shaders::SampledImage;
 use magpie_shaders::gbuffer::GBufferImages;
 
-/// The image of a channel, or none.
+/// A field of [`GBuffer`]: an image, or an image that may be absent.
 trait Channelled: Copy {
     fn image(self) -> Option<Handle<Image>>;
 }
@@ -24,7 +24,7 @@ impl Channelled for Option<Handle<Image>> {
 
 macro_rules! channels {
     ($($(#[$about:meta])* $field:ident / $Channel:ident: $Image:ty, $formats:expr;)*) => {
-        /// What the camera sees first, one value per pixel.
+        /// Images of the surface that the camera sees first in each pixel.
         #[derive(Clone, Copy, Debug)]
         pub struct GBuffer {
             $($(#[$about])* pub $field: $Image,)*
@@ -36,7 +36,7 @@ macro_rules! channels {
             $($(#[$about])* $Channel,)*
         }
 
-        /// Channels of the G-buffer that a pass reads.
+        /// The channels of the G-buffer that a pass reads.
         #[derive(Clone, Copy, Debug)]
         pub struct GBufferToken {
             $($field: Option<SampleToken>,)*
@@ -53,7 +53,7 @@ macro_rules! channels {
         }
 
         impl GBufferToken {
-            /// Indices of the images for the shader; others than those that were declared read as black.
+            /// Indices of the images for the shader. Channels that the pass did not declare read as black.
             pub fn images(self, c: &Record<'_>) -> GBufferImages {
                 let index = |token: Option<SampleToken>| token.map_or(SampledImage::default(), |token| c.id(token));
                 GBufferImages { $($field: index(self.$field),)* }
@@ -74,25 +74,25 @@ macro_rules! channels {
 channels! {
     /// Reversed depth: 1 at the near plane, 0 where nothing was drawn. D32F.
     depth / Depth: Handle<Image>, DEPTH;
-    /// Linear base colour; occlusion in alpha. RGBA8 with or without the sRGB curve, RGBA16F or RGBA32F.
+    /// Linear base colour; occlusion map in alpha, 1 is open. RGBA8 sRGB, RGBA8 unorm, RGBA16F or RGBA32F.
     base_colour / BaseColour: Handle<Image>, COLOUR;
-    /// Shading normal, octahedral, facing the viewer. RG16 signed normalised, RG16F or RG32F.
+    /// Shading normal in world space, octahedral, facing the viewer. RG16 snorm, RG16F or RG32F.
     normal / Normal: Handle<Image>, NORMAL;
-    /// Geometric normal, in the same way.
+    /// Geometric normal, in the same encoding and formats.
     geometric_normal / GeometricNormal: Handle<Image>, NORMAL;
-    /// Metalness in red, perceptual roughness in green; where materials of the scene have a specular reflectance of their own, that in blue
-    /// and alpha (`lib/gbuffer_specular.glsl`). An image without the two means an index of refraction of 1.5. RG8, RG16F or RG32F; RGBA16
-    /// signed normalised or RGBA32F.
+    /// Metalness in red and perceptual roughness in green, 0 to 1: RG8 unorm, RG16F or RG32F. If materials of the scene set the specular
+    /// reflectance of their dielectric part, it is in blue and alpha, encoded as in `lib/gbuffer_specular.glsl`: RGBA16 snorm or RGBA32F. Images
+    /// of two channels stand for an index of refraction of 1.5.
     material / Material: Handle<Image>, MATERIAL;
     /// Emitted radiance; `None` if no material emits. RGBA16F or RGBA32F.
     emission / Emission: Option<Handle<Image>>, RADIANCE;
-    /// Motion vectors: texture coordinates now minus one frame ago. RG16F or RG32F.
+    /// Motion vectors: uv in this frame minus uv in the previous one, without jitter. RG16F or RG32F.
     motion / Motion: Handle<Image>, DIRECTION;
-    /// Instance + 1 in red, triangle in green. RG32 unsigned.
+    /// Index of the instance + 1 in red, index of the triangle or sphere in green; 0 in red is background. RG32 uint.
     ids / Ids: Handle<Image>, IDS;
 }
 
-/// Position and both normals.
+/// Channels for position and both normals.
 pub const GEOMETRY: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::GeometricNormal];
-/// Position, both normals and the triangle: where rays start.
+/// Channels from which origins of rays are computed: depth, both normals and ids.
 pub const RAY_START: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::Ids];

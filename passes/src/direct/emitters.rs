@@ -1,4 +1,4 @@
-//! Light of emissive surfaces: rays to points of them, and along the lobes of smooth surfaces. What comes out is noisy, and a denoiser follows.
+//! Direct light of emissive surfaces: rays to points on them and along specular lobes, followed by a denoiser.
 use crate::contracts::{Channel, DirectIn};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::precision;
@@ -10,21 +10,21 @@ use magpie_shaders::{DIRECT_EMITTERS_RAY, DIRECT_TINTED_EMITTERS_RAY};
 use std::borrow::Cow;
 
 const RAYS: &str = "emitter_rays";
-/// What the rays start from and are weighted with.
+/// Channels of the G-buffer that the rays need: surface and material.
 const CHANNELS: &[Channel] =
     &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::Ids, Channel::BaseColour, Channel::Material];
 
-/// Traces and denoises.
+/// Direct light of emissive surfaces.
 pub struct Emitters {
     trace: RayKernel,
-    /// Where something lets light through.
+    /// For scenes with surfaces that transmit light.
     tinted: RayKernel,
     samples: u32,
     format: Format,
     denoiser: Denoiser,
 }
 
-/// The settings.
+/// Settings of emissive surfaces and of their denoiser.
 pub fn settings() -> Vec<SettingSpec> {
     let rays = "Rays of a pixel to emissive surfaces, where the scene has any that no light stands for. Higher: less noise, at a cost that \
                 grows as much. 0: they light nothing.";
@@ -34,7 +34,7 @@ pub fn settings() -> Vec<SettingSpec> {
 }
 
 impl Emitters {
-    /// Makes the pipelines; `None` where no rays are wanted.
+    /// Creates the pipelines; `None` if the number of rays is 0.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Option<Self>, SlotError> {
         let samples = settings.u32(RAYS)?;
         if samples == 0 {
@@ -45,7 +45,7 @@ impl Emitters {
         Ok(Some(Self { trace, tinted, samples, format: precision::format(settings)?, denoiser }))
     }
 
-    /// The table of emissive surfaces, where there are any.
+    /// Asks for the sampling table of emissive surfaces if the scene has any.
     pub fn needs(facts: &SceneFacts) -> Needs {
         let idle = (!facts.emits()).then_some("no material emits");
         Needs { emitters: idle.is_none(), ..Needs::default() }.part(Part {
@@ -55,7 +55,7 @@ impl Emitters {
         })
     }
 
-    /// Radiance over the reflectance; `None` where nothing emits.
+    /// Adds the passes. Returns outgoing radiance divided by the albedo; `None` if nothing emits.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
         let table = i.scene.emitters?;
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };

@@ -1,4 +1,4 @@
-//! Direct lighting: every light on every pixel, GGX and Lambert, times what is seen of it; and light of emissive surfaces.
+//! Direct lighting: every light at every pixel, times its visibility; and light of emissive surfaces.
 mod emitters;
 
 use crate::contracts::{Channel, DirectIn, DirectOut, SHADOW_GROUPS, ShadowGroup};
@@ -9,9 +9,9 @@ use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::DIRECT_SHADE_COMP;
-use magpie_shaders::direct::{NO_CASTER, NO_EMITTERS, ShadeParams};
+use magpie_shaders::direct::{NO_EMITTERS, NO_SHADOW_LIGHT, ShadeParams};
 
-/// From cheap to accurate: points of lights that have a size, and rays to emissive surfaces.
+/// From cheap to accurate. They differ in the number of samples of lights that have a size, and of rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "0")] },
     Preset { name: "medium", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "1")] },
@@ -19,7 +19,6 @@ pub const PRESETS: [Preset; 4] = [
     Preset { name: "ultra", implementation: "all-lights", settings: &[("area", "16"), ("emitter_rays", "4")] },
 ];
 
-/// The slot.
 pub fn slot() -> Slot<DirectIn, DirectOut> {
     let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
     Slot::new("direct")
@@ -41,8 +40,9 @@ fn area() -> SettingSpec {
 
 struct AllLights {
     shade: Kernel,
+    /// Samples of each light that has a size; 0 treats it as a point at its centre.
     area: u32,
-    /// Where rays go to what emits.
+    /// `None` if no rays are traced to emissive surfaces.
     emitters: Option<Emitters>,
     format: Format,
 }
@@ -77,13 +77,14 @@ impl Effect for AllLights {
                 .read(p, &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Emission]);
             let emitters = emitters.map(|image| p.sample(image));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
-            let channels = i.shadows.groups.map(|group| group.map_or(0, |group| casters(view, group.lights)));
+            let shadow_lights =
+                i.shadows.groups.map(|group| group.map_or(0, |group| pack_shadow_lights(view, group.lights)));
             let bits = |is: fn(&ShadowGroup) -> bool| {
                 let is = |k: usize| i.shadows.groups[k].as_ref().is_some_and(is);
                 (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
             };
             let group_flags = bits(|group| group.coloured) | bits(|group| group.raw) << 8;
-            // 32 bits unless asked otherwise: sunlight on a mirror leaves the range of half floats.
+            // In 16 bits, highlights above 65504, such as sunlight on a mirror, are clamped to `greatest`.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance, move |c: &mut Record<'_>| {
@@ -96,7 +97,7 @@ impl Effect for AllLights {
                     area,
                     group_count: groups.iter().flatten().count() as u32,
                     visibility: groups.map(|group| group.map_or(0, |token| c.id(token).index())),
-                    casters: channels,
+                    shadow_lights,
                     group_flags,
                 };
                 c.dispatch(kernel, &params, extent);
@@ -106,8 +107,10 @@ impl Effect for AllLights {
     }
 }
 
-/// The lights of four channels, a byte each: their place among those that can cast shadows.
-fn casters(view: &View, lights: [u32; 4]) -> u32 {
-    let place = |light: u32| view.casters.iter().position(|c| c.light == light).map_or(NO_CASTER, |at| at as u32);
-    lights.iter().zip(0..).map(|(light, channel)| place(*light) << (8 * channel)).sum()
+/// Packs the lights of four channels into a byte each: their index in [`View::casters`], or [`NO_SHADOW_LIGHT`].
+fn pack_shadow_lights(view: &View, lights: [u32; 4]) -> u32 {
+    let index_of = |light: u32| {
+        view.casters.iter().position(|shadow_light| shadow_light.light == light).map_or(NO_SHADOW_LIGHT, |at| at as u32)
+    };
+    lights.iter().zip(0..).map(|(light, channel)| index_of(*light) << (8 * channel)).sum()
 }

@@ -1,4 +1,4 @@
-//! Raster G-buffer: one draw list of every instance, vertices pulled by address; spheres by the ray through each pixel.
+//! Rasterises the G-buffer: draws every instance, with vertices fetched by address. Spheres are intersected with the ray through each pixel.
 use crate::contracts::{GBuffer, GBufferIn};
 use magpie::gpu::{Blend, RasterDesc, RasterKernel};
 use magpie::graph::DrawClass;
@@ -10,13 +10,13 @@ use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, 
 /// Formats of the colour attachments, with their names.
 #[derive(Clone, Copy)]
 struct Colours {
-    /// In the order of the fragment shader's outputs.
+    /// Attachments of every scene, in the order of the fragment shader's outputs.
     always: [(&'static str, Format); 6],
-    /// The last, only where something emits.
+    /// The last attachment, only if something emits.
     emission: (&'static str, Format),
 }
 
-/// 30 bytes per pixel with depth, and 8 for emission.
+/// Formats of `compact`: 30 bytes per pixel including depth, and 8 for emission.
 const COMPACT: Colours = Colours {
     always: [
         ("base_colour", Format::Rgba8Srgb),
@@ -29,7 +29,7 @@ const COMPACT: Colours = Colours {
     emission: ("emission", Format::Rgba16Float),
 };
 
-/// As computed: 60 bytes per pixel with depth, and 16 for emission.
+/// Formats of `full`, without loss of precision: 60 bytes per pixel including depth, and 16 for emission.
 const FULL: Colours = Colours {
     always: [
         ("base_colour", Format::Rgba32Float),
@@ -42,7 +42,6 @@ const FULL: Colours = Colours {
     emission: ("emission", Format::Rgba32Float),
 };
 
-/// The slot.
 pub fn slot() -> Slot<GBufferIn, GBuffer> {
     Slot::new("gbuffer")
         .about("What the camera sees first: depth, normals, material, emission, motion and ids of every pixel.")
@@ -60,12 +59,12 @@ fn precision() -> SettingSpec {
     SettingSpec::choice("precision", about, "compact", &["compact", "full"]).sweep_all()
 }
 
-/// Place of the material among the attachments.
+/// Index of the material among the attachments.
 const MATERIAL: usize = 3;
 
-/// Pipelines and attachments for what scenes may have.
+/// The G-buffer by rasterisation.
 struct Raster {
-    /// By whether dielectrics have a specular reflectance of their own, and by whether anything emits.
+    /// Indexed by whether materials set the specular reflectance of their dielectric part, then by whether anything emits.
     drawings: [[Drawing; 2]; 2],
 }
 
@@ -91,7 +90,7 @@ impl Raster {
 }
 
 impl Colours {
-    /// With the specular reflectance of dielectrics in blue and alpha of the material, 6 or 8 bytes per pixel more.
+    /// Adds the specular reflectance of the dielectric part in blue and alpha of the material, which takes 6 or 8 bytes per pixel more.
     fn with_specular(mut self) -> Self {
         let (_, material) = &mut self.always[MATERIAL];
         *material = if *material == Format::Rg8Unorm { Format::Rgba16Snorm } else { Format::Rgba32Float };

@@ -1,4 +1,4 @@
-//! Diffuse indirect light. So far: the irradiance of the sky, as much of it as ambient occlusion leaves.
+//! Diffuse indirect light: at present the irradiance of the sky times ambient occlusion.
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
@@ -6,7 +6,6 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 
-/// The slot.
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
         .about("Diffuse indirect light.")
@@ -14,13 +13,13 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "sky",
             "Irradiance of the whole sky, dimmed by the slot `ao` and the material's occlusion map: no light of other surfaces.",
             &[precision::setting()],
-            |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, nothing, settings)?)),
+            |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, idle_reason, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 
-/// Why no surface reflects diffusely.
-fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+/// The reason why no surface of the scene reflects diffusely, if none does.
+fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.diffuse {
         _ if facts.area == 0.0 => Some("there is no surface"),
         0.0 => Some("all surfaces are metal"),

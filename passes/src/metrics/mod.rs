@@ -1,6 +1,6 @@
-//! The error of one image against another, live: squared, relative and symmetric error of each pixel, and of the whole.
+//! The error of one image against another on the device: squared, relative and symmetric error of each pixel, and their mean.
 //!
-//! No slot of the frame: a viewer or a test adds it where it has two images to compare.
+//! This is not a slot of the frame. A viewer or a test adds it to compare two images.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::slot::SlotError;
@@ -9,26 +9,26 @@ use magpie_shaders::metrics::{
 };
 use magpie_shaders::{METRICS_ERROR_COMP, METRICS_SUM_COMP};
 
-/// Two images of one size, of any format but those of ids.
+/// Two images of the same size, of any format except integers.
 #[derive(Clone, Copy, Debug)]
 pub struct MetricsIn {
-    /// The image under test. Where its size is not that of the reference, every error is NaN.
+    /// The image under test. If its size is not that of the reference, every error is NaN.
     pub test: Handle<Image>,
     /// The reference.
     pub reference: Handle<Image>,
 }
 
-/// How far apart they are.
+/// Errors per pixel and of the picture.
 #[derive(Clone, Copy, Debug)]
 pub struct MetricsOut {
-    /// RGBA32F, each the mean over the channels of the pixel: squared error in red, relative squared error in green, symmetric
-    /// error in blue, 1 in alpha.
+    /// RGBA32F: squared error in red, relative squared error in green, symmetric error in blue, 1 in alpha. Each is the mean over the channels
+    /// of the pixel.
     pub error: Handle<Image>,
-    /// One [`ErrorSums`], the mean over the pixels: for [`Errors::read`].
+    /// One [`ErrorSums`], the mean over all pixels; [`Errors::read`] decodes it.
     pub errors: Handle<Buffer>,
 }
 
-/// The errors of a picture.
+/// Mean errors of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// Mean squared error, in the squared unit of the images.
@@ -40,7 +40,7 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// From the bytes of [`MetricsOut::errors`]; `None` where they are too few.
+    /// From the bytes of [`MetricsOut::errors`]; `None` if they are too few.
     pub fn read(bytes: &[u8]) -> Option<Self> {
         let field = |at: usize| Some(f32::from_le_bytes(bytes.get(4 * at..4 * at + 4)?.try_into().ok()?));
         Some(Self { mse: field(0)?, relmse: field(1)?, smape: field(2)? })
@@ -51,33 +51,33 @@ impl Errors {
         self.mse.sqrt()
     }
 
-    /// Peak signal-to-noise ratio, decibels: infinite where the images are equal. `peak` is the greatest value that counts.
+    /// Peak signal-to-noise ratio, decibels: infinite if the images are equal. `peak` is the greatest possible value of the images.
     pub fn psnr(&self, peak: f32) -> f32 {
         10.0 * (peak * peak / self.mse).log10()
     }
 }
 
-/// The two passes.
+/// The pipelines of both passes.
 pub struct Metrics {
     error: Kernel,
     sum: Kernel,
 }
 
 impl Metrics {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// [`SlotError`] where the device cannot make them.
+    /// [`SlotError`] if the device cannot create them.
     pub fn new(gpu: &Gpu) -> Result<Self, SlotError> {
         let kernel = |shader| gpu.kernel(shader).map_err(SlotError::other);
         Ok(Self { error: kernel(&METRICS_ERROR_COMP)?, sum: kernel(&METRICS_SUM_COMP)? })
     }
 
-    /// Adds the passes; a view is not asked for.
+    /// Adds the passes. Unlike [`Effect::add`] it needs no view.
     pub fn declare(&self, g: &mut FrameGraph, i: MetricsIn) -> MetricsOut {
         let (error, sum) = (self.error, self.sum);
         let (extent, test_extent) = (g.extent(i.reference), g.extent(i.test));
-        let read = [i.test, i.reference].map(|image| how_to_read(g.desc(image).format));
+        let read = [i.test, i.reference].map(|image| read_mode(g.desc(image).format));
         let groups = [extent.width.div_ceil(TILE_WIDTH), extent.height.div_ceil(TILE_HEIGHT), 1];
         let (count, bytes) = (groups[0] * groups[1], size_of::<ErrorSums>() as u64);
 
@@ -121,9 +121,9 @@ impl Effect for Metrics {
     }
 }
 
-/// As `Picture::from_pixels` of the library reads an image on the host: what has one channel is grey, and eight bits without
-/// sRGB are a display image.
-fn how_to_read(format: Format) -> u32 {
+/// `READ_*` of a format, as `Picture::from_pixels` of the library reads images on the host: images of one channel are grey, and RGBA8 without
+/// an sRGB format holds sRGB-encoded display values.
+fn read_mode(format: Format) -> u32 {
     match (format, format.channels()) {
         (Format::Rgba8Unorm, _) => READ_DISPLAY,
         (_, 1) => READ_GREY,

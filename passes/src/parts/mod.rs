@@ -1,5 +1,4 @@
-//! What effects are made of: parts that several of them share, and that an effect from outside can use as well. Each has a page in
-//! `docs/parts`.
+//! Parts that several effects share. Effects in other crates can use the public ones as well. Each has a page in `docs/parts`.
 pub mod denoise;
 pub mod hit_shading;
 pub(crate) mod previous_radiance;

@@ -1,4 +1,4 @@
-//! Filters of one frame: bilinear upscaling where nothing better is there, and sharpening.
+//! Spatial filters: bilinear upscaling for frames without TAA, and sharpening.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::Wrap;
@@ -6,24 +6,24 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::post::{SharpenParams, UpscaleParams};
 use magpie_shaders::{POST_SHARPEN_COMP, POST_UPSCALE_COMP, SamplerId};
 
-/// The filter of whole pictures in 32-bit floats: bilinear, their edges going on. A device that filters those filters 16-bit floats too.
+/// A bilinear sampler that clamps to the edges. It is chosen for 32-bit floats: a device that can filter these can filter 16-bit floats too.
 pub fn bilinear(build: &Build<'_>) -> Result<SamplerId, SlotError> {
     build.bilinear(Format::Rgba32Float, [Wrap::Clamp; 2])
 }
 
-/// From rendered pixels to those of the picture, bilinear.
+/// Bilinear upscaling from the size of the frame to that of the output.
 pub struct Upscale {
     kernel: Kernel,
     sampler: SamplerId,
 }
 
 impl Upscale {
-    /// Makes its pipeline.
+    /// Creates the pipeline.
     pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
         Ok(Self { kernel: build.kernel(&POST_UPSCALE_COMP)?, sampler: bilinear(build)? })
     }
 
-    /// Adds its pass.
+    /// Adds the pass, which writes an image of size `output`.
     pub fn add(&self, g: &mut FrameGraph, colour: Handle<Image>, output: Extent) -> Handle<Image> {
         let Self { kernel, sampler } = *self;
         g.pass("post.upscale", Queue::Graphics, |p| {
@@ -38,20 +38,21 @@ impl Upscale {
     }
 }
 
-/// Steeper edges without overshoot.
+/// Sharpening without overshoot.
 pub struct Sharpen {
     kernel: Kernel,
     amount: f32,
+    /// Factor before the tone curve.
     exposure: f32,
 }
 
 impl Sharpen {
-    /// Makes its pipeline. `amount` is above 0 and at most 1.
+    /// Creates the pipeline. `amount` is above 0 and at most 1; `exposure` is the factor before the tone curve.
     pub fn new(build: &Build<'_>, amount: f32, exposure: f32) -> Result<Self, SlotError> {
         Ok(Self { kernel: build.kernel(&POST_SHARPEN_COMP)?, amount, exposure })
     }
 
-    /// Adds its pass.
+    /// Adds the pass.
     pub fn add(&self, g: &mut FrameGraph, colour: Handle<Image>) -> Handle<Image> {
         let Self { kernel, amount, exposure } = *self;
         g.pass("post.sharpen", Queue::Graphics, |p| {

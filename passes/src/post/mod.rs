@@ -1,4 +1,4 @@
-//! From linear radiance to a display: anti-aliasing and upsampling, sharpening, exposure, tone curve, sRGB.
+//! From linear radiance to display values: anti-aliasing and upsampling, sharpening, exposure, tone curve, sRGB encoding.
 mod filters;
 mod taa;
 
@@ -12,7 +12,7 @@ use magpie_shaders::POST_TONE_MAP_COMP;
 use magpie_shaders::post::{CURVE_ACES, CURVE_AGX, CURVE_NONE, ToneMapParams};
 use taa::Taa;
 
-/// From cheap to accurate: how many pixels the whole frame renders for its picture, and what makes up for those that it leaves out.
+/// From cheap to accurate. They differ in the resolution of the whole frame; TAA upsamples it to the output.
 pub const PRESETS: [Preset; 4] = [
     Preset {
         name: "low",
@@ -36,7 +36,6 @@ pub const PRESETS: [Preset; 4] = [
     },
 ];
 
-/// The slot.
 pub fn slot() -> Slot<PostIn, PostOut> {
     let settings = [
         SettingSpec::choice(
@@ -81,13 +80,15 @@ pub fn slot() -> Slot<PostIn, PostOut> {
 }
 
 struct Standard {
-    /// Rendered pixels over those of the picture, each way.
+    /// Rendered pixels over pixels of the picture, in each direction.
     scale: f64,
     taa: Option<Taa>,
     upscale: Upscale,
     sharpen: Option<Sharpen>,
     tone_map: Kernel,
+    /// `CURVE_*`.
     curve: u32,
+    /// Factor before the tone curve.
     exposure: f32,
 }
 

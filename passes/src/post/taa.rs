@@ -1,4 +1,4 @@
-//! Temporal anti-aliasing and upsampling: every frame looks at another point of each pixel, and the picture is their mean, moved along.
+//! Temporal anti-aliasing and upsampling: the mean of jittered frames, reprojected along motion vectors.
 use super::filters::bilinear;
 use crate::contracts::{Channel, Seen};
 use magpie::gpu::Kernel;
@@ -8,27 +8,28 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::post::TaaParams;
 use magpie_shaders::{POST_TAA_COMP, SamplerId};
 
-/// The effect.
+/// Temporal anti-aliasing.
 pub struct Taa {
     kernel: Kernel,
     sampler: SamplerId,
+    /// Factor before the tone curve.
     exposure: f32,
     scope: HistoryScope,
 }
 
 impl Taa {
-    /// Makes its pipeline. `exposure` is a factor.
+    /// Creates the pipeline. `exposure` is the factor before the tone curve.
     pub fn new(build: &Build<'_>, exposure: f32) -> Result<Self, SlotError> {
         let kernel = build.kernel(&POST_TAA_COMP)?;
         Ok(Self { kernel, sampler: bilinear(build)?, exposure, scope: HistoryScope::new() })
     }
 
-    /// Adds its pass; gives the picture in the size of the output.
+    /// Adds the pass. The result has the size of the output.
     pub fn add(&self, g: &mut FrameGraph, view: &View, colour: Handle<Image>, seen: Seen) -> Handle<Image> {
         let Self { kernel, sampler, exposure, .. } = *self;
         let (block, output) = (view.block, view.output);
         let mut history = |name, format| g.history(&self.scope, name, ImageDesc::fixed(format, output));
-        // 32-bit floats: the 64th sample of a mean would be lost in the digits of 16 bits.
+        // In 16-bit floats the 64th sample would change the mean by less than their precision.
         let picture = history("radiance", Format::Rgba32Float);
         let moments = history("moments", Format::Rgba16Float);
         let surfaces = history("surfaces", Format::Rg32Uint);

@@ -1,11 +1,10 @@
-//! Looking at rays: how much work each is.
+//! Visualises the cost of ray traversal.
 use crate::contracts::{RaysIn, RaysOut};
 use magpie::prelude::*;
 use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::RAYS_HEAT_MAP_RAY;
 use magpie_shaders::rays::HeatMapParams;
 
-/// The slot.
 pub fn slot() -> Slot<RaysIn, RaysOut> {
     let hottest = SettingSpec::float(
         "hottest",

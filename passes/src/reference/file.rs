@@ -1,4 +1,5 @@
-//! Estimates as files: OpenEXR with the mean in R, G, B, its standard error in error.R, error.G, error.B, and in the header what it is.
+//! Estimates as OpenEXR files: the mean in R, G, B, its standard error in error.R, error.G, error.B, and number of samples and subject in the
+//! header.
 use super::Estimate;
 use exr::prelude::*;
 use glam::DVec3;
@@ -6,11 +7,11 @@ use magpie::files::open_regular;
 use std::path::Path;
 use std::time::SystemTime;
 
-/// Names of the channels: mean, then standard error.
+/// Names of the channels: those of the mean, then those of the standard error.
 const CHANNELS: [&str; 6] = ["R", "G", "B", "error.R", "error.G", "error.B"];
-/// Header: samples per pixel.
+/// Header attribute with the number of samples per pixel.
 const SAMPLES: &str = "magpie samples";
-/// Header: of what it is an estimate.
+/// Header attribute with the subject, which identifies what the estimate shows.
 const SUBJECT: &str = "magpie subject";
 
 /// Why an estimate could not be read or written.
@@ -19,33 +20,33 @@ pub enum EstimateFileError {
     /// The file could not be read or written.
     #[error("{path}: {source}")]
     File {
-        /// Which.
+        /// Path of the file.
         path: String,
-        /// What went wrong.
+        /// The cause.
         source: Error,
     },
     /// An EXR file, but not one that the reference wrote.
     #[error("{path}: not written by the reference: {lacks} is missing")]
     Foreign {
-        /// Which.
+        /// Path of the file.
         path: String,
-        /// Channel or attribute.
+        /// The missing channel or attribute.
         lacks: String,
     },
-    /// An estimate of something else.
+    /// The file holds an estimate of another subject.
     #[error("{path}: an estimate of something else: {got}; wanted {wanted}")]
     Subject {
-        /// Which.
+        /// Path of the file.
         path: String,
-        /// What it holds.
+        /// Subject of the file.
         got: String,
-        /// What was wanted.
+        /// The expected subject.
         wanted: String,
     },
 }
 
 impl Estimate {
-    /// Writes it. `subject` says of what it is an estimate, so that only what belongs together is merged.
+    /// Writes the estimate to a file. `subject` identifies what it shows, so that only estimates of the same subject are merged.
     ///
     /// # Errors
     /// [`EstimateFileError::File`].
@@ -66,7 +67,8 @@ impl Estimate {
         let text = |t: &str| AttributeValue::Text(Text::from(t));
         layer.attributes.other.insert(Text::from(SAMPLES), text(&self.samples.to_string()));
         layer.attributes.other.insert(Text::from(SUBJECT), text(subject));
-        // Whole or not at all: whoever stops a long run keeps what was saved before. Several programs may be at the same file.
+        // Written to a temporary file and renamed: an interrupted run leaves the previous file intact. The name of the temporary file is unique,
+        // as several processes may write the same estimate.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let part = path.with_extension(format!("exr.{}-{now}.part", std::process::id()));
         let written = Image::from_layer(layer).write().to_file(&part);
@@ -74,7 +76,7 @@ impl Estimate {
         moved.map_err(|source| EstimateFileError::File { path: path.display().to_string(), source })
     }
 
-    /// Reads one that [`Estimate::save`] wrote. `subject` is what it must be an estimate of; `None` takes any.
+    /// Reads a file that [`Estimate::save`] wrote. It must have this `subject`; `None` accepts any.
     ///
     /// # Errors
     /// [`EstimateFileError`].

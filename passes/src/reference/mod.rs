@@ -1,4 +1,4 @@
-//! The truth: a progressive path tracer, unbiased and unclamped.
+//! The reference: a progressive path tracer, unbiased and unclamped.
 mod estimate;
 mod file;
 mod show;
@@ -26,29 +26,29 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Which light is wanted: all of it, or what the slot of that name gives.
+/// Which light the reference computes: all of it, or the output of one slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Only {
     /// The whole picture.
     #[default]
     All,
-    /// Light straight from lights and emissive surfaces, and emission.
+    /// Direct light of lights and emissive surfaces, and emission.
     Direct,
-    /// Share that is seen of the first three lights that cast shadows, one in each channel, 0 to 1; where something lets light through,
-    /// of the first light, a colour in each channel.
+    /// Visibility of the first three shadow-casting lights, one in each channel, 0 to 1; in all channels if there is one light only. In scenes
+    /// with surfaces that transmit light: visibility of the first light in red, green and blue.
     Shadows,
-    /// Cosine-weighted share of the hemisphere that nothing near hides, 0 to 1.
+    /// Openness, 0 to 1: the cosine-weighted share of the hemisphere without an occluder in range.
     AmbientOcclusion,
     /// Indirect light that the first surface scatters specularly.
     Reflections,
     /// Indirect light that the first surface scatters diffusely.
     Gi,
-    /// Light that comes through the first surface.
+    /// Indirect light that the first surface transmits.
     Transparency,
 }
 
 impl Only {
-    /// All of them.
+    /// All variants.
     pub const ALL: [Self; 7] = [
         Self::All,
         Self::Direct,
@@ -59,7 +59,7 @@ impl Only {
         Self::Transparency,
     ];
 
-    /// Its name on the command line: that of the slot.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::All => "all",
@@ -73,54 +73,54 @@ impl Only {
     }
 }
 
-/// Where in a pixel its samples lie.
+/// Where in a pixel its sample points are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PixelSampling {
-    /// Anywhere in its square, equally: what a camera sees.
+    /// Uniformly distributed over the pixel, which anti-aliases.
     #[default]
     Area,
-    /// At its centre, as the raster has it without anti-aliasing; textures of the first surface are filtered over the pixel.
+    /// At the centre, as in rasterisation without anti-aliasing; textures of the first surface are filtered over the pixel.
     Centre,
 }
 
-/// How to trace.
+/// Options of the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct ReferenceOptions {
-    /// Pixels from left to right, at least 1.
+    /// Width, pixels, at least 1.
     pub width: u32,
-    /// Pixels from top to bottom, at least 1.
+    /// Height, pixels, at least 1.
     pub height: u32,
-    /// Runs with other seeds are independent and can be merged.
+    /// Seed of the random numbers. Runs with different seeds are independent and can be merged.
     pub seed: u32,
-    /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit.
+    /// Greatest number of scatterings: 1 is direct light only, 0 is no limit.
     pub depth: u32,
-    /// Which light.
+    /// Which light to compute.
     pub only: Only,
-    /// Where in a pixel.
+    /// Where in a pixel to sample.
     pub pixel: PixelSampling,
-    /// How far away a thing still counts for ambient occlusion, metres, above 0.
+    /// Distance up to which geometry counts as an occluder for ambient occlusion, metres, above 0.
     pub ao_range: f32,
-    /// Which moment of the scene's animation, seconds.
+    /// Time in the scene's animation, seconds.
     pub time: f64,
-    /// How rays are traced; the device must be able to.
+    /// Ray-tracing backend, which the device must support.
     pub rays: Rays,
-    /// Ask the validation layers, which the device must have been opened with.
+    /// Treat messages of the validation layers as errors. The device must have been opened with them.
     pub check: bool,
-    /// How what several strategies find is combined.
+    /// How light is sampled, and how samples of several strategies are combined.
     pub strategy: Strategy,
 }
 
 /// How paths find light. All are unbiased; they differ in noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Strategy {
-    /// Lights and surfaces are sampled and weighed by the power heuristic.
+    /// Lights and BSDFs are sampled and weighted by the power heuristic.
     #[default]
     Power,
-    /// The same by the balance heuristic.
+    /// Lights and BSDFs are sampled and weighted by the balance heuristic.
     Balance,
-    /// Only surfaces are sampled. Lights without a size are never found.
+    /// Only BSDFs are sampled. Lights without a size are never found.
     SurfacesOnly,
-    /// Only lights are sampled. Surfaces find what no sample of lights ever does: the light of unlit surfaces.
+    /// Only lights are sampled, except for light that light sampling cannot find, such as that of unlit surfaces.
     LightsOnly,
 }
 
@@ -142,19 +142,19 @@ impl Default for ReferenceOptions {
     }
 }
 
-/// Why there is no truth.
+/// Why the reference failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReferenceError {
-    /// The scene could not be brought to the device.
+    /// The scene could not be uploaded.
     #[error("scene: {0}")]
     Scene(#[from] ResidentError),
-    /// A pass did not run.
+    /// A frame of the reference could not be run.
     #[error(transparent)]
     Execute(#[from] ExecuteError),
-    /// The device refused.
+    /// The device reported an error.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The slot that shows the picture could not be filled.
+    /// The implementation of the slot `post` could not be created.
     #[error(transparent)]
     Stage(#[from] SlotError),
     /// A sample is NaN or infinite.
@@ -168,19 +168,20 @@ pub enum ReferenceError {
         first: u64,
         /// Last sample.
         last: u64,
-        /// What they came to.
+        /// Their mean.
         mean: DVec3,
     },
-    /// An estimate of another size.
+    /// The estimate to resume from has another size.
     #[error(transparent)]
     Size(#[from] SizeMismatch),
 }
 
-/// Pixels on a side of what is traced at once, and samples of each: what a device is busy with for a while and no more.
+/// Width and height of a tile, pixels. One pass traces a batch of samples of one tile, so that no pass occupies the device for long.
 const TILE: u32 = 256;
+/// Samples per pixel of one pass.
 const BATCH: u32 = 16;
 
-/// A picture of the truth that gets better with every sample.
+/// A progressive estimate of the reference picture.
 pub struct Reference {
     gpu: Gpu,
     executor: Executor,
@@ -206,7 +207,7 @@ impl Only {
         }
     }
 
-    /// Which light counts, and which lobes of the first surface scatter it (`LOBE_*` of `lib/bsdf.glsl`).
+    /// `PATH_*` bits of the light that counts, and `LOBE_*` bits (`lib/bsdf.glsl`) of the lobes of the first surface that scatter it.
     fn path(self) -> (u32, u32) {
         const DIFFUSE: u32 = 1;
         const SPECULAR: u32 = 2;
@@ -224,7 +225,7 @@ impl Only {
 }
 
 impl Reference {
-    /// Uploads the scene and makes the pipeline. No samples yet.
+    /// Uploads the scene and creates the pipeline. The estimate has no samples yet.
     ///
     /// # Errors
     /// [`ReferenceError`].
@@ -232,15 +233,15 @@ impl Reference {
         if options.check {
             gpu.need_validation()?;
         }
-        // The raster tests blended surfaces, and what the camera sees of what stands for one of its slots does so too. Paths ask for
-        // their alpha.
-        let tested = ResidentOptions::default().blend_cutoff;
-        let (seen, met) = match options.only {
+        // The raster alpha-tests blended surfaces. So camera rays do the same where the result is compared with a single slot, and shadow and
+        // ambient occlusion rays too. All other rays blend by alpha, with a cut-off of 0.
+        let raster_cutoff = ResidentOptions::default().blend_cutoff;
+        let (camera_cutoff, ray_cutoff) = match options.only {
             Only::All => (0.0, 0.0),
-            Only::Shadows | Only::AmbientOcclusion => (tested, tested),
-            _ => (tested, 0.0),
+            Only::Shadows | Only::AmbientOcclusion => (raster_cutoff, raster_cutoff),
+            _ => (raster_cutoff, 0.0),
         };
-        let resident = ResidentOptions { rays: options.rays, blend_cutoff: met, ..ResidentOptions::default() };
+        let resident = ResidentOptions { rays: options.rays, blend_cutoff: ray_cutoff, ..ResidentOptions::default() };
         let mut resident = ResidentScene::new(gpu, scene, resident)?;
         let origin = FloatingOrigin::default().follow(camera);
         resident.set_moment(&Moment { time: options.time, origin, cut: true });
@@ -253,7 +254,7 @@ impl Reference {
             Strategy::LightsOnly => PATH_NO_LIGHT_HITS,
         };
         let centre = if options.pixel == PixelSampling::Centre { PATH_CENTRE } else { 0 };
-        // Light that comes straight from lights is scattered once.
+        // Direct light is scattered once.
         let depth = if options.only == Only::Direct { 1 } else { options.depth };
         let mut executor = Executor::new(gpu)?;
         Ok(Self {
@@ -266,39 +267,40 @@ impl Reference {
             options: ReferenceOptions { depth, ..options },
             flags: counted | strategy | centre | clear,
             first_lobes,
-            blend_cutoff: seen,
+            blend_cutoff: camera_cutoff,
             view: Staging::new(gpu, "view"),
             estimate: Estimate::new(options.width, options.height),
             rays: [0; 2],
         })
     }
 
-    /// What the samples so far came to.
+    /// The estimate from all samples so far.
     pub fn estimate(&self) -> &Estimate {
         &self.estimate
     }
 
-    /// How many rays were traced: those that look for the nearest hit, and those that look for any.
+    /// Number of rays traced so far: closest-hit, then any-hit rays.
     pub fn rays(&self) -> [u64; 2] {
         self.rays
     }
 
-    /// Goes on from an estimate of the same picture. If other seeds had a part in it, samples that it has are not taken again.
+    /// Continues from an estimate of the same picture. New samples are numbered from its number of samples on, so that those of this seed are not
+    /// repeated.
     ///
     /// # Errors
     /// [`ReferenceError::Size`].
     pub fn resume(&mut self, from: &Estimate) -> Result<(), ReferenceError> {
-        let mut begun = Estimate::new(self.options.width, self.options.height);
-        begun.merge(from)?;
-        self.estimate = begun;
+        let mut resumed = Estimate::new(self.options.width, self.options.height);
+        resumed.merge(from)?;
+        self.estimate = resumed;
         Ok(())
     }
 
-    /// Takes so many more samples of every pixel. Deterministic: the same samples come to the same numbers, however they were asked for
-    /// up to rounding.
+    /// Adds this number of samples to every pixel. The result is deterministic; up to rounding it does not depend on how the samples are split
+    /// into calls.
     ///
     /// # Errors
-    /// [`ReferenceError`]; the estimate is then as it was before the batch that failed.
+    /// [`ReferenceError`]; the estimate keeps the batches before the one that failed.
     pub fn add(&mut self, samples: u32) -> Result<(), ReferenceError> {
         let mut left = samples;
         while left > 0 {
@@ -316,7 +318,7 @@ impl Reference {
         Ok(())
     }
 
-    /// Traces one tile.
+    /// Traces one tile, and writes its means and squared deviations into `added`. `tile` is its upper left pixel.
     fn trace(&mut self, tile: [u32; 2], samples: u32, added: &mut Estimate) -> Result<(), ReferenceError> {
         let Estimate { width, height, .. } = *added;
         let extent = Extent::new(TILE.min(width - tile[0]), TILE.min(height - tile[1]));

@@ -1,4 +1,4 @@
-//! An estimate as a display shows it: through the slot `post`, as any other picture.
+//! Display values of an estimate, by the slot `post`.
 use super::{Reference, ReferenceError};
 use crate::Slots;
 use crate::contracts::PostIn;
@@ -17,7 +17,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 impl Reference {
-    /// What the samples so far look like: exposure, tone curve and encoding are those that the configuration has for `post`. RGBA8.
+    /// The estimate so far as display values, RGBA8: with the exposure, tone curve and encoding that the configuration sets for `post`.
     ///
     /// # Errors
     /// [`ReferenceError`].

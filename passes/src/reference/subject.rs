@@ -1,14 +1,14 @@
-//! Of what an estimate is one: a line of text that tells two pictures apart, seeds and numbers of samples left out.
+//! The subject of an estimate: a line of text that identifies the picture, regardless of seed and number of samples.
 use super::{Only, ReferenceOptions};
 use magpie::scene::{Camera, Mesh, Scene};
 use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hasher};
 
-/// Changes whenever the same scene comes to another picture: the model of lights and surfaces.
+/// Version of the models of lights and surfaces. Raise it when a change alters the reference picture of any scene.
 const MODEL: u32 = 3;
 
 impl ReferenceOptions {
-    /// What estimates with these options are estimates of. Two that have the same can be merged, if their samples are independent.
+    /// The subject of estimates with these options. Two estimates of the same subject can be merged if their samples are independent.
     pub fn subject(&self, scene: &Scene, camera: &Camera) -> String {
         let Self { width, height, depth, only, pixel, ao_range, time, .. } = *self;
         let mut fingerprint = Fingerprint::default();
@@ -25,7 +25,7 @@ impl ReferenceOptions {
     }
 }
 
-/// A hash of what is seen.
+/// A hash of the scene and the camera.
 #[derive(Default)]
 struct Fingerprint(DefaultHasher);
 
@@ -35,7 +35,7 @@ impl Fingerprint {
         self.0.write(bytemuck::cast_slice(items));
     }
 
-    /// Small things by how they are written: every digit counts.
+    /// Adds a small item by its debug output, which has every digit of floats.
     fn text(&mut self, thing: &impl Debug) {
         self.bytes(format!("{thing:?}").as_bytes());
     }

@@ -1,4 +1,4 @@
-//! Specular indirect light. So far: the sky in the mirror direction, as much of it as ambient occlusion leaves.
+//! Specular indirect light: at present the sky in the mirror direction times specular occlusion.
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
@@ -6,7 +6,6 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
 
-/// The slot.
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
         .about("Specular indirect light.")
@@ -15,14 +14,21 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "The sky in the mirror direction, blurred with roughness and dimmed by the slot `ao`: no other objects.",
             &[precision::setting()],
             |build, settings| {
-                Ok(Box::new(SkyLight::new(build, "reflections.sky", &REFLECTIONS_SKY_COMP, false, nothing, settings)?))
+                Ok(Box::new(SkyLight::new(
+                    build,
+                    "reflections.sky",
+                    &REFLECTIONS_SKY_COMP,
+                    false,
+                    idle_reason,
+                    settings,
+                )?))
             },
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }
 
-/// Why no surface has a specular reflection.
-fn nothing(facts: &SceneFacts) -> Option<&'static str> {
+/// The reason why no surface of the scene has a specular reflection, if none does.
+fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.specular {
         _ if facts.area == 0.0 => Some("there is no surface"),
         0.0 => Some("no surface has a specular reflection"),

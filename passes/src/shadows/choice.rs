@@ -1,24 +1,24 @@
-//! Which lights cast shadows, and how those of each are found.
+//! Which lights cast shadows, and by which technique.
 use magpie::scene::Caster;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT};
 use magpie_shaders::view::MOST_CASTERS;
 use std::fmt;
 
-/// How the shadows of a light are found.
+/// How the visibility of a light is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Technique {
-    /// It casts none.
+    /// The light is unshadowed.
     None,
-    /// By rays.
+    /// Shadow rays.
     Rays,
-    /// By shadow maps.
+    /// Shadow maps.
     Map,
-    /// By maps, and by rays where these are not sure.
+    /// Shadow maps, and rays where the maps are unsure.
     Hybrid,
 }
 
-/// Their names in the configuration.
+/// Names of the techniques in the configuration.
 const TECHNIQUES: [(&str, Technique); 4] =
     [("none", Technique::None), ("rays", Technique::Rays), ("map", Technique::Map), ("hybrid", Technique::Hybrid)];
 
@@ -32,51 +32,56 @@ const KINDS: [(&str, u32); 6] = [
     ("sphere", LIGHT_SPHERE),
 ];
 
-/// Which lights a rule is for.
+/// The lights to which a rule applies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Whom {
+enum Target {
+    /// All lights of a kind, `LIGHT_*`.
     Kind(u32),
+    /// One light, by its index in the scene.
     Light(u32),
 }
 
-/// What the configuration says.
+/// The technique of each light, from the settings.
 #[derive(Clone, Debug)]
 pub struct Choice {
-    most: usize,
-    otherwise: Technique,
-    rules: Vec<(Whom, Technique)>,
+    /// Greatest number of shadow-casting lights.
+    max_lights: usize,
+    /// Technique of lights to which no rule applies.
+    default: Technique,
+    /// The last rule that applies to a light counts.
+    rules: Vec<(Target, Technique)>,
 }
 
-/// Lights that share an image.
+/// Lights whose visibility is in the same image.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// How their shadows are found.
+    /// The technique of all of them.
     pub technique: Technique,
-    /// One to four.
+    /// One to four lights, in the order of the channels.
     pub lights: Vec<Caster>,
-    /// One light, whose colours have a channel each.
+    /// There is one light only, whose visibility is in red, green and blue.
     pub coloured: bool,
 }
 
 impl Group {
-    /// How many channels of the image are its.
+    /// Number of channels in use.
     pub fn channels(&self) -> usize {
         if self.coloured { 3 } else { self.lights.len() }
     }
 }
 
-/// A rule that says nothing.
+/// A rule that could not be parsed.
 #[derive(Debug)]
 struct BadRule(String);
 
 impl fmt::Display for BadRule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let whom: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
-        let how: Vec<&str> = TECHNIQUES.iter().map(|(name, _)| *name).collect();
-        let (whom, how) = (whom.join(", "), how.join(", "));
+        let kinds: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
+        let techniques: Vec<&str> = TECHNIQUES.iter().map(|(name, _)| *name).collect();
+        let (kinds, techniques) = (kinds.join(", "), techniques.join(", "));
         write!(
             f,
-            "shadows.per_light: wanted rules such as \"sun=rays 3=none\" (left: {whom}, or the number of a light; right: {how}), got \"{}\"",
+            "shadows.per_light: wanted rules such as \"sun=rays 3=none\" (left: {kinds}, or the number of a light; right: {techniques}), got \"{}\"",
             self.0
         )
     }
@@ -84,9 +89,9 @@ impl fmt::Display for BadRule {
 
 impl std::error::Error for BadRule {}
 
-/// The settings of every implementation.
+/// Settings that all implementations share.
 pub fn settings() -> [SettingSpec; 2] {
-    let most = i64::from(MOST_CASTERS);
+    let max_lights = i64::from(MOST_CASTERS);
     [
         SettingSpec::integer(
             "most_lights",
@@ -94,7 +99,7 @@ pub fn settings() -> [SettingSpec; 2] {
             "How many lights cast shadows, the sun and the strongest lamps first. Higher: fewer lights shine through walls; a ray or a \
              map more for each.",
             4,
-            (1, most),
+            (1, max_lights),
         ),
         SettingSpec::text(
             "per_light",
@@ -107,43 +112,44 @@ pub fn settings() -> [SettingSpec; 2] {
 }
 
 impl Choice {
-    /// Reads them. `otherwise`: what the implementation stands for.
-    pub fn new(settings: &Settings, otherwise: Technique) -> Result<Self, SlotError> {
+    /// Reads the settings. `default` is the technique of the implementation.
+    pub fn new(settings: &Settings, default: Technique) -> Result<Self, SlotError> {
         let mut rules = Vec::new();
         for rule in settings.choice("per_light")?.split_whitespace() {
             rules.push(parse(rule).ok_or_else(|| SlotError::other(BadRule(rule.to_owned())))?);
         }
-        Ok(Self { most: settings.u32("most_lights")? as usize, otherwise, rules })
+        Ok(Self { max_lights: settings.u32("most_lights")? as usize, default, rules })
     }
 
-    fn technique(&self, caster: &Caster) -> Technique {
-        let fits = |whom: Whom| match whom {
-            Whom::Kind(kind) => kind == caster.placed.kind,
-            Whom::Light(light) => light == caster.light,
+    fn technique(&self, light: &Caster) -> Technique {
+        let applies = |target: Target| match target {
+            Target::Kind(kind) => kind == light.placed.kind,
+            Target::Light(index) => index == light.light,
         };
-        let rule = self.rules.iter().rev().find(|(whom, _)| fits(*whom));
-        rule.map_or(self.otherwise, |(_, technique)| *technique)
+        let rule = self.rules.iter().rev().find(|(target, _)| applies(*target));
+        rule.map_or(self.default, |(_, technique)| *technique)
     }
 
-    /// Groups of lights that share a technique, the light that matters most in the first channel of the first. `tinted`: rays tell
-    /// colours.
-    pub fn groups(&self, casters: &[Caster], tinted: bool) -> Vec<Group> {
+    /// Groups lights of the same technique. The most important light is in the first channel of the first group. If `tinted`, each light
+    /// with shadow rays has a group of its own, with visibility in colour.
+    pub fn groups(&self, shadow_lights: &[Caster], tinted: bool) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
-        let chosen = casters.iter().map(|c| (self.technique(c), c)).filter(|(t, _)| *t != Technique::None);
-        for (technique, caster) in chosen.take(self.most) {
+        let shadowed =
+            shadow_lights.iter().map(|light| (self.technique(light), light)).filter(|(t, _)| *t != Technique::None);
+        for (technique, light) in shadowed.take(self.max_lights) {
             let coloured = tinted && technique == Technique::Rays;
             match groups.iter_mut().find(|g| g.technique == technique && g.lights.len() < 4 && !coloured) {
-                Some(group) => group.lights.push(*caster),
-                None => groups.push(Group { technique, lights: vec![*caster], coloured }),
+                Some(group) => group.lights.push(*light),
+                None => groups.push(Group { technique, lights: vec![*light], coloured }),
             }
         }
         groups
     }
 }
 
-fn parse(rule: &str) -> Option<(Whom, Technique)> {
-    let (whom, how) = rule.split_once('=')?;
-    let kind = KINDS.iter().find(|(name, _)| *name == whom).map(|(_, kind)| Whom::Kind(*kind));
-    let whom = kind.or_else(|| whom.parse().ok().map(Whom::Light))?;
-    TECHNIQUES.iter().find(|(name, _)| *name == how).map(|(_, technique)| (whom, *technique))
+fn parse(rule: &str) -> Option<(Target, Technique)> {
+    let (left, right) = rule.split_once('=')?;
+    let kind = KINDS.iter().find(|(name, _)| *name == left).map(|(_, kind)| Target::Kind(*kind));
+    let target = kind.or_else(|| left.parse().ok().map(Target::Light))?;
+    TECHNIQUES.iter().find(|(name, _)| *name == right).map(|(_, technique)| (target, *technique))
 }

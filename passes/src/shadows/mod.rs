@@ -1,4 +1,4 @@
-//! Shadows of the lights that matter most, each found as the configuration says.
+//! Visibility of the most important lights, by the technique that the configuration selects for each.
 mod choice;
 mod maps;
 mod penumbra_width;
@@ -14,7 +14,7 @@ use maps::{MapOut, MapShadows};
 use penumbra_width::PenumbraWidth;
 use ray_traced::{RayTraced, Traced};
 
-/// From cheap to accurate. Maps have no noise and the wrong penumbrae; rays have the right ones, and noise.
+/// From cheap to accurate. Shadow maps have approximate penumbrae and no noise; rays have accurate penumbrae, and noise.
 pub const PRESETS: [Preset; 4] = [
     Preset {
         name: "low",
@@ -26,7 +26,6 @@ pub const PRESETS: [Preset; 4] = [
     Preset { name: "ultra", implementation: "ray-traced", settings: &[("rays", "4"), ("denoiser", "svgf")] },
 ];
 
-/// The slot.
 pub fn slot() -> Slot<ShadowIn, ShadowOut> {
     Slot::new("shadows")
         .about("How much of each light is seen.")
@@ -49,17 +48,18 @@ pub fn slot() -> Slot<ShadowIn, ShadowOut> {
         .presets(&PRESETS)
 }
 
-/// Single lights may go another way than the implementation's name says, so all have all settings; measured are their own.
+/// Single lights may use another technique than that of the implementation, so every implementation has all settings. Those of other
+/// techniques than `measured` are not swept.
 fn settings(measured: Technique) -> Vec<SettingSpec> {
     let of = |technique: Technique, mut spec: SettingSpec| {
-        // A hybrid takes most from its rays; how good its maps are is measured without them.
+        // Most of a hybrid's visibility comes from rays. The settings of its maps are swept with the implementation `shadow-map`.
         let is_measured = technique == measured || (measured == Technique::Hybrid && spec.key == "denoiser");
         if !is_measured {
             spec.sweep.clear();
         }
         spec
     };
-    // What trades accuracy for time most comes first: the report crosses that.
+    // The settings that trade accuracy for time most come first, as the accuracy report combines the first ones.
     let denoising = denoise::settings().into_iter().chain([denoise::precision(), denoise::adaptive()]);
     let rays = std::iter::once(ray_traced::rays()).chain(denoising).chain(ray_traced::settings());
     let rays = rays.map(|s| of(Technique::Rays, s));
@@ -67,7 +67,7 @@ fn settings(measured: Technique) -> Vec<SettingSpec> {
     rays.chain(maps).chain(choice::settings()).collect()
 }
 
-/// Lights in groups of up to four, each group by one technique.
+/// Computes visibility for groups of up to four lights, each group by one technique.
 struct Shadows {
     choice: Choice,
     rays: RayTraced,
@@ -89,16 +89,17 @@ impl Shadows {
         })
     }
 
-    /// By rays, without their noise; only where maps are not sure, if there are any.
+    /// Traces and denoises the visibility of a group. With `maps`, only pixels where these are unsure are traced.
     fn rays(
         &mut self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (group, maps): (&Group, Option<MapOut>),
+        group: &Group,
+        maps: Option<MapOut>,
         name: &str,
     ) -> Handle<Image> {
-        let Traced { visibility, change, penumbra } = self.rays.add(g, view, i, (group, maps), name);
+        let Traced { visibility, change, penumbra } = self.rays.add(g, view, i, group, maps, name);
         if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
@@ -132,15 +133,15 @@ impl Effect for Shadows {
         }
         let groups = self.choice.groups(&view.casters, self.rays.is_tinted(&view.facts));
         for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
-            // Passes of the first group have the plain names.
+            // Names of passes of the first group have no suffix.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };
             let visibility = match group.technique {
-                Technique::Map => self.maps.add(g, view, i, (&group.lights, false), &name).visibility,
+                Technique::Map => self.maps.add(g, view, i, &group.lights, false, &name).visibility,
                 Technique::Hybrid => {
-                    let maps = self.maps.add(g, view, i, (&group.lights, true), &name);
-                    self.rays(g, view, i, (group, Some(maps)), &name)
+                    let maps = self.maps.add(g, view, i, &group.lights, true, &name);
+                    self.rays(g, view, i, group, Some(maps), &name)
                 }
-                Technique::Rays | Technique::None => self.rays(g, view, i, (group, None), &name),
+                Technique::Rays | Technique::None => self.rays(g, view, i, group, None, &name),
             };
             let lights = ray_traced::indices(&group.lights);
             let raw = group.technique == Technique::Rays && self.rays.gives_raw();
@@ -150,7 +151,7 @@ impl Effect for Shadows {
     }
 }
 
-/// Nothing casts a shadow: no pass, no ray.
+/// All lights are unshadowed.
 struct Off;
 
 impl Effect for Off {

@@ -1,4 +1,4 @@
-//! How wide the penumbrae around each pixel are: there is no noise elsewhere, so a denoiser need not blur further.
+//! Width of the penumbrae around each pixel. Visibility is noisy only there, so a denoiser need not blur further.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
@@ -11,12 +11,12 @@ pub struct PenumbraWidth {
 }
 
 impl PenumbraWidth {
-    /// Describes its pipeline.
+    /// Creates the pipeline.
     pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
         Ok(Self { kernel: build.kernel(&SHADOWS_PENUMBRA_WIDTH_COMP)? })
     }
 
-    /// `penumbra`: widths at the hits, of full or half size. The result has the size of `like`.
+    /// Adds the pass. `penumbra` holds the widths at the hits, at full or half resolution. The result has the size of `like`.
     pub fn add(&self, g: &mut FrameGraph, penumbra: Handle<Image>, like: Handle<Image>, name: &str) -> Handle<Image> {
         let (kernel, format) = (self.kernel, g.desc(penumbra).format);
         let step = if g.extent(penumbra) == g.extent(like) { 1 } else { 2 };

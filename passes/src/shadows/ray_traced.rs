@@ -1,4 +1,4 @@
-//! Shadow rays: from each surface that is seen, or from one of four, to points of the lights.
+//! Shadow rays from the surface of each pixel, or of one pixel out of four, to points of the lights.
 use super::choice::Group;
 use super::maps::MapOut;
 use crate::contracts::{Channel, GEOMETRY, RAY_START, ShadowIn};
@@ -16,34 +16,34 @@ use magpie_shaders::{
     SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
 };
 
-/// Traces.
+/// Visibility by shadow rays.
 pub struct RayTraced {
     trace: RayKernel,
-    /// At half resolution only.
+    /// Set at half resolution only.
     upsample: Option<Kernel>,
-    /// To each light that has a size; 0 for hard shadows.
+    /// Rays per pixel to each light that has a size; 0 for one ray to its centre.
     samples: u32,
-    /// Looks for changes, where a denoiser wants to know of them.
+    /// Finds temporal gradients, if the denoiser uses them.
     gradient: Option<RayKernel>,
-    /// Both for one light in colour, if that is asked for: for scenes in which something lets light through.
+    /// The same two kernels for one light in colour, for scenes with surfaces that transmit light; `None` if the setting `tinted` is off.
     tinted: Option<(RayKernel, Option<RayKernel>)>,
     scope: HistoryScope,
-    /// A filter follows.
+    /// A denoiser follows.
     filtered: bool,
 }
 
-/// What rays found.
+/// Results of shadow rays.
 #[derive(Clone, Copy)]
 pub struct Traced {
-    /// A light in each channel, or a colour of one.
+    /// Visibility of one light in each channel, or of one light in red, green and blue.
     pub visibility: Handle<Image>,
-    /// How much it has changed since the frame before, in one pixel of nine.
+    /// As [`Hints::change`](crate::parts::denoise::Hints::change).
     pub change: Option<Handle<Image>>,
-    /// Width of the penumbrae of what they met, where a denoiser wants to know.
+    /// Penumbra width at the hits, as in [`TraceParams::penumbra`], if a denoiser follows.
     pub penumbra: Option<Handle<Image>>,
 }
 
-/// How many rays.
+/// The setting `rays`.
 pub fn rays() -> SettingSpec {
     SettingSpec::among(
         "rays",
@@ -55,7 +55,7 @@ pub fn rays() -> SettingSpec {
     .sweep_all()
 }
 
-/// Its other settings.
+/// The other settings of shadow rays.
 pub fn settings() -> [SettingSpec; 3] {
     [
         SettingSpec::choice(
@@ -83,7 +83,7 @@ pub fn settings() -> [SettingSpec; 3] {
     ]
 }
 
-/// One number for each light, or each colour of one: no more memory than is needed.
+/// The smallest format of visibility with this number of channels.
 pub fn format(channels: usize) -> Format {
     match channels {
         1 => Format::R8Unorm,
@@ -92,13 +92,13 @@ pub fn format(channels: usize) -> Format {
     }
 }
 
-/// Indices of up to four lights.
+/// Scene indices of up to four lights, then [`NO_LIGHT`].
 pub fn indices(lights: &[Caster]) -> [u32; 4] {
-    std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |caster| caster.light))
+    std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |light| light.light))
 }
 
 impl RayTraced {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
         let upsample = half.then(|| build.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose()?;
@@ -122,55 +122,56 @@ impl RayTraced {
         })
     }
 
-    /// Whether rays go to different points of any of these lights: shadows of points have no noise.
+    /// Whether any of these lights has a size and is sampled at random points. Visibility of points has no noise.
     pub fn is_noisy(&self, lights: &[Caster]) -> bool {
         let has_size = |light: &Light| match light.kind {
             LIGHT_POINT | LIGHT_SPOT => false,
             LIGHT_DIRECTIONAL => light.radius > 0.0,
             _ => true,
         };
-        self.samples > 0 && lights.iter().any(|caster| has_size(&caster.placed))
+        self.samples > 0 && lights.iter().any(|light| has_size(&light.placed))
     }
 
-    /// Whether what comes out are the rays of each pixel as they are: nothing filters or spreads them.
+    /// Whether the output is the unfiltered rays of each pixel: no denoiser and no upsampling follows.
     pub fn gives_raw(&self) -> bool {
         !self.filtered && self.upsample.is_none()
     }
 
-    /// Whether rays tell colours: there is something that light goes through.
+    /// Whether visibility is in colour: the setting `tinted` is on, and the scene has surfaces that transmit light.
     pub fn is_tinted(&self, facts: &SceneFacts) -> bool {
         self.tinted.is_some() && facts.lets_light_through
     }
 
-    /// The channels of lights that are not where they were one frame ago: a bit for each.
+    /// A bit for each channel whose light has moved since the previous frame.
     pub fn moved(&self, group: &Group) -> u32 {
         let bits = |channel: usize| if group.coloured { 0b111 } else { 1 << channel };
-        let moved = group.lights.iter().enumerate().filter(|(_, caster)| caster.moved);
+        let moved = group.lights.iter().enumerate().filter(|(_, light)| light.moved);
         moved.map(|(channel, _)| bits(channel)).fold(0, |all, bits| all | bits)
     }
 
-    /// Visibility of up to four lights, one in each channel, or of one in colour: of maps where there are some and they are sure, else of rays.
+    /// Adds the passes for a group of lights. With `maps`, their visibility is used where they are sure, and rays elsewhere.
     pub fn add(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (group, maps): (&Group, Option<MapOut>),
+        group: &Group,
+        maps: Option<MapOut>,
         name: &str,
     ) -> Traced {
         let lights = &group.lights[..];
         let tinted = self.tinted.filter(|_| group.coloured);
         let (kernel, gradient) = tinted.unwrap_or((self.trace, self.gradient));
-        // What maps say is no ray's answer to compare with.
-        let wanted = self.is_noisy(lights) && maps.is_none();
-        let (change, next) = match gradient.filter(|_| wanted) {
+        // Temporal gradients compare rays with rays, so they do not apply to visibility by maps.
+        let has_gradient = self.is_noisy(lights) && maps.is_none();
+        let (change, next) = match gradient.filter(|_| has_gradient) {
             Some(kernel) => {
                 let changes = self.changes(g, view, kernel, i, group, name);
                 (Some(changes.change), Some((changes.visibility, changes.surfaces)))
             }
             None => (None, None),
         };
-        // A map has looked at every pixel already.
+        // Maps have visibility at full resolution, so nothing is upsampled.
         let upsample_kernel = self.upsample.filter(|_| maps.is_none());
         let (samples, block) = (self.samples, view.block);
         let step = if upsample_kernel.is_some() { 2 } else { 1 };
@@ -202,7 +203,7 @@ impl RayTraced {
                     visibility: c.id(target),
                     penumbra: penumbra_target.map_or(NO_PENUMBRA, |t| c.id(t).index()),
                     surfaces: surfaces.map_or(NO_SURFACES, |t| c.id(t).index()),
-                    map_visibility: maps.map_or(NO_MAP, |(seen, _)| c.id(seen).index()),
+                    map_visibility: maps.map_or(NO_MAP, |(visibility, _)| c.id(visibility).index()),
                     unsure: maps.map_or(NO_MAP, |(_, unsure)| c.id(unsure).index()),
                     step,
                     samples,
@@ -219,7 +220,7 @@ impl RayTraced {
         Traced { visibility, change, penumbra }
     }
 
-    /// The previous frame's rays again, from where its surfaces are now.
+    /// Adds the pass that finds temporal gradients: it traces rays of the previous frame again, from the current positions of its surfaces.
     fn changes(
         &self,
         g: &mut FrameGraph,
@@ -264,16 +265,16 @@ impl RayTraced {
     }
 }
 
-/// What has changed since the previous frame, and what `shadows.trace` writes for the next one to find out.
+/// Temporal gradients, and the images that `shadows.trace` writes for those of the next frame.
 struct Changes {
-    /// Change of each channel in one pixel of nine.
+    /// As [`Traced::change`].
     change: Handle<Image>,
     visibility: WriteHandle<Image>,
-    /// The surface of one pixel in nine.
+    /// The surface of one pixel out of nine.
     surfaces: WriteHandle<Image>,
 }
 
-/// From half resolution to full.
+/// Adds the pass that upsamples visibility from half to full resolution.
 fn upsample(
     g: &mut FrameGraph,
     view: &View,

@@ -1,4 +1,4 @@
-//! The environment map, or the analytic sky and the sun's disc, written where nothing was drawn.
+//! Draws the environment map, or the analytic sky with the sun's disc, into background pixels.
 use crate::contracts::{SkyIn, SkyOut};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -7,7 +7,6 @@ use magpie::slot::{Build, Needs, Slot, SlotError};
 use magpie_shaders::SKY_FILL_COMP;
 use magpie_shaders::sky::FillParams;
 
-/// The slot.
 pub fn slot() -> Slot<SkyIn, SkyOut> {
     Slot::new("sky")
         .about("What lies behind everything.")

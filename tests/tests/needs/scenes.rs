@@ -28,7 +28,7 @@ pub fn with_sky(mut scene: Scene) -> Scene {
 
 pub fn plan(scene: &Scene, changes: &[&str]) -> Result<FramePlan> {
     let extent = Extent::new(SIZE[0], SIZE[1]);
-    Ok(plan_frame(scene, &scene.cameras[0], (&Slots::default(), &config(changes)?), Rays::Software, extent)?)
+    Ok(plan_frame(scene, &scene.cameras[0], &Slots::default(), &config(changes)?, Rays::Software, extent)?)
 }
 
 pub fn slot<'a>(slots: &'a [SlotReport], name: &str) -> Result<&'a SlotReport> {

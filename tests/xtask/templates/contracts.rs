@@ -1,11 +1,11 @@
-/// Slot `new_pass`.
+/// Input of the slot `new_pass`.
 #[derive(Clone, Copy, Debug)]
 pub struct NewPassIn {
     /// Linear radiance.
     pub colour: Handle<Image>,
 }
 
-/// What goes on to `post`.
+/// Output of the slot `new_pass`, which goes on to `post`.
 #[derive(Clone, Copy, Debug)]
 pub struct NewPassOut {
     /// Linear radiance.

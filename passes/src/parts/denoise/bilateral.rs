@@ -1,4 +1,4 @@
-//! One blur along surfaces: the cheap denoiser.
+//! The denoiser `bilateral`: one edge-aware blur.
 use super::{DenoiseIn, Options, Precision};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -6,7 +6,7 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::DENOISE_BILATERAL_COMP;
 use magpie_shaders::denoise::{BilateralParams, NO_IMAGE};
 
-/// The denoiser.
+/// The denoiser `bilateral`.
 pub struct Bilateral {
     effect: &'static str,
     kernel: Kernel,
@@ -15,13 +15,13 @@ pub struct Bilateral {
 }
 
 impl Bilateral {
-    /// Describes its pipeline.
+    /// Creates the pipeline.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let kernel = build.kernel(&DENOISE_BILATERAL_COMP)?;
         Ok(Self { effect, kernel, radius: options.radius, precision: options.precision })
     }
 
-    /// Denoises an image.
+    /// Adds the pass. `name` is appended to its name.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
         let (kernel, radius, block) = (self.kernel, self.radius, view.block);
         let (noisy, format) = (i.signal.image, i.signal.content.result(self.precision));

@@ -1,7 +1,7 @@
-//! Denoisers for effects that trace few rays: `svgf`, `bilateral` or none.
+//! Denoisers for effects that trace few rays: `svgf`, `bilateral` or `none`.
 //!
-//! A [`Denoiser`] takes a [`Signal`], the [`Surfaces`] that are seen, and [`Hints`] about its noise. An effect may have as many as it wants,
-//! each with its own [`Options`]. Radiance is denoised without albedo, which the effect multiplies afterwards.
+//! A [`Denoiser`] takes a [`Signal`], the visible [`Surfaces`], and [`Hints`] about the noise. An effect may have several denoisers, each with
+//! its own [`Options`]. Effects divide radiance by the albedo before denoising and multiply by it afterwards.
 mod bilateral;
 mod options;
 mod signal;
@@ -15,41 +15,41 @@ pub use options::{Method, Options, adaptive, is_adaptive, precision, settings};
 pub use signal::{Content, Precision, Signal};
 use svgf::Svgf;
 
-/// The surfaces that are seen, which guide filters.
+/// The visible surfaces, which guide the filters.
 #[derive(Clone, Copy, Debug)]
 pub struct Surfaces {
     /// This frame's G-buffer.
     pub gbuffer: GBuffer,
-    /// Where they were one frame ago.
+    /// Reprojection of its surfaces into the previous frame.
     pub reprojected: Reprojected,
 }
 
-/// What an effect knows of the noise of its signal. The default is to know nothing.
+/// What an effect knows about the noise of its signal. The default is no hints.
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct Hints {
-    /// How much the signal has changed since the previous frame, 0 to 1 per channel, in one pixel of nine: an image of a third of the size,
-    /// rounded up. The history is discarded by as much.
+    /// Change of the signal since the previous frame, 0 to 1 per channel, for one pixel out of each 3x3: an image of a third of the width and
+    /// height, rounded up. The denoiser shortens the history where it is above 0.
     pub change: Option<Handle<Image>>,
-    /// How wide the source of each channel's noise is on the screen, such as a penumbra: pixels over
-    /// [`WIDEST_NOISE`](magpie_shaders::denoise::WIDEST_NOISE). Filters average over no more, and 0 means no noise.
+    /// Width on the screen of the source of each channel's noise, such as a penumbra: pixels over
+    /// [`WIDEST_NOISE`](magpie_shaders::denoise::WIDEST_NOISE), 0 to 1. Filters are no wider than this, and 0 means no noise.
     pub width: Option<Handle<Image>>,
-    /// A bit for each channel whose subject moves across surfaces that stand still, as the shadows of a moving light do.
+    /// A bit for each channel whose contents move across static surfaces, as the shadows of a moving light do. Bit 0 is red.
     pub moved: u32,
 }
 
 impl Hints {
-    /// With [`Hints::change`].
+    /// Sets [`Hints::change`].
     pub fn change(self, change: Option<Handle<Image>>) -> Self {
         Self { change, ..self }
     }
 
-    /// With [`Hints::width`].
+    /// Sets [`Hints::width`].
     pub fn width(self, width: Option<Handle<Image>>) -> Self {
         Self { width, ..self }
     }
 
-    /// With [`Hints::moved`].
+    /// Sets [`Hints::moved`].
     pub fn moved(self, moved: u32) -> Self {
         Self { moved, ..self }
     }
@@ -58,11 +58,11 @@ impl Hints {
 /// Input of a denoiser.
 #[derive(Clone, Copy, Debug)]
 pub struct DenoiseIn {
-    /// What is denoised.
+    /// The noisy image.
     pub signal: Signal,
-    /// On which surfaces.
+    /// The surfaces that it shows.
     pub surfaces: Surfaces,
-    /// What is known of its noise.
+    /// What is known about its noise.
     pub hints: Hints,
 }
 
@@ -83,10 +83,10 @@ enum Kind {
 }
 
 impl Denoiser {
-    /// Describes the pipelines. `effect` is the first part of the names of its passes, `ao` for `ao.accumulate`.
+    /// Creates the pipelines. `effect` is the first part of the names of the passes, such as `ao` in `ao.accumulate`.
     ///
     /// # Errors
-    /// [`SlotError`] for a faulty shader.
+    /// [`SlotError`] if a pipeline could not be created.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         Ok(Self(match options.method {
             Method::Svgf => Kind::Svgf(Box::new(Svgf::new(build, effect, options)?)),
@@ -95,9 +95,9 @@ impl Denoiser {
         }))
     }
 
-    /// Adds the passes, and returns the filtered image: as many channels as the signal has, in the format of
-    /// [`Options::precision`]; the signal itself where nothing is filtered. `name` is the last part of the passes' names, and
-    /// distinguishes the histories of several images.
+    /// Adds the passes and returns the filtered image. It has at least the channels of the signal, with the bits of [`Options::precision`].
+    /// With [`Method::None`] it is the signal itself. `name` is appended to the names of the passes, and distinguishes the histories of several
+    /// images.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
         match &self.0 {
             Kind::None => i.signal.image,

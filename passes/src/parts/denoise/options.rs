@@ -1,11 +1,11 @@
-//! Options of a denoiser, and the settings of an effect that they are read from.
+//! Options of a denoiser, and the settings from which they are read.
 use super::signal::Precision;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 
-/// How a signal is denoised.
+/// The algorithm of a denoiser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// The noise stays.
+    /// No denoising.
     None,
     /// One edge-aware blur.
     Bilateral,
@@ -26,7 +26,7 @@ pub struct Options {
     pub sigma: f32,
     /// Of `bilateral`: radius, pixels.
     pub radius: u32,
-    /// Bits per channel of all its images.
+    /// Bits per channel of the denoiser's images.
     pub precision: Precision,
 }
 
@@ -58,7 +58,7 @@ impl Options {
     }
 }
 
-/// Settings of an effect that has a denoiser. With them goes a setting `precision`, [`precision`] or the effect's own.
+/// Settings of an effect that has a denoiser. The effect also needs a setting `precision`: [`precision`] or its own.
 pub fn settings() -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
@@ -94,13 +94,13 @@ pub fn settings() -> Vec<SettingSpec> {
     ]
 }
 
-/// The setting `precision` of effects whose only images of more than 8 bits are the denoiser's.
+/// The setting `precision`, for effects whose images other than the denoiser's have a fixed format.
 pub fn precision() -> SettingSpec {
     let about = "Bits of each channel of the denoiser's images. 32: as exact as they were computed. 16: half the memory and its traffic.";
     SettingSpec::among("precision", "bits", about, 16, &[32, 16])
 }
 
-/// The setting `adaptive`, of effects that find changes.
+/// The setting `adaptive`, for effects that provide [`Hints::change`](super::Hints::change).
 pub fn adaptive() -> SettingSpec {
     SettingSpec::switch(
         "adaptive",
@@ -111,7 +111,7 @@ pub fn adaptive() -> SettingSpec {
     .sweep_all()
 }
 
-/// Whether the denoiser wants to know what has changed.
+/// Whether the denoiser uses [`Hints::change`](super::Hints::change).
 pub fn is_adaptive(settings: &Settings) -> Result<bool, SlotError> {
     Ok(settings.choice("denoiser")? == "svgf" && settings.switch("adaptive")?)
 }

@@ -1,4 +1,4 @@
-//! What is denoised, and the formats of its images.
+//! Signals that are denoised, and the formats of the images that hold them.
 use magpie::graph::{HistoryScope, PassBuilder, SampleToken, StorageToken};
 use magpie::prelude::*;
 use magpie_shaders::denoise::{NO_IMAGE, SIGNAL_FOUR, SIGNAL_ONE, SIGNAL_RADIANCE, SIGNAL_TWO};
@@ -7,44 +7,44 @@ use magpie_shaders::{SampledImage, StorageImage};
 /// A noisy image.
 #[derive(Clone, Copy, Debug)]
 pub struct Signal {
-    /// The image, of any float or normalised format that has the channels.
+    /// The image, in any float or normalised format with enough channels.
     pub image: Handle<Image>,
-    /// What is in it.
+    /// What the image holds.
     pub content: Content,
 }
 
-/// What is in an image that is denoised.
+/// What a noisy image holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
-    /// Visibility of 1 to 4 lights, or of one light in 3 colours, 0 to 1: each channel on its own. It depends on the plane of a surface
-    /// only, not on its shading normal.
+    /// Visibility of 1 to 4 lights, or of one light in 3 colour channels, 0 to 1. Channels are filtered independently. Filters compare
+    /// geometric normals only: the shading normal matters only where it turns away from a light, which makes visibility 0.
     Visibility {
         /// Number of channels.
         channels: u32,
     },
-    /// Ambient occlusion or anything else in one channel that depends on the shading normal, 0 to 1.
+    /// Ambient occlusion, or anything else from 0 to 1 in one channel that depends on the shading normal.
     Occlusion,
-    /// Radiance in three channels, compared by luminance. It depends on the shading normal.
+    /// Radiance in three channels. Its variance is that of the luminance. It depends on the shading normal.
     Radiance,
 }
 
-/// Bits per channel of a denoiser's images.
+/// Bits per channel of a denoiser's images. History lengths always have 8, and the unfiltered mean of luminance has 32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
-    /// Values from 0 to 1 in 16-bit fixed point, radiance in 16-bit floats, which end at 65504.
+    /// 16-bit unorm for values from 0 to 1; 16-bit floats, up to 65504, for radiance.
     Sixteen,
     /// 32-bit floats.
     ThirtyTwo,
 }
 
-/// Formats of a signal with its standard deviations: of one image, or of two.
+/// Formats of the one or two images that hold a signal with its standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packing {
     /// One of the `SIGNAL_*` constants of the shaders.
     pub layout: u32,
-    /// Format of values, and of deviations if there is no image for these.
+    /// Format of the image with values, which also holds the deviations if `deviations` is `None`.
     pub values: Format,
-    /// Format of deviations in an image of their own.
+    /// Format of a separate image for deviations.
     pub deviations: Option<Format>,
 }
 
@@ -62,12 +62,12 @@ impl Content {
         !matches!(self, Self::Visibility { .. })
     }
 
-    /// Number of channels that have a variance each.
+    /// Number of channels that have a variance; radiance has one, of its luminance.
     pub(super) fn variances(self) -> u32 {
         if self == Self::Radiance { 1 } else { self.channels() }
     }
 
-    /// Format of history lengths.
+    /// Format of history lengths, one for each variance.
     pub(super) fn frames(self) -> Format {
         match self.variances() {
             1 => Format::R8Unorm,
@@ -76,7 +76,7 @@ impl Content {
         }
     }
 
-    /// Formats of the signal with its deviations.
+    /// Formats of the signal with its standard deviations.
     pub(super) fn packing(self, precision: Precision) -> Packing {
         let fixed = precision == Precision::Sixteen;
         let (two, four) =
@@ -92,8 +92,8 @@ impl Content {
         }
     }
 
-    /// Formats of the mean and deviation of the samples alone; of radiance they are those of the luminance. That mean is never shown, so
-    /// it is kept in 32 bits: floats of 16 bits would stop short of it by up to a hundredth.
+    /// Formats of the unfiltered temporal mean and deviation of the samples; for radiance those of the luminance. Luminance always has 32 bits:
+    /// a running mean in 16-bit floats would stall up to a hundredth away from the true mean.
     pub(super) fn moments(self, precision: Precision) -> Packing {
         match self {
             Self::Radiance => Packing { layout: SIGNAL_ONE, values: Format::Rg32Float, deviations: None },
@@ -101,7 +101,7 @@ impl Content {
         }
     }
 
-    /// Format of the result.
+    /// Format of the filtered image.
     pub(super) fn result(self, precision: Precision) -> Format {
         match (self, self.channels(), precision) {
             (Self::Radiance, _, Precision::Sixteen) => Format::Rgba16Float,
@@ -116,30 +116,30 @@ impl Content {
     }
 }
 
-/// A signal with its deviations in the graph.
+/// Handles of a signal with its standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed {
-    /// Values, and deviations if they have no image of their own.
+    /// Values, and the deviations if they have no separate image.
     pub values: Handle<Image>,
-    /// Deviations.
+    /// The separate image of deviations.
     pub deviations: Option<Handle<Image>>,
 }
 
-/// The right to write one.
+/// Write handles of a signal with its standard deviations.
 #[derive(Debug)]
 pub struct PackedWrite {
     values: WriteHandle<Image>,
     deviations: Option<WriteHandle<Image>>,
 }
 
-/// One that a pass reads.
+/// Tokens of a pass that reads a signal with its standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedSample {
     values: SampleToken,
     deviations: Option<SampleToken>,
 }
 
-/// One that a pass writes.
+/// Tokens of a pass that writes a signal with its standard deviations.
 #[derive(Clone, Copy, Debug)]
 pub struct PackedStore {
     values: StorageToken,
@@ -147,7 +147,7 @@ pub struct PackedStore {
 }
 
 impl Packing {
-    /// Images of these formats, each of the size of `like`, that are passed from frame to frame.
+    /// A history of images in these formats with the size of `like`: what the previous frame wrote, and what this frame writes.
     pub fn history(
         self,
         g: &mut FrameGraph,
@@ -163,7 +163,7 @@ impl Packing {
         (previous, PackedWrite { values: values.next, deviations: next })
     }
 
-    /// New images of these formats, each of the size of `like`.
+    /// New images in these formats with the size of `like`.
     pub fn create(self, p: &mut PassBuilder<'_>, name: &str, like: Handle<Image>) -> (Packed, PackedStore) {
         let (values, store) = p.create(name, ImageDesc::like(self.values, like));
         let deviations =
@@ -175,7 +175,7 @@ impl Packing {
 }
 
 impl PackedWrite {
-    /// Declares that the pass writes it.
+    /// Declares that the pass writes the images.
     pub fn write(self, p: &mut PassBuilder<'_>) -> (Packed, PackedStore) {
         let (values, store) = p.write(self.values);
         let (deviations, store_deviations) = self.deviations.map(|d| p.write(d)).unzip();
@@ -185,7 +185,7 @@ impl PackedWrite {
 }
 
 impl Packed {
-    /// Declares that the pass reads it.
+    /// Declares that the pass reads the images.
     pub fn sample(self, p: &mut PassBuilder<'_>) -> PackedSample {
         PackedSample { values: p.sample(self.values), deviations: self.deviations.map(|d| p.sample(d)) }
     }

@@ -1,7 +1,7 @@
-//! Spatiotemporal variance-guided filtering (Schied et al. 2017), every stage a pass of its own.
+//! The denoiser `svgf`: spatiotemporal variance-guided filtering (Schied et al. 2017).
 //!
-//! (`blur_gradient_N` →) `accumulate` → `spatial_variance` → `level_N`. The result of the first level is what the next frame accumulates
-//! on. Between passes, values travel packed with their standard deviations.
+//! The passes are (`blur_gradient_N` →) `accumulate` → `spatial_variance` → `level_N`. The result of the first level is the history of the next
+//! frame. Between passes, values are packed together with their standard deviations.
 use super::signal::{Packed, PackedWrite};
 use super::{DenoiseIn, Options};
 use crate::contracts::Channel;
@@ -16,10 +16,10 @@ use magpie_shaders::{
     DENOISE_ACCUMULATE_COMP, DENOISE_BLUR_GRADIENT_COMP, DENOISE_LEVEL_COMP, DENOISE_SPATIAL_VARIANCE_COMP,
 };
 
-/// Number of blurs of the changes: over 5x5, then 9x9 of their pixels, which are a third as many on each side.
+/// Number of blurs of the temporal gradients: over 5x5 texels, then 9x9. Their images have a third of the frame's width and height.
 const GRADIENT_BLURS: u32 = 2;
 
-/// The denoiser.
+/// The denoiser `svgf`.
 pub struct Svgf {
     effect: &'static str,
     scope: HistoryScope,
@@ -35,31 +35,31 @@ struct Kernels {
     level: Kernel,
 }
 
-/// A mean over frames.
+/// The temporal mean with its deviation, and the history length.
 #[derive(Clone, Copy)]
 struct Accumulated {
     signal: Packed,
     frames: Handle<Image>,
 }
 
-/// What a level filters.
+/// Input of a level of the à-trous filter.
 #[derive(Clone, Copy)]
 struct Filtered {
     signal: Packed,
-    /// One pixel per tile: whether anything in it has a variance.
+    /// One pixel per tile: 1 if any of its pixels has a variance.
     varied_tiles: Handle<Image>,
 }
 
-/// What the previous frame left for [`Svgf::accumulate`].
+/// History for [`Svgf::accumulate`].
 #[derive(Clone, Copy)]
 struct Previous {
     filtered: Packed,
-    /// How much of it is out of date.
+    /// Share of the history to discard, 0 to 1.
     gradient: Option<Handle<Image>>,
 }
 
 impl Svgf {
-    /// Describes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let kernels = Kernels {
             blur_gradient: build.kernel(&DENOISE_BLUR_GRADIENT_COMP)?,
@@ -70,7 +70,7 @@ impl Svgf {
         Ok(Self { effect, scope: HistoryScope::new(), kernels, options })
     }
 
-    /// Denoises an image.
+    /// Adds the passes. `name` is appended to their names and to those of the histories.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
         let pass = |step: &str| format!("{}.{step}{name}", self.effect);
         let packing = i.signal.content.packing(self.options.precision);
@@ -199,7 +199,8 @@ impl Svgf {
         })
     }
 
-    /// The first level writes `history`, the last one the result; those between hand on the signal with its deviations.
+    /// Adds one level. The first one writes `history`, and the last one the result; all but the last also return the filtered signal with its
+    /// deviations for the next level.
     fn level(
         &self,
         g: &mut FrameGraph,

@@ -1,4 +1,4 @@
-//! The radiance of the previous frame, for effects that gather light from what was on the screen. Nothing where no effect asks for it.
+//! The radiance of the previous frame, for effects that gather light from the screen. It is kept only if an effect asks for it.
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
@@ -6,7 +6,7 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::PREVIOUS_RADIANCE_KEEP_COMP;
 use magpie_shaders::previous_radiance::KeepParams;
 
-/// Format of what is kept.
+/// Format of the kept radiance.
 const FORMAT: Format = Format::Rgba16Float;
 
 /// Keeps the lit picture of each frame for the next.
@@ -16,19 +16,19 @@ pub struct PreviousRadiance {
 }
 
 impl PreviousRadiance {
-    /// Describes its pipeline.
+    /// Creates the pipeline.
     pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
         Ok(Self { kernel: build.kernel(&PREVIOUS_RADIANCE_KEEP_COMP)?, scope: HistoryScope::new() })
     }
 
     /// The previous frame's radiance, as [`LightingIn::previous_radiance`](crate::contracts::LightingIn::previous_radiance) describes it,
-    /// and the right to write this frame's.
+    /// and the write handle for this frame's.
     pub fn begin(&self, g: &mut FrameGraph) -> (Handle<Image>, WriteHandle<Image>) {
         let history = g.history(&self.scope, "previous_radiance", ImageDesc::full(FORMAT));
         (history.previous, history.next)
     }
 
-    /// Adds the pass that keeps `radiance`. Values that are not finite are counted, and kept as unknown.
+    /// Adds the pass that keeps `radiance`. Pixels that are not finite are counted and stored as unknown, with 0 in all channels.
     pub fn keep(&self, g: &mut FrameGraph, next: WriteHandle<Image>, radiance: Handle<Image>) {
         let kernel = self.kernel;
         g.pass("previous_radiance.keep", Queue::AsyncCompute, |p| {

@@ -1,4 +1,4 @@
-//! Where the surfaces that are seen were one frame ago.
+//! Reprojection: finds the pixels of the previous frame that showed the same surfaces.
 use crate::contracts::{Channel, GBuffer, Reprojected, SceneHandles};
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
@@ -7,14 +7,14 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::REPROJECT_SURFACES_COMP;
 use magpie_shaders::reproject::ReprojectParams;
 
-/// One for all effects of a frame; culled where none reads it.
+/// Reprojection of the visible surfaces, shared by all effects of a frame. The pass is culled if none reads the result.
 pub struct Reprojection {
     kernel: Kernel,
     scope: HistoryScope,
 }
 
 impl Reprojection {
-    /// Describes its pipeline.
+    /// Creates the pipeline.
     pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
         let kernel = build.kernel(&REPROJECT_SURFACES_COMP)?;
         Ok(Self { kernel, scope: HistoryScope::new() })

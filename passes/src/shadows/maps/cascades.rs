@@ -1,27 +1,28 @@
-//! Where the cascades of parallel light lie.
+//! Placement of the cascades of directional lights.
 use super::layer::{Layer, across};
 use glam::DVec3;
 use magpie::scene::Camera;
 
-/// A cascade follows the camera in steps of this part of its side, a whole number of texels: so the texels stay where they are in the
-/// world, edges do not shimmer, and most frames of a moving camera need no new map. A power of two up to the least resolution.
+/// A cascade follows the camera in steps of its side length over this number. A step is a whole number of texels, so texels keep their
+/// positions in the world, edges do not shimmer, and most frames of a moving camera need no new map. Must be a power of two, at most the
+/// smallest map size.
 const STEPS: f64 = 16.0;
 
-/// Share of the scene's depth along the light by which a map is deeper on either side, so that nothing has the depth of the clear.
+/// A cascade is deeper than the scene by this share on either side, so that no occluder has the clear depth.
 const MARGIN: f64 = 1.0 / 64.0;
 
-/// How the view is divided.
+/// How the view is divided into cascades.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Division {
-    /// How many cascades, at most.
+    /// Greatest number of cascades.
     pub count: u32,
-    /// Between distances that grow by the same length (0) and by the same factor (1).
+    /// 0 divides distances uniformly, 1 logarithmically; values in between interpolate.
     pub split: f64,
-    /// Furthest that there are shadows, metres.
+    /// Distance from the camera at which the last cascade ends, metres.
     pub distance: f64,
 }
 
-/// Distances at which the cascades end, metres: the mean of the uniform and the logarithmic division, weighed by `split` (Zhang, Sun,
+/// Distances at which the cascades end, metres: the uniform and the logarithmic division, interpolated by `split` (Zhang, Sun,
 /// Xu and Lun 2006, "Parallel-Split Shadow Maps for Large-scale Virtual Environments").
 pub fn ends(near: f64, far: f64, division: &Division) -> Vec<f64> {
     let end = |i: u32| {
@@ -32,12 +33,12 @@ pub fn ends(near: f64, far: f64, division: &Division) -> Vec<f64> {
     (1..=division.count).map(end).collect()
 }
 
-/// The least sphere around the part of a view between two distances, around a point on its axis: the distance of the centre and the
-/// radius. `spread` is the square of the tangent of half the angle across its diagonal.
+/// The smallest sphere around the part of the view frustum between two distances, with its centre on the view axis: distance of the
+/// centre, and radius. `spread` is the squared tangent of half the diagonal angle of view.
 fn sphere(near: f64, far: f64, spread: f64) -> (f64, f64) {
     let (sum, difference) = (far + near, far - near);
     if spread * sum >= difference {
-        // All that is near lies in the sphere around the far side.
+        // The smallest sphere around the far side also contains the near side.
         (far, far * spread.sqrt())
     } else {
         let centre = 0.5 * sum * (1.0 + spread);
@@ -45,15 +46,15 @@ fn sphere(near: f64, far: f64, spread: f64) -> (f64, f64) {
     }
 }
 
-/// The cascades for parallel light that travels along `forward`, the finest first: squares around spheres around parts of the view,
-/// so that they neither turn nor change their size with the camera. `scene` is a box around everything; all of its depth along the
-/// light is in each, so that what casts a shadow into the view is drawn wherever it stands. Where a cascade would be wider than the
-/// scene, it is the scene's, and the last.
+/// The cascades of a directional light that travels along `forward`, the finest first. Each is a square around the bounding sphere of a
+/// part of the view, so that it neither rotates nor changes its size with the camera. `scene` is a bounding box of everything; each cascade
+/// spans its whole depth along the light, so that all occluders are drawn. A cascade that would be wider than the scene covers the scene
+/// instead, and is the last one.
 pub fn cascades(camera: &Camera, aspect: f64, scene: [DVec3; 2], forward: DVec3, division: &Division) -> Vec<Layer> {
     let (right, down) = across(forward);
     let (middle, half) = (0.5 * (scene[0] + scene[1]), 0.5 * (scene[1] - scene[0]));
     let reach = |along: DVec3| along.abs().dot(half);
-    // Along the light: where the scene ends, and how deep it is.
+    // Along the light: depth of the scene, and where it ends.
     let depth = 2.0 * (1.0 + 2.0 * MARGIN) * reach(forward).max(1e-6 * half.length());
     let end = middle.dot(forward) + 0.5 * depth;
     let layer = |x: f64, y: f64, half_side: f64| Layer {
@@ -64,34 +65,34 @@ pub fn cascades(camera: &Camera, aspect: f64, scene: [DVec3; 2], forward: DVec3,
         forward,
         depth,
     };
-    let whole = reach(right).max(reach(down)) * (1.0 + MARGIN);
+    let scene_half_side = reach(right).max(reach(down)) * (1.0 + MARGIN);
 
     let (eye, near) = (camera.eye(), f64::from(camera.near));
     let furthest = [scene[0], scene[1]].map(|c| (c - eye).abs()).iter().fold(DVec3::ZERO, |a, b| a.max(*b)).length();
-    // In steps, so that it hardly ever changes.
+    // Rounded up in steps of sqrt(2), so that it rarely changes.
     let furthest = (0.5 * (2.0 * furthest.log2()).ceil()).exp2();
     let far = division.distance.min(furthest).max(2.0 * near);
     let tangent = (0.5 * f64::from(camera.vertical_fov)).tan();
     let spread = tangent * tangent * (1.0 + aspect * aspect);
     let ahead = -camera.world_from_camera.matrix3.z_axis;
 
-    let mut made = Vec::new();
+    let mut layers = Vec::new();
     let mut begin = near;
     for end in ends(near, far, division) {
         let (centre, radius) = sphere(begin, end, spread);
         begin = end;
-        // Wider by half a step on either side, by which its centre may be off.
+        // Wider by half a step on either side, as rounding may move the centre by that much.
         let half_side = radius * STEPS / (STEPS - 1.0);
-        if half_side >= whole {
-            made.push(layer(middle.dot(right), middle.dot(down), whole));
+        if half_side >= scene_half_side {
+            layers.push(layer(middle.dot(right), middle.dot(down), scene_half_side));
             break;
         }
         let step = 2.0 * half_side / STEPS;
         let snapped = |v: f64| (v / step).round() * step;
         let centre = eye + centre * ahead;
-        made.push(layer(snapped(centre.dot(right)), snapped(centre.dot(down)), half_side));
+        layers.push(layer(snapped(centre.dot(right)), snapped(centre.dot(down)), half_side));
     }
-    made
+    layers
 }
 
 #[cfg(test)]
@@ -106,7 +107,7 @@ mod tests {
         Camera { near: 0.1, ..Camera::look_at("t", eye, to, Vec3::Y, 0.7).unwrap() }
     }
 
-    fn made(eye: DVec3, to: DVec3) -> Vec<Layer> {
+    fn cascades_of(eye: DVec3, to: DVec3) -> Vec<Layer> {
         cascades(&camera(eye, to), 16.0 / 9.0, SCENE, DVec3::new(0.4, -0.7, 0.3).normalize(), &DIVISION)
     }
 
@@ -141,7 +142,7 @@ mod tests {
             let (eye, to) =
                 (DVec3::new(3.0 * t, 2.0 + t.sin(), -2.0 * t), DVec3::new((2.1 * t).cos() * 900.0, 0.0, 300.0));
             let camera = camera(eye, to);
-            let (layers, ends) = (made(eye, to), ends(0.1, 100.0, &DIVISION));
+            let (layers, ends) = (cascades_of(eye, to), ends(0.1, 100.0, &DIVISION));
             assert_eq!(layers.len(), 4);
             let tangent = (0.5 * f64::from(camera.vertical_fov)).tan();
             let mut begin = 0.1;
@@ -161,11 +162,11 @@ mod tests {
 
     #[test]
     fn texels_stay_where_they_are_and_the_size_does_not_change() {
-        let first = made(DVec3::ZERO, DVec3::Z);
+        let first = cascades_of(DVec3::ZERO, DVec3::Z);
         let mut still = 0;
         for i in 1..200 {
             let t = 0.01 * f64::from(i);
-            let moved = made(DVec3::new(t, 0.2 * t, -t), DVec3::new(t.sin(), 0.0, t.cos()));
+            let moved = cascades_of(DVec3::new(t, 0.2 * t, -t), DVec3::new(t.sin(), 0.0, t.cos()));
             for (a, b) in first.iter().zip(&moved) {
                 assert_eq!((a.right, a.down, a.forward, a.depth), (b.right, b.down, b.forward, b.depth));
                 let texel = 2.0 * a.right.length() / 512.0;

@@ -1,36 +1,36 @@
-//! One layer of a shadow map: where it lies in the world, and what is drawn into it.
+//! One layer of a shadow map: its placement in the world, and tests of what it contains.
 use glam::{DVec3, Mat4, Vec4};
 use magpie::ray::Bounds;
 use magpie_shaders::shadow_map::{MapDrawParams, MapLayer};
 use std::hash::{Hash, Hasher};
 
-/// A box along parallel light, or a pyramid with its top at a lamp. In the world itself, in `f64`: so it is the same wherever the
-/// frame counts its coordinates from. `right`, `down` and `forward` are at right angles, and `right x down` points along `forward`.
+/// A box along a directional light, or a pyramid with its apex at a local light. Coordinates are absolute world coordinates in `f64`, so they do
+/// not depend on the floating origin of the frame. `right`, `down` and `forward` are orthogonal, and `right x down` points along `forward`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// The light is parallel.
+    /// A box rather than a pyramid.
     pub is_box: bool,
-    /// Centre of the far side of a box, top of a pyramid, metres.
+    /// Centre of the far side of a box, or apex of a pyramid, metres.
     pub origin: DVec3,
-    /// From the centre to the right edge: metres; of a pyramid, metres at one metre from its top.
+    /// From the centre to the right edge, metres; for a pyramid at a distance of one metre from the apex.
     pub right: DVec3,
-    /// From the centre to the lower edge, as long as `right`.
+    /// From the centre to the lower edge, of the same length as `right`.
     pub down: DVec3,
-    /// Unit direction of travel of the light through the centre.
+    /// Unit direction in which light travels through the centre.
     pub forward: DVec3,
-    /// From the far side of a box to the near one; from the top of a pyramid to its near plane. Metres.
+    /// Depth of a box, or distance of the near plane of a pyramid from its apex, metres.
     pub depth: f64,
 }
 
-/// Two directions at right angles to a unit vector and to each other: right and down of a map that looks along it.
+/// Unit vectors to the right and down of a map that looks along the unit vector `forward`.
 pub fn across(forward: DVec3) -> (DVec3, DVec3) {
     let right = forward.any_orthonormal_vector();
     (right, forward.cross(right))
 }
 
 impl Layer {
-    /// Clip space from the world counted from `origin`: reversed depth, 1 at the near side; 0 at the far side of a box, and
-    /// infinitely far in a pyramid.
+    /// Clip space from the world relative to `origin`. Depth is reversed: 1 at the near side; 0 at the far side of a box, or infinitely far in a
+    /// pyramid.
     pub fn clip_from_world(&self, origin: DVec3) -> Mat4 {
         let from = self.origin - origin;
         let square = self.right.length_squared();
@@ -43,7 +43,7 @@ impl Layer {
         }
     }
 
-    /// As shaders look it up, counted from `origin`.
+    /// The shader's struct, relative to `origin`.
     pub fn shared(&self, origin: DVec3) -> MapLayer {
         let single = |v: DVec3| v.as_vec3().to_array();
         MapLayer {
@@ -55,7 +55,7 @@ impl Layer {
         }
     }
 
-    /// As it is drawn, counted from `origin`, with `side` texels on a side; the address of the view is the caller's.
+    /// Parameters for drawing the layer, relative to `origin`, with `side` texels on a side. The caller sets `view`.
     pub fn draw_params(&self, origin: DVec3, side: u32) -> MapDrawParams {
         let light = if self.is_box { self.forward } else { self.origin - origin };
         MapDrawParams {
@@ -67,26 +67,26 @@ impl Layer {
         }
     }
 
-    /// Whether any of a box, counted from `origin`, may lie in it.
+    /// Whether a bounding box relative to `origin` may intersect the layer.
     pub fn meets(&self, bounds: &Bounds, origin: DVec3) -> bool {
         if bounds.is_empty() {
             return false;
         }
         let half = 0.5 * (bounds.max - bounds.min).as_dvec3();
         let centre = bounds.centre().as_dvec3() + origin - self.origin;
-        // The greatest value of a linear function over the box.
-        let most = |along: DVec3| along.dot(centre) + along.abs().dot(half);
+        // Greatest value of the dot product with `along` over the box.
+        let max_dot = |along: DVec3| along.dot(centre) + along.abs().dot(half);
         let sides = [self.right, -self.right, self.down, -self.down];
         if self.is_box {
             let square = self.right.length_squared();
-            let inside = sides.iter().all(|side| -most(-*side) <= square);
-            return inside && most(-self.forward) >= 0.0 && -most(self.forward) <= self.depth;
+            let inside = sides.iter().all(|side| -max_dot(-*side) <= square);
+            return inside && max_dot(-self.forward) >= 0.0 && -max_dot(self.forward) <= self.depth;
         }
         let square = self.right.length_squared();
-        most(self.forward) >= 0.0 && sides.iter().all(|side| most(square * self.forward - *side) >= 0.0)
+        max_dot(self.forward) >= 0.0 && sides.iter().all(|side| max_dot(square * self.forward - *side) >= 0.0)
     }
 
-    /// Adds everything that its picture depends on, but for what is drawn into it.
+    /// Hashes all fields.
     pub fn hash(&self, into: &mut impl Hasher) {
         self.is_box.hash(into);
         for v in [self.origin, self.right, self.down, self.forward] {
@@ -96,12 +96,12 @@ impl Layer {
     }
 }
 
-/// The faces of a cube around a lamp, six or, where it shines to one side only, the five on that side: `facing` is the middle of
-/// them. Nothing nearer than `near` is drawn, metres.
+/// The faces of a cube around a local light: six, or, for a one-sided light, the five that see the side of `facing`. `near` is the
+/// distance of the near plane, metres.
 pub fn faces(position: DVec3, facing: Option<DVec3>, near: f64) -> Vec<Layer> {
     let forward = facing.unwrap_or(DVec3::Z);
     let (right, down) = across(forward);
-    // Each with an axis of the cube for its right, so that the edges meet.
+    // The right vector of each face is an axis of the cube, so that the edges of faces coincide.
     let around =
         [(forward, right), (right, down), (-right, down), (down, forward), (-down, forward), (-forward, right)];
     let count = if facing.is_some() { 5 } else { 6 };
@@ -116,18 +116,18 @@ pub fn faces(position: DVec3, facing: Option<DVec3>, near: f64) -> Vec<Layer> {
     around[..count].iter().map(one).collect()
 }
 
-/// A pyramid whose sides lean by an angle of this tangent.
+/// A pyramid with this tangent of half its angle.
 pub fn face(position: DVec3, forward: DVec3, tangent: f64, near: f64) -> Layer {
     let (right, down) = across(forward);
     Layer { is_box: false, origin: position, right: right * tangent, down: down * tangent, forward, depth: near }
 }
 
-/// The least box around these, counted from `origin`, as a box of the world whose corners lie on a coarse grid: where something in
-/// the scene moves a little, it stays.
+/// The bounding box of all bounds, which are relative to `origin`, in absolute world coordinates. It is enlarged to a coarse grid, so that it
+/// does not change when something in the scene moves a little. `None` if it is empty or not finite.
 pub fn coarse_box<'a>(all: impl Iterator<Item = &'a Bounds>, origin: DVec3) -> Option<[DVec3; 2]> {
-    /// Cells along the diagonal, at least.
+    /// The diagonal is at least half this many cells long.
     const CELLS: f64 = 16.0;
-    /// A scene that is a single point still has a size, metres.
+    /// Least diagonal, metres, for scenes that are a single point.
     const LEAST: f64 = 1e-6;
     let all = all.fold(Bounds::EMPTY, |sum, one| sum.union(*one));
     let finite = all.min.is_finite() && all.max.is_finite();

@@ -1,5 +1,5 @@
-//! Shadow maps: cascades for the sun, a pyramid for a spot, faces of a cube around other lamps. A map is drawn anew only where
-//! something in it has changed.
+//! Shadow maps: cascades for directional lights, one pyramid for spot lights, faces of a cube for other local lights. A layer is redrawn
+//! only if something in it has changed.
 mod cascades;
 mod layer;
 mod settings;
@@ -23,19 +23,19 @@ use magpie_shaders::{
     SHADOWS_CONTACT_COMP, SHADOWS_MAP_FRAG, SHADOWS_MAP_LOOK_COMP, SHADOWS_MAP_SPHERE_FRAG, SHADOWS_MAP_SPHERE_VERT,
     SHADOWS_MAP_VERT, SampledImage, StorageImage,
 };
-use settings::Chosen;
+use settings::MapOptions;
 use std::f32::consts::PI;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// Nothing nearer to a lamp than this is in its map, metres: what touches it does not hide it.
+/// Distance of the near plane of a local light, metres. Geometry that touches the light does not occlude it.
 const NEAR: f64 = 1e-3;
 
-/// A spot wider than this, the tangent of half its angle, has the faces of a cube.
-const WIDEST: f32 = 4.0;
+/// Spot lights with a larger tangent of half their angle use the faces of a cube.
+const MAX_SPOT_TANGENT: f32 = 4.0;
 
-/// Shadow maps of any lights, and looks at them.
+/// Visibility by shadow maps.
 pub struct MapShadows {
-    chosen: Chosen,
+    options: MapOptions,
     opaque: RasterKernel,
     alpha_tested: RasterKernel,
     spheres: RasterKernel,
@@ -44,16 +44,16 @@ pub struct MapShadows {
     scope: HistoryScope,
 }
 
-/// What maps say of up to four lights.
+/// Results of the shadow maps of up to four lights.
 #[derive(Clone, Copy, Debug)]
 pub struct MapOut {
-    /// The share of a light in each channel that is seen.
+    /// Visibility of one light in each channel, 0 to 1.
     pub visibility: Handle<Image>,
-    /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; where they were asked for.
+    /// `UNSURE_*` bits of [`magpie_shaders::shadow_map`], R32 uint; `None` if they were not requested.
     pub unsure: Option<Handle<Image>>,
 }
 
-/// The map of a light as the graph knows it.
+/// The shadow map of a light.
 struct Map {
     light: MapLight,
     image: Handle<Image>,
@@ -61,9 +61,9 @@ struct Map {
 }
 
 impl MapShadows {
-    /// Makes its pipelines.
+    /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let chosen = Chosen::new(settings)?;
+        let options = MapOptions::new(settings)?;
         let raster = |name, vertex, fragment, constants: &[u32]| {
             let (blend, depth) = (Blend::Opaque, Some(Format::D32Float));
             let desc = RasterDesc { name, vertex, fragment, constants, colours: &[], blend, depth };
@@ -73,48 +73,49 @@ impl MapShadows {
             |name, alpha_test: bool| raster(name, &SHADOWS_MAP_VERT, &SHADOWS_MAP_FRAG, &[alpha_test.into()]);
         let kernel = |shader| build.kernel(shader);
         Ok(Self {
-            chosen,
+            options,
             opaque: triangles("shadows.map_opaque", false)?,
             alpha_tested: triangles("shadows.map_alpha_tested", true)?,
             spheres: raster("shadows.map_spheres", &SHADOWS_MAP_SPHERE_VERT, &SHADOWS_MAP_SPHERE_FRAG, &[])?,
             look: kernel(&SHADOWS_MAP_LOOK_COMP)?,
-            contact: (chosen.contact > 0.0).then(|| kernel(&SHADOWS_CONTACT_COMP)).transpose()?,
+            contact: (options.contact > 0.0).then(|| kernel(&SHADOWS_CONTACT_COMP)).transpose()?,
             scope: HistoryScope::new(),
         })
     }
 
-    /// Visibility of up to four lights, one in each channel; with `classify` where the maps are not to be trusted too. `name` is added to
-    /// those of the passes, so that several groups of lights do not share one.
+    /// Adds the passes for up to four lights. With `classify` the result includes where the maps are unsure. `name` is appended to the names
+    /// of the passes, to tell several groups of lights apart.
     pub fn add(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (casters, classify): (&[Caster], bool),
+        lights: &[Caster],
+        classify: bool,
         name: &str,
     ) -> MapOut {
         let mut maps: Vec<Map> = Vec::with_capacity(MAP_LIGHTS as usize);
-        for caster in casters.iter().take(MAP_LIGHTS as usize) {
-            let layers = self.layers(g, view, &caster.placed);
-            let side = if layers.iter().any(|l| l.is_box) { self.chosen.sun_side } else { self.chosen.lamp_side };
-            let image = self.map(g, view, i, (caster.light, side), &layers);
+        for light in lights.iter().take(MAP_LIGHTS as usize) {
+            let layers = self.layers(g, view, &light.placed);
+            let side = if layers.iter().any(|l| l.is_box) { self.options.sun_side } else { self.options.lamp_side };
+            let image = self.map(g, view, i, light.light, side, &layers);
             let light = MapLight {
-                light: caster.light,
-                kind: if caster.placed.kind == LIGHT_DIRECTIONAL { MAP_CASCADES } else { MAP_FACES },
+                light: light.light,
+                kind: if light.placed.kind == LIGHT_DIRECTIONAL { MAP_CASCADES } else { MAP_FACES },
                 first: maps.iter().map(|m| m.layers.len() as u32).sum(),
                 layers: layers.len() as u32,
-                size: size(&caster.placed),
-                facing: match caster.placed.kind {
-                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => caster.placed.direction,
+                size: size(&light.placed),
+                facing: match light.placed.kind {
+                    LIGHT_SPOT | LIGHT_RECTANGLE | LIGHT_DISC => light.placed.direction,
                     _ => [0.0; 3],
                 },
             };
             maps.push(Map { light, image, layers });
         }
-        self.look(g, view, i, (&maps, classify), name)
+        self.look_up(g, view, i, &maps, classify, name)
     }
 
-    /// Where the maps of a light lie. One that lights nothing has a map of one empty layer.
+    /// The layers of a light's map.
     fn layers(&self, g: &FrameGraph, view: &View, light: &SharedLight) -> Vec<Layer> {
         let position = Vec3::from(light.position).as_dvec3() + view.origin;
         let forward = Vec3::from(light.direction).as_dvec3().try_normalize().unwrap_or(DVec3::NEG_Y);
@@ -123,35 +124,36 @@ impl MapShadows {
                 let aspect = f64::from(g.full().width) / f64::from(g.full().height);
                 let scene = layer::coarse_box(view.placed.iter().map(|p| &p.bounds), view.origin);
                 let scene = scene.unwrap_or([view.camera.eye(); 2]);
-                cascades::cascades(&view.camera, aspect, scene, forward, &self.chosen.division)
+                cascades::cascades(&view.camera, aspect, scene, forward, &self.options.division)
             }
             LIGHT_SPOT => {
-                // -cos(outer) * cone_scale, folded as KHR_lights_punctual does.
+                // cone_offset is -cos(outer) * cone_scale.
                 let cosine = -light.cone_offset / light.cone_scale;
                 let tangent = (1.0 - cosine * cosine).max(0.0).sqrt() / cosine;
-                if cosine > 0.0 && tangent < WIDEST {
-                    // Texels hang over its edge, so that the filter finds what is there.
-                    let side = f64::from(self.chosen.lamp_side);
-                    let margin = 1.0 + 2.0 * f64::from(self.chosen.kernel + 2.0) / side;
+                if cosine > 0.0 && tangent < MAX_SPOT_TANGENT {
+                    // The map is wider than the cone, so that the filter's texels at its edge are in the map.
+                    let side = f64::from(self.options.lamp_side);
+                    let margin = 1.0 + 2.0 * f64::from(self.options.kernel + 2.0) / side;
                     vec![layer::face(position, forward, f64::from(tangent.max(1e-3)) * margin, NEAR)]
                 } else {
                     layer::faces(position, Some(forward), NEAR)
                 }
             }
             LIGHT_RECTANGLE | LIGHT_DISC => layer::faces(position, Some(forward), NEAR),
-            // Inside of a lamp there is nothing.
+            // Nothing is inside of a spherical light, so the near plane is at its radius.
             LIGHT_SPHERE => layer::faces(position, None, f64::from(light.radius).max(NEAR)),
             _ => layer::faces(position, None, NEAR),
         }
     }
 
-    /// The map of a light, with a pass for each layer that is not as it should be.
+    /// The map of a light of this index in the scene, with `side` texels on a side. Adds a pass for each layer that has to be redrawn.
     fn map(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (light, side): (u32, u32),
+        light: u32,
+        side: u32,
         layers: &[Layer],
     ) -> Handle<Image> {
         let drawn: Vec<Vec<Draw>> = layers.iter().map(|layer| draws(view, layer)).collect();
@@ -169,29 +171,29 @@ impl MapShadows {
                 let (image, _) = p.depth_layer(image, at, 0.0);
                 (image, move |c: &mut Record<'_>| {
                     let params = magpie_shaders::shadow_map::MapDrawParams { view: c.id(block), ..params };
-                    let (triangles, round) =
+                    let (triangles, sphere_draws) =
                         draws.split_at(draws.partition_point(|d| d.class != DrawClass::Procedural));
-                    let (solid, tested) =
+                    let (opaque_draws, alpha_tested_draws) =
                         triangles.split_at(triangles.partition_point(|d| d.class == DrawClass::Opaque));
-                    c.draw(opaque, &params, indices, solid);
-                    c.draw(alpha_tested, &params, indices, tested);
-                    c.draw(spheres, &params, indices, round);
+                    c.draw(opaque, &params, indices, opaque_draws);
+                    c.draw(alpha_tested, &params, indices, alpha_tested_draws);
+                    c.draw(spheres, &params, indices, sphere_draws);
                 })
             });
         }
         image.read()
     }
 
-    /// A look at the maps from every pixel.
-    fn look(
+    /// Adds the lookup of every pixel in the maps, and contact shadows.
+    fn look_up(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        (maps, classify): (&[Map], bool),
+        maps: &[Map],
+        classify: bool,
         name: &str,
     ) -> MapOut {
-        // The tables.
         let lights: Vec<MapLight> = maps.iter().map(|m| m.light).collect();
         let layers: Vec<MapLayer> = maps.iter().flat_map(|m| &m.layers).map(|l| l.shared(view.origin)).collect();
         let first = size_of_val(&*lights) as u64;
@@ -204,14 +206,14 @@ impl MapShadows {
             })
         });
 
-        let (kernel, block, chosen, count) = (self.look, view.block, self.chosen, maps.len());
+        let (kernel, block, options, count) = (self.look, view.block, self.options, maps.len());
         let out = g.pass(&format!("shadows.map_look{name}"), Queue::AsyncCompute, |p| {
             let (block, tables) = (p.read(block), p.read(tables));
             i.scene.read(p);
             let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
             let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
-            let unsure = (classify || chosen.doubts)
+            let unsure = (classify || options.always_classify)
                 .then(|| p.create("unsure", ImageDesc::like(Format::R32Uint, i.gbuffer.depth)));
             let (unsure, mask) = unsure.map_or((None, None), |(image, token)| (Some(image.read()), Some(token)));
             let extent = p.extent(i.gbuffer.depth);
@@ -228,12 +230,12 @@ impl MapShadows {
                     visibility: c.id(target),
                     unsure: mask.map_or(StorageImage::default(), |m| c.id(m)),
                     classify: mask.is_some().into(),
-                    filter_kind: chosen.filter,
-                    kernel: chosen.kernel,
-                    taps: chosen.taps,
-                    rotate: chosen.rotate.into(),
-                    blend: chosen.blend,
-                    coarse: chosen.coarse,
+                    filter_kind: options.filter,
+                    kernel: options.kernel,
+                    taps: options.taps,
+                    rotate: options.rotate.into(),
+                    blend: options.blend,
+                    coarse: options.coarse,
                 };
                 c.dispatch(kernel, &params, extent);
             })
@@ -253,8 +255,8 @@ impl MapShadows {
                         light_count: count as u32,
                         gbuffer: gbuffer.images(c),
                         visibility: c.id(target),
-                        reach: chosen.contact,
-                        steps: chosen.contact_steps,
+                        reach: options.contact,
+                        steps: options.contact_steps,
                     };
                     c.dispatch(kernel, &params, extent);
                 })
@@ -264,14 +266,15 @@ impl MapShadows {
     }
 }
 
-/// What is drawn into a layer. Both sides of every triangle cast a shadow, as they do for rays.
+/// The draws of the instances that may be in a layer. Both sides of every triangle cast shadows, as with rays.
 fn draws(view: &View, layer: &Layer) -> Vec<Draw> {
-    let there = |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
-    let both = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
-    view.draws.all().iter().filter(there).map(both).collect()
+    let may_be_inside =
+        |d: &&Draw| view.placed.get(d.instance as usize).is_none_or(|p| layer.meets(&p.bounds, view.origin));
+    let both_sides = |d: &Draw| if d.class == DrawClass::Procedural { *d } else { Draw { cull: Cull::None, ..*d } };
+    view.draws.all().iter().filter(may_be_inside).map(both_sides).collect()
 }
 
-/// Everything that a layer's picture depends on.
+/// A hash of everything on which the contents of a layer depend.
 fn key(view: &View, layer: &Layer, draws: &[Draw]) -> u64 {
     let mut hasher = DefaultHasher::new();
     view.scene.hash(&mut hasher);
@@ -282,7 +285,7 @@ fn key(view: &View, layer: &Layer, draws: &[Draw]) -> u64 {
     hasher.finish()
 }
 
-/// As the maps know it: the tangent of half the angle of the sun, the radius of a disc of the area of a lamp, metres.
+/// As in [`MapLight::size`]: tangent of the angular radius of a directional light; radius of a disc of equal area for a local light, metres.
 fn size(light: &SharedLight) -> f32 {
     match light.kind {
         LIGHT_DIRECTIONAL => light.radius.tan(),

@@ -3,36 +3,36 @@ use super::cascades::Division;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::shadow_map::{MAP_FILTER_NONE, MAP_FILTER_PCF, MAP_FILTER_PCSS};
 
-/// What the settings say.
+/// The values of the settings.
 #[derive(Clone, Copy, Debug)]
-pub struct Chosen {
+pub struct MapOptions {
     /// `MAP_FILTER_*`.
     pub filter: u32,
-    /// Side of the filter's box, texels.
+    /// Width of the PCF box, texels.
     pub kernel: f32,
-    /// Samples of a soft shadow.
+    /// Samples of a soft shadow, and of its blocker search.
     pub taps: u32,
-    /// Turned by noise.
+    /// The samples of PCF are points in a disc, rotated by per-pixel noise, instead of a grid.
     pub rotate: bool,
     /// Texels on a side of a cascade.
     pub sun_side: u32,
-    /// Texels on a side of a lamp's face.
+    /// Texels on a side of a layer of a local light.
     pub lamp_side: u32,
-    /// Where cascades begin and end.
+    /// How the view is divided into cascades.
     pub division: Division,
-    /// Share of the half side of a cascade.
+    /// Width of the transition to the next cascade, as a share of the half side of a cascade.
     pub blend: f32,
-    /// How far a contact shadow reaches, metres; 0 for none.
+    /// Length of the contact shadow's march, metres; 0 for no contact shadows.
     pub contact: f32,
     /// Steps of its march.
     pub contact_steps: u32,
-    /// Say where maps are not to be trusted, whoever asks.
-    pub doubts: bool,
-    /// Pixels that a texel may be wide before an edge near it is unsure.
+    /// Always output where the maps are unsure.
+    pub always_classify: bool,
+    /// Width of a texel, pixels, from which on an edge nearby is unsure.
     pub coarse: f32,
 }
 
-/// The settings.
+/// Settings of shadow maps.
 pub fn settings() -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
@@ -133,8 +133,8 @@ pub fn settings() -> Vec<SettingSpec> {
     ]
 }
 
-impl Chosen {
-    /// Reads them.
+impl MapOptions {
+    /// Reads the settings.
     pub fn new(settings: &Settings) -> Result<Self, SlotError> {
         let filter = match settings.choice("filter")? {
             "none" => MAP_FILTER_NONE,
@@ -157,7 +157,7 @@ impl Chosen {
             blend: settings.f32("blend")?,
             contact: settings.f32("contact")?,
             contact_steps: settings.u32("contact_steps")?,
-            doubts: settings.switch("doubts")?,
+            always_classify: settings.switch("doubts")?,
             coarse: settings.f32("coarse")?,
         })
     }

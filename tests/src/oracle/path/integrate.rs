@@ -252,11 +252,11 @@ impl CpuPathTracer {
     /// Visibility of the first three shadow-casting lights; a single one is in all channels.
     fn lights_seen(&self, surface: &Surface, random: &mut Random) -> DVec3 {
         let mut seen = DVec3::ZERO;
-        let casters = lights::casters(&self.lights);
-        for (channel, light) in casters.iter().take(3).enumerate() {
+        let shadow_lights = lights::shadow_lights(&self.lights);
+        for (channel, light) in shadow_lights.iter().take(3).enumerate() {
             seen[channel] = self.light_seen(light, surface, random);
         }
-        if casters.len() == 1 { DVec3::splat(seen.x) } else { seen }
+        if shadow_lights.len() == 1 { DVec3::splat(seen.x) } else { seen }
     }
 
     /// Visibility of a light by one sample, uniform over its area or over the cone that it subtends.

@@ -173,7 +173,7 @@ pub fn choose(chances: &[f64], random: &mut Random) -> usize {
 }
 
 /// The shadow-casting lights in the order of the frame: directional ones first, then by strength.
-pub fn casters(lights: &[Light]) -> Vec<&Light> {
+pub fn shadow_lights(lights: &[Light]) -> Vec<&Light> {
     let power = |l: &Light| match l {
         Light::Directional { illuminance, .. } => {
             if *illuminance == Vec3::ZERO {
@@ -190,9 +190,9 @@ pub fn casters(lights: &[Light]) -> Vec<&Light> {
             luminance(radiance.as_dvec3()) * PI * f64::from(*radius).powi(2)
         }
     };
-    let mut casters: Vec<&Light> = lights.iter().filter(|l| power(l) > 0.0).collect();
-    casters.sort_by(|a, b| power(b).total_cmp(&power(a)));
-    casters
+    let mut shadow_lights: Vec<&Light> = lights.iter().filter(|l| power(l) > 0.0).collect();
+    shadow_lights.sort_by(|a, b| power(b).total_cmp(&power(a)));
+    shadow_lights
 }
 
 /// Emissive primitives, selected by area and emission of their materials.

@@ -24,10 +24,10 @@ const fn insert(file: &'static str, anchor: &'static str, text: &'static str) ->
 
 /// All insertions.
 pub const WIRING: &[Insertion] = &[
-    insert("passes/src/contracts.rs", "/// Slot `post`.", include_str!("../../templates/contracts.rs")),
+    insert("passes/src/contracts.rs", "/// Input of the slot `post`.", include_str!("../../templates/contracts.rs")),
     insert(
         "passes/src/slots.rs",
-        "/// From radiance to a display.",
+        "/// Anti-aliasing, exposure and tone curve: from radiance to display values.",
         "/// What a lens does.\nnew_pass: NewPassIn => NewPassOut,\n",
     ),
     insert("passes/src/lib.rs", "mod post;", "mod new_pass;\n"),

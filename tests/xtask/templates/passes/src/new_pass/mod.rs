@@ -6,7 +6,6 @@ use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::NEW_PASS_APPLY_COMP;
 use magpie_shaders::new_pass::ApplyParams;
 
-/// The slot.
 pub fn slot() -> Slot<NewPassIn, NewPassOut> {
     let settings = [
         SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-8.0, 8.0)),
