@@ -35,7 +35,12 @@ vec4 load(uint image, ivec2 p) {
     return texelFetch(images[image], p, 0);
 }
 
-// The same for an unsigned integer format.
+// The same of another mip.
+vec4 load_mip(uint image, ivec2 p, int mip) {
+    return texelFetch(images[image], p, mip);
+}
+
+// As load(), for an unsigned integer format.
 uvec4 load_uint(uint image, ivec2 p) {
     return texelFetch(images_uint[image], p, 0);
 }

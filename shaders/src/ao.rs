@@ -69,19 +69,3 @@ pub struct FilterParams {
     /// As in [`SearchParams`].
     pub step: u32,
 }
-
-/// Push constants of `upsample.comp`: from half to full resolution.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct UpsampleParams {
-    /// The [`View`](super::view::View).
-    pub view: Address,
-    /// The G-buffer.
-    pub gbuffer: GBufferImages,
-    /// Half resolution, a texel for the upper left one of four pixels: RGBA8 or RGBA16F with bent normal and openness, or R16F with openness alone.
-    pub half_size: SampledImage,
-    /// R16F, full size.
-    pub openness: StorageImage,
-    /// RG16F, full size, the octahedral bent normal; [`NO_BENT_NORMAL`] where there is none.
-    pub bent_normal: u32,
-}

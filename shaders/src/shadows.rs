@@ -79,17 +79,3 @@ pub struct PenumbraWidthParams {
     /// Pixels per texel of `penumbra`, in each direction: 1 or 2.
     pub step: u32,
 }
-
-/// Push constants of `upsample.comp`: visibility from half to full resolution.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct UpsampleParams {
-    /// The [`View`](super::view::View).
-    pub view: Address,
-    /// The G-buffer.
-    pub gbuffer: GBufferImages,
-    /// Half resolution: visibility of the upper left one of four pixels.
-    pub half_visibility: SampledImage,
-    /// Output at full resolution.
-    pub visibility: StorageImage,
-}

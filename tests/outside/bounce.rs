@@ -32,8 +32,7 @@ vec3 gather(ViewBuffer view, ivec2 pixel) {
     RayStart start = seen_start(scene, load_uint(gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), s.position);
     uint frame = view.at[0].frame, seed = view.at[0].seed;
     mat3 around = frame_of(s.normal);
-    vec3 l = sample_cosine(sequence2(pixel, frame, SEQUENCE_AO, seed));
-    vec3 direction = around * l;
+    vec3 l = sample_cosine(sequence2(pixel, frame, SEQUENCE_AO, seed)), direction = around * l;
     Bsdf bsdf = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
     vec3 reflected = bsdf_cosine(bsdf, s.to_eye * around, l, LOBE_DIFFUSE) * PI / l.z;
     if (reflected == vec3(0.0) || dot(direction, start.normal) <= 0.0) return vec3(0.0);
@@ -116,7 +115,5 @@ impl Effect for Bounce {
 /// Puts it into the slot `gi`.
 pub fn register(slots: &mut Slots) {
     let reuse = SettingSpec::switch("reuse", "Hits show what the previous frame saw of them: bounces add up.", true);
-    slots.gi.register("bounce", "One diffuse bounce.", &[reuse], |build, settings| {
-        Ok(Box::new(Bounce::new(build, settings)?))
-    });
+    slots.gi.register("bounce", "One diffuse bounce.", &[reuse], |b, s| Ok(Box::new(Bounce::new(b, s)?)));
 }

@@ -4,10 +4,11 @@
 mod bounce;
 
 use anyhow::{Context, Result, ensure};
+use magpie::config::Config;
 use magpie::scene::Scene;
 use magpie_passes::reference::{Only, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
-use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::harness::{builtin, gpu};
 
 const SIZE: [u32; 2] = [64, 48];
 const FRAMES: u32 = 192;
@@ -17,7 +18,9 @@ fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let mut slots = Slots::default();
     bounce::register(&mut slots);
-    let config = config(&["stages.gi=bounce", &format!("gi.reuse={reuse}")])?;
+    let mut config = Config::default();
+    config.set("stages.gi=bounce")?;
+    config.set(&format!("gi.reuse={reuse}"))?;
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &slots, &config, options)?;
     let mut sum = vec![[0.0; 3]; (SIZE[0] * SIZE[1]) as usize];

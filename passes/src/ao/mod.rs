@@ -1,12 +1,14 @@
 //! Ambient occlusion: the cosine-weighted share of the hemisphere above each pixel that has no occluder in range. It dims indirect light only.
 mod ray_traced;
 mod screen_space;
-mod upsample;
 
 use crate::contracts::{AO_RANGE, AoIn, AoOut};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Needs, Preset, SettingSpec, Settings, Slot, SlotError};
+
+/// Format of openness before a denoiser.
+const OPENNESS: Format = Format::R16Float;
 
 /// From cheap to accurate. Occluders outside of the picture are missing from `screen-space`.
 pub const PRESETS: [Preset; 4] = [

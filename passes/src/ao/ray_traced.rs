@@ -1,15 +1,14 @@
 //! Ray-traced ambient occlusion: cosine-distributed rays over the hemisphere, as in the reference, followed by a denoiser. With 1 ray per
 //! pixel each sample is either 0 or 1.
-use super::needs;
-use super::upsample::{OPENNESS, upsample};
+use super::{OPENNESS, needs};
 use crate::contracts::{AoIn, AoOut, RAY_START};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use magpie::gpu::Kernel;
+use crate::parts::upsample::{Upsample, UpsampleIn};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
+use magpie_shaders::AO_TRACE_RAY;
 use magpie_shaders::ao::TraceParams;
-use magpie_shaders::{AO_TRACE_RAY, AO_UPSAMPLE_COMP};
 
 /// Ray-traced ambient occlusion.
 pub struct RayTraced {
@@ -17,7 +16,7 @@ pub struct RayTraced {
     samples: u32,
     range: f32,
     /// Set at half resolution only.
-    upsample: Option<Kernel>,
+    upsample: Option<Upsample>,
     denoiser: Denoiser,
 }
 
@@ -39,7 +38,7 @@ impl RayTraced {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
+        let upsample = half.then(|| Upsample::new(build, "ao")).transpose()?;
         let (samples, range) = (settings.u32("rays")?, settings.f32("range")?);
         let denoiser = Denoiser::new(build, "ao", Options::read(settings)?)?;
         Ok(Self { trace: build.ray_kernel(&AO_TRACE_RAY)?, samples, range, upsample, denoiser })
@@ -80,8 +79,13 @@ impl Effect for RayTraced {
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        let noisy = match self.upsample {
-            Some(kernel) => upsample(g, view, kernel, i, traced, false).openness.unwrap_or(traced),
+        let noisy = match &self.upsample {
+            Some(upsample) => {
+                let value = ("openness", OPENNESS);
+                let gbuffer = i.gbuffer;
+                let i = UpsampleIn { half_size: traced, gbuffer, value, direction: None, background: 1.0 };
+                upsample.add(g, view, i, "").value
+            }
             None => traced,
         };
         let i = DenoiseIn {

@@ -1,14 +1,14 @@
 //! Screen-space ambient occlusion after Jimenez, Wu, Pesce and Jarabo 2016, "Practical Real-Time Strategies for Accurate Indirect
 //! Occlusion" (GTAO): a horizon search in the depth image, and a filter for its noise.
-use super::needs;
-use super::upsample::{BENT_NORMAL, OPENNESS, upsample};
+use super::{OPENNESS, needs};
 use crate::contracts::{AoIn, AoOut, GEOMETRY};
+use crate::parts::upsample::{Upsample, UpsampleIn};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::ao::{FilterParams, NO_BENT_NORMAL, SearchParams};
-use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP, AO_UPSAMPLE_COMP};
+use magpie_shaders::{AO_FILTER_COMP, AO_SEARCH_COMP};
 
 /// Rotations of the slices from frame to frame, as shares of half a circle, from the paper. Together with [`STARTS`] the noise repeats after
 /// 24 frames.
@@ -21,6 +21,8 @@ const STARTS: [f32; 4] = [0.0, 0.5, 0.25, 0.75];
 const FOUND: Format = Format::Rgba8Unorm;
 /// Format of the same after the filter, at half resolution.
 const FILTERED: Format = Format::Rgba16Float;
+/// Format of bent normals.
+const BENT_NORMAL: Format = Format::Rg16Float;
 
 /// Screen-space ambient occlusion.
 pub struct ScreenSpace {
@@ -35,7 +37,7 @@ pub struct ScreenSpace {
     /// The noise differs from frame to frame.
     moving_noise: bool,
     /// Set at half resolution only.
-    upsample: Option<Kernel>,
+    upsample: Option<Upsample>,
 }
 
 /// Settings of `screen-space`.
@@ -63,7 +65,7 @@ impl ScreenSpace {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| build.kernel(&AO_UPSAMPLE_COMP)).transpose()?;
+        let upsample = half.then(|| Upsample::new(build, "ao")).transpose()?;
         let steps = settings.u32("steps")?;
         Ok(Self {
             search: build.kernel(&AO_SEARCH_COMP)?,
@@ -80,7 +82,7 @@ impl ScreenSpace {
 
     /// Description of an image of the searched resolution, and the spacing of its pixels in full-resolution pixels.
     fn size(&self, i: AoIn, format: Format) -> (ImageDesc, u32) {
-        match self.upsample {
+        match &self.upsample {
             Some(_) => (ImageDesc::half(format), 2),
             None => (ImageDesc::like(format, i.gbuffer.depth), 1),
         }
@@ -123,8 +125,7 @@ impl ScreenSpace {
             let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let (filtered, target) = p.create(if is_whole { "openness" } else { "filtered" }, desc);
             let bent = is_whole.then(|| p.create("bent_normal", ImageDesc { format: BENT_NORMAL, ..desc }));
-            let (bent_normal, bent_target) =
-                bent.map_or((None, None), |(image, target)| (Some(image.read()), Some(target)));
+            let (bent_normal, bent_target) = bent.map(|(image, target)| (image.read(), target)).unzip();
             let extent = p.extent_of(desc);
             (AoOut { openness: Some(filtered.read()), bent_normal }, move |c: &mut Record<'_>| {
                 let params = FilterParams {
@@ -155,8 +156,13 @@ impl Effect for ScreenSpace {
         }
         let found = self.search(g, view, i);
         let filtered = self.filter(g, view, i, found);
-        match (self.upsample, filtered.openness) {
-            (Some(kernel), Some(half_size)) => upsample(g, view, kernel, i, half_size, true),
+        match (&self.upsample, filtered.openness) {
+            (Some(upsample), Some(half_size)) => {
+                let (value, direction) = (("openness", OPENNESS), Some(("bent_normal", BENT_NORMAL)));
+                let i = UpsampleIn { half_size, gbuffer: i.gbuffer, value, direction, background: 1.0 };
+                let full = upsample.add(g, view, i, "");
+                AoOut { openness: Some(full.value), bent_normal: full.direction }
+            }
             _ => filtered,
         }
     }

@@ -2,4 +2,7 @@
 pub mod denoise;
 pub mod hit_shading;
 pub(crate) mod previous_radiance;
+pub mod pyramid;
 pub mod reproject;
+pub mod tiles;
+pub mod upsample;

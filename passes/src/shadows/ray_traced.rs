@@ -1,26 +1,26 @@
 //! Shadow rays from the surface of each pixel, or of one pixel out of four, to points of the lights.
 use super::choice::Group;
 use super::maps::MapOut;
-use crate::contracts::{Channel, GEOMETRY, RAY_START, ShadowIn};
+use crate::contracts::{Channel, RAY_START, ShadowIn};
 use crate::parts::denoise::{Method, Options, is_adaptive};
-use magpie::gpu::Kernel;
+use crate::parts::upsample::{Upsample, UpsampleIn};
 use magpie::graph::{Extent, HistoryScope};
 use magpie::prelude::*;
 use magpie::scene::{Caster, SceneFacts};
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
-use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, NO_SURFACES, TraceParams, UpsampleParams};
+use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, NO_SURFACES, TraceParams};
 use magpie_shaders::view::NO_LIGHT;
 use magpie_shaders::{
-    SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY, SHADOWS_UPSAMPLE_COMP,
+    SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY,
 };
 
 /// Visibility by shadow rays.
 pub struct RayTraced {
     trace: RayKernel,
     /// Set at half resolution only.
-    upsample: Option<Kernel>,
+    upsample: Option<Upsample>,
     /// Rays per pixel to each light that has a size; 0 for one ray to its centre.
     samples: u32,
     /// Finds temporal gradients, if the denoiser uses them.
@@ -101,7 +101,7 @@ impl RayTraced {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         let half = settings.choice("resolution")? == "half";
-        let upsample = half.then(|| build.kernel(&SHADOWS_UPSAMPLE_COMP)).transpose()?;
+        let upsample = half.then(|| Upsample::new(build, "shadows")).transpose()?;
         let samples = if settings.choice("edges")? == "hard" { 0 } else { settings.u32("rays")? };
         let adaptive = is_adaptive(settings)? && samples > 0 && !half;
         let gradient = adaptive.then(|| build.ray_kernel(&SHADOWS_GRADIENT_RAY)).transpose()?;
@@ -172,9 +172,9 @@ impl RayTraced {
             None => (None, None),
         };
         // Maps have visibility at full resolution, so nothing is upsampled.
-        let upsample_kernel = self.upsample.filter(|_| maps.is_none());
+        let upsample = self.upsample.as_ref().filter(|_| maps.is_none());
         let (samples, block) = (self.samples, view.block);
-        let step = if upsample_kernel.is_some() { 2 } else { 1 };
+        let step = if upsample.is_some() { 2 } else { 1 };
         let (count, lights, format) = (lights.len() as u32, indices(lights), format(group.channels()));
         let filtered = self.filtered && self.is_noisy(&group.lights);
         let (traced, penumbra) = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
@@ -213,8 +213,13 @@ impl RayTraced {
                 c.trace(kernel, tlas, &params, extent);
             })
         });
-        let visibility = match upsample_kernel {
-            Some(kernel) => upsample(g, view, kernel, i, traced, name),
+        let visibility = match upsample {
+            Some(upsample) => {
+                let value = ("visibility", g.desc(traced).format);
+                let gbuffer = i.gbuffer;
+                let i = UpsampleIn { half_size: traced, gbuffer, value, direction: None, background: 0.0 };
+                upsample.add(g, view, i, name).value
+            }
             None => traced,
         };
         Traced { visibility, change, penumbra }
@@ -272,32 +277,4 @@ struct Changes {
     visibility: WriteHandle<Image>,
     /// The surface of one pixel out of nine.
     surfaces: WriteHandle<Image>,
-}
-
-/// Adds the pass that upsamples visibility from half to full resolution.
-fn upsample(
-    g: &mut FrameGraph,
-    view: &View,
-    kernel: Kernel,
-    i: ShadowIn,
-    traced: Handle<Image>,
-    name: &str,
-) -> Handle<Image> {
-    let block = view.block;
-    let format = g.desc(traced).format;
-    g.pass(&format!("shadows.upsample{name}"), Queue::AsyncCompute, |p| {
-        let (block, traced) = (p.read(block), p.sample(traced));
-        let gbuffer = i.gbuffer.read(p, GEOMETRY);
-        let (visibility, target) = p.create("visibility", ImageDesc::like(format, i.gbuffer.depth));
-        let extent = p.extent(i.gbuffer.depth);
-        (visibility.read(), move |c: &mut Record<'_>| {
-            let params = UpsampleParams {
-                view: c.id(block),
-                gbuffer: gbuffer.images(c),
-                half_visibility: c.id(traced),
-                visibility: c.id(target),
-            };
-            c.dispatch(kernel, &params, extent);
-        })
-    })
 }

@@ -2,8 +2,8 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/upsample.glsl"
-#include "shared/ao.glsl"
-// Upsamples openness, and bent normals where there are any, from half to full resolution.
+#include "shared/upsample.glsl"
+// Upsamples values, and directions beside them, from half to full resolution.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { UpsampleParams params; };
 
@@ -12,9 +12,9 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     Surface here = load_geometry(view, pixel, params.gbuffer);
-    bool is_bent = params.bent_normal != NO_BENT_NORMAL;
-    vec4 value = vec4(is_bent ? vec3(0.0) : vec3(1.0), 1.0);
+    bool has_direction = params.direction != NO_DIRECTION;
+    vec4 value = has_direction ? vec4(vec3(0.0), params.background) : vec4(params.background);
     if (here.exists) value = joint_bilateral(view, pixel, here, params.gbuffer, params.half_size);
-    store(params.openness, pixel, vec4(is_bent ? value.a : value.r));
-    if (is_bent) store(params.bent_normal, pixel, vec4(octahedral_encode(value.rgb), 0.0, 0.0));
+    store(params.value, pixel, has_direction ? vec4(value.a) : value);
+    if (has_direction) store(params.direction, pixel, vec4(octahedral_encode(value.rgb), 0.0, 0.0));
 }
