@@ -30,6 +30,11 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Tri
 // Plain 32-bit words, such as indices.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer WordBuffer { uint at[]; };
 
+// False outside the image, which the last workgroups exceed.
+bool inside(ivec2 pixel, uvec2 size) {
+    return all(lessThan(uvec2(pixel), size));
+}
+
 // Texel `p` of mip 0, unfiltered. `image` must be uniform over the draw or dispatch.
 vec4 load(uint image, ivec2 p) {
     return texelFetch(images[image], p, 0);

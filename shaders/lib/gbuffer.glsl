@@ -96,9 +96,4 @@ Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     return s;
 }
 
-// False outside the image, which the last workgroups exceed.
-bool inside(ivec2 pixel, uvec2 size) {
-    return all(lessThan(uvec2(pixel), size));
-}
-
 #endif

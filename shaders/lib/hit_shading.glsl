@@ -87,9 +87,16 @@ const float LEAST_REUSED_ALPHA = 0.25;
 const float LEAST_COSINE = 0.9;
 const float DEPTH_SLACK = 0.01;
 
-// All light that a surface sent to the camera one frame ago, in place of what it sends along the ray. False where the camera did not see
-// it, or if it is too smooth.
-bool previous_light_at(ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, uint instance, out vec3 light) {
+// Albedo of a surface for light towards `to_viewer`, unit.
+vec3 albedo_towards(SurfacePoint s, vec3 to_viewer) {
+    return reflectance(s.bsdf.base_colour, s.bsdf.metalness, sqrt(s.bsdf.alpha), s.bsdf.fresnel, max(dot(s.normal, to_viewer), 1e-4));
+}
+
+// All light that a surface sends towards `to_viewer`, from what it sent to the camera one frame ago, by the ratio of its albedos in both
+// directions. False where the camera did not see it, or if it is too smooth for that.
+bool previous_light_at(
+    ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, uint instance, vec3 to_viewer, out vec3 light
+) {
     light = vec3(0.0);
     if (p.previous_radiance == NO_IMAGE || s.bsdf.alpha < LEAST_REUSED_ALPHA) return false;
     vec3 was = position_before(InstanceBuffer(scene.at[0].instances).at[instance], s.start.position);
@@ -105,7 +112,7 @@ bool previous_light_at(ViewBuffer view, SceneBuffer scene, HitShadingParams p, S
     vec2 gradient = depth_gradient(view, pixel, there);
     if (abs(there.depth - clip.w) > abs(gradient.x) + abs(gradient.y) + DEPTH_SLACK * clip.w) return false;
     vec4 found = load(p.previous_radiance, pixel);
-    light = found.rgb;
+    light = found.rgb * albedo_towards(s, to_viewer) / albedo_towards(s, safe_normalize(view.at[0].previous_eye - was, s.normal));
     return found.a > 0.0;
 }
 
@@ -120,7 +127,7 @@ struct HitLight {
 HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit hit, SurfacePoint s, vec3 direction, inout Random random, inout uvec2 traced) {
     HitLight light = HitLight(s.emission, vec3(0.0));
     if (s.black) return light;
-    if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, light.scattered)) return light;
+    if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, -direction, light.scattered)) return light;
     light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, random, traced);
     return light;
 }

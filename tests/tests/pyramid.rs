@@ -52,7 +52,14 @@ fn reduced(below: &[[f32; 4]], size: [u32; 2], extent: [u32; 2], content: Conten
     (0..extent[1]).flat_map(|y| (0..extent[0]).map(move |x| (x, y))).map(|(x, y)| one(x, y)).collect()
 }
 
-fn pass(g: &mut FrameGraph, name: &str, kernel: Kernel, from: Option<Handle<Image>>, extent: Extent, mip: i32) -> Handle<Image> {
+fn pass(
+    g: &mut FrameGraph,
+    name: &str,
+    kernel: Kernel,
+    from: Option<Handle<Image>>,
+    extent: Extent,
+    mip: i32,
+) -> Handle<Image> {
     g.pass(name, Queue::Graphics, |p| {
         let source = from.map(|image| p.sample(image));
         let (image, target) = p.create("image", ImageDesc::fixed(Format::Rgba32Float, extent));
@@ -100,9 +107,13 @@ fn levels_are_what_the_cpu_makes_of_them() -> Result<()> {
                 ensure!(found.len() == wanted.len(), "{width}x{height}, level {mip}: {} pixels", found.len());
                 for (at, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
                     // Means are kept in 16 bits.
-                    let off = (0..4).map(|c| (found[c] - wanted[c]).abs() / wanted[c].abs().max(1.0)).fold(0.0, f32::max);
+                    let off =
+                        (0..4).map(|c| (found[c] - wanted[c]).abs() / wanted[c].abs().max(1.0)).fold(0.0, f32::max);
                     let most = if content == Content::Mean { 2e-3 } else { 0.0 };
-                    ensure!(off <= most, "{width}x{height}, {content:?} {mip}, pixel {at}: {found:?}, wanted {wanted:?}");
+                    ensure!(
+                        off <= most,
+                        "{width}x{height}, {content:?} {mip}, pixel {at}: {found:?}, wanted {wanted:?}"
+                    );
                 }
                 (below, size) = (wanted, extent);
             }

@@ -12,9 +12,7 @@ use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
 use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, NO_SURFACES, TraceParams};
 use magpie_shaders::view::NO_LIGHT;
-use magpie_shaders::{
-    SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY,
-};
+use magpie_shaders::{SHADOWS_GRADIENT_RAY, SHADOWS_TINTED_GRADIENT_RAY, SHADOWS_TINTED_RAY, SHADOWS_TRACE_RAY};
 
 /// Visibility by shadow rays.
 pub struct RayTraced {

@@ -4,9 +4,7 @@ use magpie::graph::Part;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::PYRAMID_REDUCE_COMP;
-use magpie_shaders::pyramid::{
-    PYRAMID_FIRST_MIN_MAX, PYRAMID_LEVELS, PYRAMID_MEAN, PYRAMID_MIN_MAX, PyramidParams,
-};
+use magpie_shaders::pyramid::{PYRAMID_FIRST_MIN_MAX, PYRAMID_LEVELS, PYRAMID_MEAN, PYRAMID_MIN_MAX, PyramidParams};
 
 /// What a pixel of a level holds of those below it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +57,7 @@ impl Pyramid {
         let mut made = self.reduce(g, Source { image, mip: None, extent: source_size }, Target::New(desc), levels);
         for first in (PYRAMID_LEVELS..levels).step_by(PYRAMID_LEVELS as usize) {
             let source = Source { image: made.read(), mip: Some(first - 1), extent: extent.mip(first - 1) };
-            made = self.reduce(g, source, Target::Next(made, first), levels);
+            made = self.reduce(g, source, Target::Next(made), levels);
         }
         made.read()
     }
@@ -83,7 +81,7 @@ impl Pyramid {
                     let (made, token) = p.create_part("pyramid", desc, Part::mip(0));
                     (made, token, p.extent_of(desc))
                 }
-                Target::Next(made, _) => {
+                Target::Next(made) => {
                     let extent = p.extent(made.read()).mip(first);
                     let (made, token) = p.write_part(made, Part::mip(first));
                     (made, token, extent)
@@ -127,6 +125,6 @@ struct Source {
 enum Target {
     /// A pyramid with this description, from its first mip on.
     New(ImageDesc),
-    /// This one, from this mip on.
-    Next(WriteHandle<Image>, u32),
+    /// This pyramid.
+    Next(WriteHandle<Image>),
 }

@@ -65,8 +65,7 @@ impl Tiles {
             let (list, list_token) = p.create_buffer("tiles", BufferDesc::new(4 * u64::from(tiles)));
             (TileList { groups: groups.read(), list: list.read() }, move |c: &mut Record<'_>| {
                 let size = [extent.width, extent.height];
-                let params =
-                    TileParams { groups: c.id(groups_token), list: c.id(list_token), work: c.id(work), size };
+                let params = TileParams { groups: c.id(groups_token), list: c.id(list_token), work: c.id(work), size };
                 c.dispatch(classify, &params, extent);
             })
         })
