@@ -178,7 +178,6 @@ impl ViewDesc<'_> {
             seed: self.seed,
             caster_count: casters.len() as u32,
             casters: std::array::from_fn(|k| casters.get(k).map_or(NO_LIGHT, |c| c.light)),
-            scene: scene.root(),
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or(Sky { environment: SampledImage::NONE, ..Sky::default() }),
         };

@@ -19,8 +19,9 @@ struct Seen {
 // Visibility of a light in the shadow images; 1 for lights that cast no shadow.
 Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
     for (uint group = 0u; group < params.group_count; group++) {
+        uint lights = params.shadow_lights[group >> 1u] >> (16u * (group & 1u));
         for (uint channel = 0u; channel < 4u; channel++) {
-            uint index = (params.shadow_lights[group] >> (8u * channel)) & 255u;
+            uint index = (lights >> (4u * channel)) & 15u;
             if (index == NO_SHADOW_LIGHT || view.at[0].casters[index] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
             vec3 share = (params.group_flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
@@ -74,7 +75,7 @@ vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSampl
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_surface(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     LightBuffer lights = LightBuffer(scene.at[0].lights);
 
     vec3 radiance = load(params.gbuffer.emission, pixel).rgb;

@@ -80,7 +80,7 @@ vec2 motion_at(ViewBuffer view, Instance instance, Mesh mesh, uvec3 corners, vec
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
 

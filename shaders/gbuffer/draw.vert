@@ -21,7 +21,7 @@ invariant gl_Position;
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     instance_index = uint(gl_InstanceIndex);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     MeshBuffer mesh = MeshBuffer(scene.at[0].meshes);

@@ -18,7 +18,7 @@ const float NO_END = 1e30;
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
     vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[sphere_index];

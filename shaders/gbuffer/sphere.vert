@@ -17,7 +17,7 @@ const float MARGIN = 1.0 / 256.0;
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     instance_index = uint(gl_InstanceIndex);
     sphere_index = uint(gl_VertexIndex) / 8u;
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];

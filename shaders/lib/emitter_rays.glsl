@@ -100,7 +100,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     bool has_lobe = has_reflection(surface.fresnel);
     // Black, as unlit surfaces are: a metal with a black base colour.
     if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
     s.start = seen_start(scene, load_uint(params.gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     s.around = frame_of(surface.normal);

@@ -45,8 +45,7 @@ Carried carry(Instance instance, Carried was) {
 }
 
 // The surface that the previous frame stored for a square, at its current position, and the pixel that showed it. False if there was none.
-bool remembered(ViewBuffer view, uint kept, ivec2 square, out ivec2 pixel, out Receiver at) {
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+bool remembered(ViewBuffer view, SceneBuffer scene, uint kept, ivec2 square, out ivec2 pixel, out Receiver at) {
     pixel = gradient_pixel(view, square, view.at[0].frame - 1u);
     if (!inside(pixel, view.at[0].size)) return false;
     uvec2 seen = load_uint(kept, ivec2(2 * square.x, square.y)).xy;

@@ -55,9 +55,9 @@ Ray camera_ray(ViewBuffer view, ivec2 pixel, vec2 jitter, uint flags) {
 }
 
 // Texture footprint of a pixel on the plane that a camera ray has hit; none if samples are spread over the pixel.
-Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
+Footprint camera_footprint(ViewBuffer view, SceneBuffer scene, Ray ray, Hit hit, uint flags) {
     if ((flags & PATH_CENTRE) == 0u) return NO_FOOTPRINT;
-    RayStart start = hit_start(SceneBuffer(view.at[0].scene), ray, hit);
+    RayStart start = hit_start(scene, ray, hit);
     mat4 m = view.at[0].world_from_clip;
     vec3 across = m[0].xyz * (2.0 / float(view.at[0].size.x));
     vec3 down = m[1].xyz * (2.0 / float(view.at[0].size.y));
@@ -73,13 +73,12 @@ Footprint camera_footprint(ViewBuffer view, Ray ray, Hit hit, uint flags) {
 }
 
 // The first surface visible in a pixel. False if there is none.
-bool first_surface(ViewBuffer view, PathParams params, ivec2 pixel, vec2 jitter, out Ray ray, out SurfacePoint surface) {
+bool first_surface(ViewBuffer view, SceneBuffer scene, PathParams params, ivec2 pixel, vec2 jitter, out Ray ray, out SurfacePoint surface) {
     ray = camera_ray(view, pixel, jitter, params.flags);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
     Hit hit;
     closest_traced++;
     if (!trace_closest(scene, ray, hit)) return false;
-    surface = surface_at(scene, ray, hit, camera_footprint(view, ray, hit, params.flags));
+    surface = surface_at(scene, ray, hit, camera_footprint(view, scene, ray, hit, params.flags));
     return true;
 }
 

@@ -20,9 +20,9 @@ struct Receiver {
 };
 
 // The receiver of a pixel: its surface, and `ids` of the G-buffer.
-Receiver receiver_of(ViewBuffer view, ivec2 pixel, Surface surface, uvec2 ids) {
+Receiver receiver_of(ViewBuffer view, SceneBuffer scene, ivec2 pixel, Surface surface, uvec2 ids) {
     vec3 eye = view.at[0].eye;
-    RayStart start = seen_start(SceneBuffer(view.at[0].scene), ids, eye, pixel_ray(view, pixel), surface.position);
+    RayStart start = seen_start(scene, ids, eye, pixel_ray(view, pixel), surface.position);
     return Receiver(surface, start, pixel_spread(view) * distance(surface.position, eye));
 }
 
@@ -95,9 +95,8 @@ vec4 encode_penumbra(vec4 pixels) {
 }
 
 // Visibility of each light, by the points that pixel `drawn_at` used or uses in frame `frame`, and the penumbra width, pixels.
-vec4 visibilities(ViewBuffer view, Receiver at, ShadowRays rays, ivec2 drawn_at, uint frame, out vec4 penumbra) {
+vec4 visibilities(ViewBuffer view, SceneBuffer scene, Receiver at, ShadowRays rays, ivec2 drawn_at, uint frame, out vec4 penumbra) {
     penumbra = vec4(0.0);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
     vec3 position = at.start.position;
     vec4 seen = vec4(0.0);
     for (uint k = 0u; k < rays.count; k++) {

@@ -18,9 +18,8 @@ vec3 tinted_point(SceneBuffer scene, Receiver at, Light light, Incident from, in
 
 // Visibility of a light, per colour channel, by the points that pixel `drawn_at` used or uses in frame `frame`, and the penumbra width,
 // pixels.
-vec3 tinted_visibility(ViewBuffer view, Receiver at, uint index, uint samples, ivec2 drawn_at, uint frame, out float penumbra) {
+vec3 tinted_visibility(ViewBuffer view, SceneBuffer scene, Receiver at, uint index, uint samples, ivec2 drawn_at, uint frame, out float penumbra) {
     penumbra = 0.0;
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
     vec3 position = at.start.position;
     Light light = LightBuffer(scene.at[0].lights).at[index];
     LightSample centre = sample_light(light, position);

@@ -117,7 +117,7 @@ Around look_around(ViewBuffer view, vec2 at) {
 bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
     uint expected = 0u;
     if (around.instance != 0u) {
-        SceneBuffer scene = SceneBuffer(view.at[0].scene);
+        SceneBuffer scene = SceneBuffer(params.scene);
         Instance instance = InstanceBuffer(scene.at[0].instances).at[around.instance - 1u];
         vec3 position = world_position(view, around.centre, around.depth);
         expected = depth_code(depth_before(view, position_before(instance, position)));

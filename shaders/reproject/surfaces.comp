@@ -17,7 +17,7 @@ const float DEPTH_TOLERANCE = 0.01;
 
 // View depth of a point in the previous frame. It moves rigidly with its instance; deformation is ignored.
 float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
-    Instance placed = InstanceBuffer(SceneBuffer(view.at[0].scene).at[0].instances).at[instance];
+    Instance placed = InstanceBuffer(SceneBuffer(params.scene).at[0].instances).at[instance];
     bool moved = placed.world_from_object != placed.previous_world_from_object;
     vec3 before = moved ? position_before(placed, position) : position;
     return (view.at[0].previous_clip_from_world * vec4(before, 1.0)).w;

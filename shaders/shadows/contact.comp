@@ -39,7 +39,7 @@ void main() {
     Surface surface = load_geometry(view, pixel, params.gbuffer);
     if (!surface.exists) return;
     vec4 visibility = imageLoad(storage_images[params.visibility], pixel);
-    LightBuffer lights = LightBuffer(SceneBuffer(view.at[0].scene).at[0].lights);
+    LightBuffer lights = LightBuffer(SceneBuffer(params.scene).at[0].lights);
     // Starts above the facets that the depth buffer makes of the surface.
     float pixel_width = pixel_spread(view) * distance(surface.position, view.at[0].eye);
     vec3 from = surface.position + pixel_width * surface.geometric_normal;

@@ -4,7 +4,6 @@
 #include "lib/alpha.glsl"
 #include "lib/intersect.glsl"
 #include "shared/shadow_map.glsl"
-#include "shared/view.glsl"
 // Depth only, which the raster writes. Alpha-tested surfaces are discarded where rays would pass them.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
@@ -16,7 +15,7 @@ layout(location = 1) flat in uint instance_index;
 
 // The alpha test for the light's ray through the texel's centre, a cone as wide as the texel.
 bool is_there() {
-    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     bool parallel = params.is_parallel != 0u;

@@ -4,7 +4,6 @@
 #include "lib/vector.glsl"
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
-#include "shared/view.glsl"
 // Projects the vertices of one instance into a layer of a shadow map.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
@@ -12,7 +11,7 @@ layout(location = 0) out vec3 position;  // world, metres
 layout(location = 1) flat out uint instance_index;
 
 void main() {
-    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     instance_index = uint(gl_InstanceIndex);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     vec3 vertex = PositionBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[gl_VertexIndex];

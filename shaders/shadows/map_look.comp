@@ -174,7 +174,7 @@ void main() {
     map_not_finite = params.not_finite;
     vec4 visibility = vec4(0.0);
     uint unsure = 0u;
-    LightBuffer lights = LightBuffer(SceneBuffer(view.at[0].scene).at[0].lights);
+    LightBuffer lights = LightBuffer(SceneBuffer(params.scene).at[0].lights);
     MapLightBuffer known = MapLightBuffer(params.lights);
     float pixel_width = surface.exists ? pixel_spread(view) * distance(surface.position, view.at[0].eye) : 0.0;
     for (uint i = 0u; surface.exists && i < params.light_count; i++) {

@@ -5,7 +5,6 @@
 #include "lib/vector.glsl"
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
-#include "shared/view.glsl"
 // Depth at which the light's ray through the texel's centre meets a sphere, with the intersection test of rays.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
 
@@ -16,7 +15,7 @@ layout(location = 2) flat in uint sphere_index;
 const float NO_END = 1e30;
 
 void main() {
-    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];
     vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[sphere_index];
     // Rays of directional lights have no origin, those of local lights begin at the light. `position` is on the far side of the box.

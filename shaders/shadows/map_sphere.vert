@@ -4,7 +4,6 @@
 #include "lib/vector.glsl"
 #include "shared/scene.glsl"
 #include "shared/shadow_map.glsl"
-#include "shared/view.glsl"
 // A box around each sphere of one instance in a layer of a shadow map: eight corners per sphere, in the order of gl_VertexIndex, of which
 // the back faces are drawn.
 layout(push_constant, scalar) uniform Push { MapDrawParams params; };
@@ -17,7 +16,7 @@ layout(location = 2) flat out uint sphere_index;
 const float MARGIN = 1.0 / 256.0;
 
 void main() {
-    SceneBuffer scene = SceneBuffer(ViewBuffer(params.view).at[0].scene);
+    SceneBuffer scene = SceneBuffer(params.scene);
     instance_index = uint(gl_InstanceIndex);
     sphere_index = uint(gl_VertexIndex) / 8u;
     Instance instance = InstanceBuffer(scene.at[0].instances).at[instance_index];

@@ -12,6 +12,8 @@ pub const NO_BENT_NORMAL: u32 = 4294967295;
 pub struct TraceParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// The G-buffer.

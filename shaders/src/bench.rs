@@ -69,7 +69,7 @@ pub struct RayAnswer {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TraceParams {
-    /// Root of the scene's tables.
+    /// Root of the scene, [`Scene`](super::scene::Scene).
     pub scene: Address,
     /// [`RayTask`](super::rays::RayTask) table, row after row.
     pub rays: Address,

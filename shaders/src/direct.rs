@@ -3,8 +3,8 @@ use super::gbuffer::GBufferImages;
 use super::types::{Address, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// A byte of [`ShadeParams::shadow_lights`] for a channel without a light.
-pub const NO_SHADOW_LIGHT: u32 = 255;
+/// Four bits of [`ShadeParams::shadow_lights`] for a channel without a light.
+pub const NO_SHADOW_LIGHT: u32 = 15;
 /// [`ShadeParams::emitters`] if emissive surfaces do not light others.
 pub const NO_EMITTERS: u32 = 4294967295;
 
@@ -14,6 +14,8 @@ pub const NO_EMITTERS: u32 = 4294967295;
 pub struct EmitterParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// The [`LightTables`](super::light_sampling::LightTables), of which only `near` and `emitters` are set.
@@ -34,6 +36,8 @@ pub struct EmitterParams {
 pub struct ShadeParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// The G-buffer.
     pub gbuffer: GBufferImages,
     /// Outgoing radiance, RGBA32F or RGBA16F.
@@ -48,9 +52,9 @@ pub struct ShadeParams {
     pub group_count: u32,
     /// Visibility images, up to four lights each.
     pub visibility: [u32; 8],
-    /// Lights of each image: a byte per channel, the first channel lowest, with an index in [`View::casters`](super::view::View::casters)
-    /// or [`NO_SHADOW_LIGHT`].
-    pub shadow_lights: [u32; 8],
+    /// Lights of two images each, the first image in the lower half: four bits per channel, the first channel lowest, with an index in
+    /// [`View::casters`](super::view::View::casters) or [`NO_SHADOW_LIGHT`].
+    pub shadow_lights: [u32; 4],
     /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
     pub group_flags: u32,
 }

@@ -31,4 +31,6 @@ pub struct GBufferImages {
 pub struct DrawParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
 }

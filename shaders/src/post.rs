@@ -34,6 +34,8 @@ pub struct ToneMapParams {
 pub struct TaaParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Counter of samples and histories that are not finite.
     pub not_finite: Address,
     /// Linear radiance of this frame.

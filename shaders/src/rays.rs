@@ -8,6 +8,8 @@ use bytemuck::{Pod, Zeroable};
 pub struct HeatMapParams {
     /// [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// Nodes visited and primitives tested, RG32F.

@@ -27,6 +27,8 @@ pub const PATH_NO_LIGHT_HITS: u32 = 256;
 pub struct PathParams {
     /// [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// [`LightTables`](super::light_sampling::LightTables).

@@ -9,6 +9,8 @@ use bytemuck::{Pod, Zeroable};
 pub struct ReprojectParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// The G-buffer.
     pub gbuffer: GBufferImages,
     /// The previous frame's guide.

@@ -33,8 +33,8 @@ pub const UNSURE_ANY: u32 = 4369;
 pub struct MapDrawParams {
     /// Clip from world. Depth is reversed: 1 nearest to the light, or at its near plane.
     pub clip_from_world: [[f32; 4]; 4],
-    /// The [`View`](super::view::View).
-    pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Position of a local light, metres; for directional lights the unit direction in which light travels.
     pub light: [f32; 3],
     /// 1 for a directional light.
@@ -83,6 +83,8 @@ pub struct MapLight {
 pub struct MapParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Counter of texels that are not finite.
     pub not_finite: Address,
     /// [`MapLight`] table.
@@ -121,6 +123,8 @@ pub struct MapParams {
 pub struct ContactParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// [`MapLight`] table.
     pub lights: Address,
     /// Number of lights.

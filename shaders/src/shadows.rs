@@ -16,6 +16,8 @@ pub const NO_SURFACES: u32 = 4294967295;
 pub struct TraceParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// The G-buffer.
@@ -46,6 +48,8 @@ pub struct TraceParams {
 pub struct GradientParams {
     /// The [`View`](super::view::View).
     pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
     /// The G-buffer.

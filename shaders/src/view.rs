@@ -1,5 +1,5 @@
 //! Parameters of camera, frame and sky, for every pass.
-use super::types::{Address, SampledImage, SamplerId};
+use super::types::{SampledImage, SamplerId};
 use bytemuck::{Pod, Zeroable};
 
 /// Entry of a table of lights that stands for none.
@@ -44,8 +44,6 @@ pub struct View {
     pub caster_count: u32,
     /// Indices of the shadow-casting lights, most important first; then [`NO_LIGHT`].
     pub casters: [u32; 8],
-    /// Root of the scene's tables.
-    pub scene: Address,
     /// 1 if the scene has a sky.
     pub has_sky: u32,
     /// The sky; ignored without `has_sky`.

@@ -19,7 +19,7 @@ const GLSL: &str = r#"#version 460
 #include "lib/hit_shading.glsl"
 #include "lib/sequence.glsl"
 layout(push_constant, scalar) uniform Push {
-    uvec2 view_address; uvec2 rays; GBufferImages gbuffer; HitShadingParams hits; uint result;
+    uvec2 view_address; uvec2 scene_address; uvec2 rays; GBufferImages gbuffer; HitShadingParams hits; uint result;
 };
 
 uvec2 traced = uvec2(0u);
@@ -28,7 +28,7 @@ uvec2 traced = uvec2(0u);
 vec3 gather(ViewBuffer view, ivec2 pixel) {
     Surface s = load_surface(view, pixel, gbuffer);
     if (!s.exists) return vec3(0.0);
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(scene_address);
     RayStart start = seen_start(scene, load_uint(gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), s.position);
     uint frame = view.at[0].frame, seed = view.at[0].seed;
     mat3 around = frame_of(s.normal);
@@ -58,6 +58,7 @@ void main() {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Params {
     view: Address,
+    scene: Address,
     rays: Address,
     gbuffer: GBufferImages,
     hits: HitShadingParams,
@@ -95,14 +96,14 @@ impl Effect for Bounce {
         let Some(hits) = HitShading::new(&i) else { return LightingOut::default() };
         let (gather, block) = (self.gather, view.block);
         let image = g.pass("gi.gather", Queue::AsyncCompute, |p| {
-            let (view, tlas, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
+            let (view, scene, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
             let gbuffer = i.gbuffer.read(p, &[RAY_START, &[Channel::BaseColour, Channel::Material]].concat());
             let (noisy, result) = p.create("noisy", ImageDesc::full(Format::Rgba16Float));
             let extent = p.extent(i.gbuffer.depth);
             (noisy.read(), move |c: &mut Record<'_>| {
-                let (view, rays, gbuffer) = (c.id(view), c.rays(), gbuffer.images(c));
-                let params = Params { view, rays, gbuffer, hits: hits.params(c), result: c.id(result) };
-                c.trace(gather, tlas, &params, extent);
+                let (view, root, rays, gbuffer) = (c.id(view), c.id(scene.root), c.rays(), gbuffer.images(c));
+                let params = Params { view, scene: root, rays, gbuffer, hits: hits.params(c), result: c.id(result) };
+                c.trace(gather, scene.tlas, &params, extent);
             })
         });
         let signal = Signal { image, content: Content::Radiance };

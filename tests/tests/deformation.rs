@@ -59,7 +59,6 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
     let mut before: Vec<Vec<[f32; 3]>> = vec![Vec::new(); instances.len()];
     for (frame, time) in [0.0, 0.4, 1.1, 2.6, 3.9].into_iter().enumerate() {
         resident.borrow_mut().set_moment(&Moment { time, ..Moment::default() });
-        let root = resident.borrow().root();
         let mut read = Vec::new();
         bench.run(Extent::new(1, 1), &[], |g, imports| {
             let handles = resident.borrow_mut().declare(g, &mut imports.borrow_mut(), None, &Policy::default())?;
@@ -67,10 +66,10 @@ fn the_device_deforms_as_the_host_does() -> Result<()> {
                 let count = scene.meshes[scene.instances[instance].mesh as usize].positions.len() as u32;
                 let bytes = u64::from(count) * size_of::<Vertex>() as u64;
                 let vertices = g.pass(&format!("test.vertices.{instance}"), Queue::Graphics, |p| {
-                    handles.read(p);
+                    let scene = handles.read(p);
                     let (vertices, to) = p.create_buffer("vertices", BufferDesc::new(bytes));
                     (vertices.read(), move |c: &mut Record<'_>| {
-                        let params = Params { scene: root, to: c.id(to), instance: instance as u32, count };
+                        let params = Params { scene: c.id(scene), to: c.id(to), instance: instance as u32, count };
                         c.dispatch_groups(kernel, &params, [count.div_ceil(64), 1, 1]);
                     })
                 });

@@ -38,7 +38,7 @@ const GLSL: &str = r#"#version 460
 #include "lib/lights.glsl"
 #include "lib/ray.glsl"
 layout(push_constant, scalar) uniform Push {
-    uvec2 view_address; uvec2 rays; uint ids; uint depth; uint seen; uint hits; uint marks; vec3 light; uint is_lamp; float factor;
+    uvec2 view_address; uvec2 scene_address; uvec2 rays; uint ids; uint depth; uint seen; uint hits; uint marks; vec3 light; uint is_lamp; float factor;
 };
 
 uint traced_closest = 0u;
@@ -76,7 +76,7 @@ void main() {
     ViewBuffer view = ViewBuffer(view_address);
     ivec2 pixel = ivec2(RAY_INVOCATION.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(scene_address);
     vec3 eye = view.at[0].eye;
     vec3 along = pixel_ray(view, pixel);
     vec4 from_raster = vec4(0.0, 0.0, 0.0, -1.0);
@@ -115,6 +115,7 @@ void main() {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Params {
     view: Address,
+    scene: Address,
     rays: Address,
     ids: SampledImage,
     depth: SampledImage,
@@ -338,15 +339,17 @@ impl Rig {
                 let out = shadows.add(g, &view, ShadowIn { scene: handles, gbuffer, reprojected });
                 g.output(out.groups[0].context("the light casts no shadow")?.visibility);
                 g.pass("test.starts", Queue::Graphics, |p| {
-                    let (view, tlas) = (p.read(view.block), handles.trace(p));
+                    let (view, scene) = (p.read(view.block), handles.trace(p));
                     let (ids, depth) = (p.sample(gbuffer.ids), p.sample(gbuffer.depth));
                     let [(_, seen), (_, hits), (_, marks)] =
                         ["seen", "hits", "marks"].map(|name| p.create(name, ImageDesc::full(Format::Rgba32Float)));
                     ((), move |c: &mut Record<'_>| {
-                        let (view, rays, ids, depth) = (c.id(view), c.rays(), c.id(ids), c.id(depth));
+                        let (view, root, rays) = (c.id(view), c.id(scene.root), c.rays());
+                        let (ids, depth) = (c.id(ids), c.id(depth));
                         let (seen, hits, marks) = (c.id(seen), c.id(hits), c.id(marks));
-                        let params = Params { view, rays, ids, depth, seen, hits, marks, light, is_lamp, factor };
-                        c.trace(kernel, tlas, &params, EXTENT);
+                        let params =
+                            Params { view, scene: root, rays, ids, depth, seen, hits, marks, light, is_lamp, factor };
+                        c.trace(kernel, scene.tlas, &params, EXTENT);
                     })
                 });
                 Ok(())

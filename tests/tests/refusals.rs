@@ -95,7 +95,7 @@ fn record<P: Pod + Send + Default>(
         });
         let image = g.pass("mine.step", Queue::Graphics, |p| {
             let draws = matches!(command, Command::Draw | Command::DrawIndirect);
-            let (indices, tlas) = (draws.then(|| p.index(words)), (!draws).then(|| scene.trace(p)));
+            let (indices, tlas) = (draws.then(|| p.index(words)), (!draws).then(|| scene.trace(p).tlas));
             let (sizes, desc) = (p.indirect(words), ImageDesc::full(Format::Rgba32Float));
             let image = if draws { p.color("image", desc, [0.0; 4]).0 } else { p.create("image", desc).0 };
             (image.read(), move |c: &mut Record<'_>| {

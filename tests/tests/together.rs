@@ -142,13 +142,14 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     Ok(())
 }
 
+/// Shaders have the scene's root from the token of this read alone.
 #[test]
 fn what_reads_the_scene_says_so() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let result = render(&gpu, &builtin("cornell")?, &config(&["post.anti_aliasing=taa"])?, [32, 18], 2, None)?;
     let declaration = &result.declaration;
     let tables = |resource: u32| declaration.resource_name(resource).contains("scene.state");
-    for pass in ["reproject.surfaces", "shadows.trace", "direct.shade", "post.taa"] {
+    for pass in ["gbuffer.draw", "reproject.surfaces", "shadows.trace", "direct.shade", "post.taa"] {
         let at = (0..declaration.passes.len() as u32).find(|p| declaration.pass_name(*p) == pass).context(pass)?;
         let uses = declaration.uses_of(at);
         let reads = uses.iter().any(|u| tables(u.resource) && u.access == Access::BufferRead);

@@ -38,7 +38,7 @@ pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use resident::{
     Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
-    SharedScene,
+    SceneToken, SharedScene,
 };
 pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};

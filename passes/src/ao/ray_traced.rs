@@ -60,7 +60,7 @@ impl Effect for RayTraced {
         let (kernel, block, samples, range) = (self.trace, view.block, self.samples, self.range);
         let step = if self.upsample.is_some() { 2 } else { 1 };
         let traced = g.pass("ao.trace", Queue::AsyncCompute, |p| {
-            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (block, scene) = (p.read(block), i.scene.trace(p));
             let gbuffer = i.gbuffer.read(p, RAY_START);
             let like = ImageDesc::like(OPENNESS, i.gbuffer.depth);
             let desc = if step == 1 { like } else { ImageDesc::half(OPENNESS) };
@@ -69,6 +69,7 @@ impl Effect for RayTraced {
             (openness.read(), move |c: &mut Record<'_>| {
                 let params = TraceParams {
                     view: c.id(block),
+                    scene: c.id(scene.root),
                     rays: c.rays(),
                     gbuffer: gbuffer.images(c),
                     openness: c.id(target),
@@ -76,7 +77,7 @@ impl Effect for RayTraced {
                     samples,
                     range,
                 };
-                c.trace(kernel, tlas, &params, extent);
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         let noisy = match &self.upsample {

@@ -61,13 +61,14 @@ impl Emitters {
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
         let (samples, format, block, gbuffer) = (self.samples, self.format, view.block, i.gbuffer);
         let noisy = g.pass("direct.emitters", Queue::AsyncCompute, |p| {
-            let (block, tlas, table) = (p.read(block), i.scene.trace(p), p.read(table));
+            let (block, scene, table) = (p.read(block), i.scene.trace(p), p.read(table));
             let surfaces = gbuffer.read(p, CHANNELS);
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
             (radiance.read(), move |c: &mut Record<'_>| {
                 let params = EmitterParams {
                     view: c.id(block),
+                    scene: c.id(scene.root),
                     rays: c.rays(),
                     lights: c.id(table),
                     gbuffer: surfaces.images(c),
@@ -75,7 +76,7 @@ impl Emitters {
                     samples,
                     greatest: format.greatest(),
                 };
-                c.trace(kernel, tlas, &params, extent);
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         let i = DenoiseIn {

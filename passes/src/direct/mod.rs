@@ -71,14 +71,13 @@ impl Effect for AllLights {
         let (kernel, format, area, block) = (self.shade, self.format, self.area, view.block);
         let gbuffer = i.gbuffer;
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
-            let block = p.read(block);
-            i.scene.read(p);
+            let (block, scene) = (p.read(block), i.scene.read(p));
             let surfaces = gbuffer
                 .read(p, &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Emission]);
             let emitters = emitters.map(|image| p.sample(image));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
-            let shadow_lights =
-                i.shadows.groups.map(|group| group.map_or(0, |group| pack_shadow_lights(view, group.lights)));
+            let lights = i.shadows.groups.map(|group| group.map_or(0, |group| pack_shadow_lights(view, group.lights)));
+            let shadow_lights = std::array::from_fn(|pair| lights[2 * pair] | lights[2 * pair + 1] << 16);
             let bits = |is: fn(&ShadowGroup) -> bool| {
                 let is = |k: usize| i.shadows.groups[k].as_ref().is_some_and(is);
                 (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
@@ -90,6 +89,7 @@ impl Effect for AllLights {
             (radiance, move |c: &mut Record<'_>| {
                 let params = ShadeParams {
                     view: c.id(block),
+                    scene: c.id(scene),
                     gbuffer: surfaces.images(c),
                     radiance: c.id(target),
                     greatest: format.greatest(),
@@ -107,10 +107,10 @@ impl Effect for AllLights {
     }
 }
 
-/// Packs the lights of four channels into a byte each: their index in [`View::casters`], or [`NO_SHADOW_LIGHT`].
+/// Packs the lights of four channels into four bits each: their index in [`View::casters`], or [`NO_SHADOW_LIGHT`].
 fn pack_shadow_lights(view: &View, lights: [u32; 4]) -> u32 {
     let index_of = |light: u32| {
         view.casters.iter().position(|shadow_light| shadow_light.light == light).map_or(NO_SHADOW_LIGHT, |at| at as u32)
     };
-    lights.iter().zip(0..).map(|(light, channel)| index_of(*light) << (8 * channel)).sum()
+    lights.iter().zip(0..).map(|(light, channel)| index_of(*light) << (4 * channel)).sum()
 }

@@ -131,15 +131,14 @@ impl Effect for Raster {
         let Drawing { colours, emission, opaque, alpha_tested, spheres } = drawing;
         let (block, draws) = (view.block, view.draws.clone());
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
-            let (block, indices) = (p.read(block), p.index(i.scene.indices));
-            i.scene.read(p);
+            let (block, scene, indices) = (p.read(block), i.scene.read(p), p.index(i.scene.indices));
             let mut attach = |(name, format)| p.color(name, ImageDesc::full(format), [0.0; 4]).0.read();
             let [base_colour, normal, geometric_normal, material, motion, ids] = colours.map(&mut attach);
             let emission = emission.map(attach);
             let depth = p.depth("depth", ImageDesc::full(Format::D32Float), 0.0).0.read();
             let out = GBuffer { depth, base_colour, normal, geometric_normal, material, emission, motion, ids };
             (out, move |c: &mut Record<'_>| {
-                let params = DrawParams { view: c.id(block) };
+                let params = DrawParams { view: c.id(block), scene: c.id(scene) };
                 // Blended triangles are alpha-tested too.
                 let tested = draws.merged([DrawClass::AlphaTested, DrawClass::Blended]);
                 c.draw(opaque, &params, indices, draws.of(DrawClass::Opaque));

@@ -35,8 +35,7 @@ impl Taa {
         let surfaces = history("surfaces", Format::Rg32Uint);
         let valid = picture.valid && moments.valid && surfaces.valid;
         g.pass("post.taa", Queue::Graphics, |p| {
-            seen.scene.read(p);
-            let (block, colour) = (p.read(block), p.sample(colour));
+            let (block, scene, colour) = (p.read(block), seen.scene.read(p), p.sample(colour));
             let gbuffer = seen.gbuffer.read(p, &[Channel::Depth, Channel::Motion, Channel::Ids]);
             let before = [p.sample(picture.previous), p.sample(moments.previous), p.sample(surfaces.previous)];
             let (picture, target) = p.write(picture.next);
@@ -45,6 +44,7 @@ impl Taa {
             (picture.read(), move |c: &mut Record<'_>| {
                 let params = TaaParams {
                     view: c.id(block),
+                    scene: c.id(scene),
                     not_finite: c.not_finite(),
                     colour: c.id(colour),
                     gbuffer: gbuffer.images(c),

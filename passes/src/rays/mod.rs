@@ -58,14 +58,20 @@ impl Effect for HeatMap {
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: RaysIn) -> RaysOut {
         let (kernel, hottest, block) = (self.kernel, self.hottest, view.block);
         let colours = g.pass("rays.heat_map", Queue::AsyncCompute, |p| {
-            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (block, scene) = (p.read(block), i.scene.trace(p));
             let (_, steps) = p.create("steps", ImageDesc::full(Format::Rg32Float));
             let (colours, shown) = p.create("colours", ImageDesc::full(Format::Rgba8Unorm));
             let extent = p.extent_of(ImageDesc::full(Format::Rgba8Unorm));
             (colours.read(), move |c: &mut Record<'_>| {
-                let (view, rays) = (c.id(block), c.rays());
-                let params = HeatMapParams { view, rays, steps: c.id(steps), colours: c.id(shown), hottest };
-                c.trace(kernel, tlas, &params, extent);
+                let params = HeatMapParams {
+                    view: c.id(block),
+                    scene: c.id(scene.root),
+                    rays: c.rays(),
+                    steps: c.id(steps),
+                    colours: c.id(shown),
+                    hottest,
+                };
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         RaysOut { colours: Some(colours) }

@@ -348,16 +348,17 @@ impl Reference {
             },
         );
         let (mean, squares) = g.pass("reference.trace", Queue::Graphics, |p| {
-            let (view, tlas, lights) = (p.read(view), scene.trace(p), p.read(lights.read()));
+            let (view, scene, lights) = (p.read(view), scene.trace(p), p.read(lights.read()));
             let (mean, mean_target) = p.create("mean", ImageDesc::full(Format::Rgba32Float));
             let (squares, squares_target) = p.create("squares", ImageDesc::full(Format::Rgba32Float));
             ((mean.read(), squares.read()), move |c: &mut Record<'_>| {
                 params.view = c.id(view);
+                params.scene = c.id(scene.root);
                 params.rays = c.rays();
                 params.lights = c.id(lights);
                 params.mean = c.id(mean_target);
                 params.squares = c.id(squares_target);
-                c.trace(kernel, tlas, &params, extent);
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         let copies = Copies::new(&self.gpu, &imports);

@@ -176,7 +176,7 @@ impl RayTraced {
         let (count, lights, format) = (lights.len() as u32, indices(lights), format(group.channels()));
         let filtered = self.filtered && self.is_noisy(&group.lights);
         let (traced, penumbra) = g.pass(&format!("shadows.trace{name}"), Queue::AsyncCompute, |p| {
-            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (block, scene) = (p.read(block), i.scene.trace(p));
             let gbuffer = i.gbuffer.read(p, RAY_START);
             let maps = maps.and_then(|m| Some((p.sample(m.visibility), p.sample(m.unsure?))));
             let desc = if step == 1 { ImageDesc::like(format, i.gbuffer.depth) } else { ImageDesc::half(format) };
@@ -196,6 +196,7 @@ impl RayTraced {
             (out, move |c: &mut Record<'_>| {
                 let params = TraceParams {
                     view: c.id(block),
+                    scene: c.id(scene.root),
                     rays: c.rays(),
                     gbuffer: gbuffer.images(c),
                     visibility: c.id(target),
@@ -208,7 +209,7 @@ impl RayTraced {
                     count,
                     lights,
                 };
-                c.trace(kernel, tlas, &params, extent);
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         let visibility = match upsample {
@@ -244,13 +245,14 @@ impl RayTraced {
         let surfaces = g.history(&self.scope, format!("gradient_surfaces{name}"), surfaces);
         let valid = visibility.valid && surfaces.valid;
         let change = g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
-            let (block, tlas) = (p.read(block), i.scene.trace(p));
+            let (block, scene) = (p.read(block), i.scene.trace(p));
             let gbuffer = i.gbuffer.read(p, &[Channel::Motion]);
             let (visibility, previous) = (p.sample(visibility.previous), p.sample(surfaces.previous));
             let (change, target) = p.create("change", ImageDesc::fixed(format, extent));
             (change.read(), move |c: &mut Record<'_>| {
                 let params = GradientParams {
                     view: c.id(block),
+                    scene: c.id(scene.root),
                     rays: c.rays(),
                     gbuffer: gbuffer.images(c),
                     previous: c.id(previous),
@@ -261,7 +263,7 @@ impl RayTraced {
                     count,
                     lights,
                 };
-                c.trace(kernel, tlas, &params, extent);
+                c.trace(kernel, scene.tlas, &params, extent);
             })
         });
         Changes { change, visibility: visibility.next, surfaces: surfaces.next }

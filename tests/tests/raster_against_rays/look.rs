@@ -22,7 +22,7 @@ const GLSL: &str = r#"#version 460
 #include "lib/intersect.glsl"
 #include "lib/ray.glsl"
 layout(push_constant, scalar) uniform Push {
-    uvec2 view_address; uvec2 rays; uint raster_ids; uint ids; uint geometry; uint margins;
+    uvec2 view_address; uvec2 scene_address; uvec2 rays; uint raster_ids; uint ids; uint geometry; uint margins;
 };
 
 // Towards the front: of a triangle not by the inverse transpose, as the raster makes it; of a sphere by way of the world's hit.
@@ -58,7 +58,7 @@ void main() {
     ViewBuffer view = ViewBuffer(view_address);
     ivec2 pixel = ivec2(RAY_INVOCATION.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    SceneBuffer scene = SceneBuffer(view.at[0].scene);
+    SceneBuffer scene = SceneBuffer(scene_address);
     // One unit of view depth long, so that t is the view depth.
     vec3 ray = pixel_ray(view, pixel);
     float t_min = 1.0 / view.at[0].world_from_clip[2].w;
@@ -97,6 +97,7 @@ void main() {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Params {
     view: Address,
+    scene: Address,
     rays: Address,
     raster_ids: SampledImage,
     ids: StorageImage,
@@ -148,20 +149,21 @@ pub fn look(bench: &mut Bench, scene: &SharedScene, camera: &Camera, rays: Rays,
             let handles = scene.borrow_mut().declare(g, &mut imports.borrow_mut(), Some(camera), policy)?;
             let raster = gbuffer.add(g, &view, GBufferIn { scene: handles });
             g.pass("test.rays", Queue::Graphics, |p| {
-                let (block, tlas, raster_ids) = (p.read(view.block), handles.trace(p), p.sample(raster.ids));
+                let (block, scene, raster_ids) = (p.read(view.block), handles.trace(p), p.sample(raster.ids));
                 let (_, ids) = p.create("ids", ImageDesc::full(Format::Rg32Uint));
                 let (_, geometry) = p.create("geometry", ImageDesc::full(Format::Rgba32Float));
                 let (_, margins) = p.create("margins", ImageDesc::full(Format::Rg32Float));
                 ((), move |c: &mut Record<'_>| {
                     let params = Params {
                         view: c.id(block),
+                        scene: c.id(scene.root),
                         rays: c.rays(),
                         raster_ids: c.id(raster_ids),
                         ids: c.id(ids),
                         geometry: c.id(geometry),
                         margins: c.id(margins),
                     };
-                    c.trace(kernel, tlas, &params, EXTENT);
+                    c.trace(kernel, scene.tlas, &params, EXTENT);
                 })
             });
             Ok(())

@@ -27,7 +27,8 @@ pub struct SceneHandles {
 }
 
 impl SceneHandles {
-    /// Declares that a pass looks up what the scene is made of. The token is that of the state, which begins with the root.
+    /// Declares that a pass looks up what the scene is made of. The token is that of the state, which begins with the root: its id is the
+    /// address of the [`Scene`](magpie_shaders::scene::Scene), which shaders have from nowhere else.
     pub fn read(self, p: &mut PassBuilder<'_>) -> BufferToken {
         p.read(self.tables);
         p.read(self.vertices);
@@ -38,12 +39,21 @@ impl SceneHandles {
         p.read(self.state)
     }
 
-    /// Declares that a pass traces rays, and may look up what they hit.
-    pub fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
-        self.read(p);
+    /// Declares that a pass traces rays, and looks up what they hit.
+    pub fn trace(self, p: &mut PassBuilder<'_>) -> SceneToken {
+        let root = self.read(p);
         for bottom in self.bottom.into_iter().flatten() {
             p.read(bottom);
         }
-        p.trace(self.tlas)
+        SceneToken { root, tlas: p.trace(self.tlas) }
     }
+}
+
+/// What a pass declared with [`SceneHandles::trace`].
+#[derive(Clone, Copy, Debug)]
+pub struct SceneToken {
+    /// As [`SceneHandles::read`] gives it.
+    pub root: BufferToken,
+    /// What rays walk.
+    pub tlas: TraceToken,
 }

@@ -13,7 +13,7 @@ mod state;
 mod tables;
 mod textures;
 
-pub use handles::SceneHandles;
+pub use handles::{SceneHandles, SceneToken};
 pub use policy::{Culling, Policy};
 pub use sketch::SceneSketch;
 pub use state::Moment;
@@ -461,11 +461,6 @@ impl ResidentScene {
             }
         };
         Seen { mesh, world_from_object, traced }
-    }
-
-    /// Address of the [`magpie_shaders::scene::Scene`].
-    pub fn root(&self) -> Address {
-        self.state.root()
     }
 
     /// The world point that is the origin on the device, of the moment that was gone to. Metres.

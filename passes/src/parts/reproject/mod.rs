@@ -26,8 +26,7 @@ impl Reprojection {
         let History { previous, next, valid } =
             g.history(&self.scope, "guide", ImageDesc::like(Format::Rg32Uint, i.depth));
         g.pass("reproject.surfaces", Queue::AsyncCompute, |p| {
-            scene.read(p);
-            let block = p.read(block);
+            let (block, scene) = (p.read(block), scene.read(p));
             let gbuffer = i.read(p, &[Channel::Depth, Channel::GeometricNormal, Channel::Motion, Channel::Ids]);
             let previous_guide = p.sample(previous);
             let (next, guide) = p.write(next);
@@ -37,6 +36,7 @@ impl Reprojection {
             (reprojected, move |c: &mut Record<'_>| {
                 let params = ReprojectParams {
                     view: c.id(block),
+                    scene: c.id(scene),
                     gbuffer: gbuffer.images(c),
                     previous_guide: c.id(previous_guide),
                     guide: c.id(guide),

@@ -55,7 +55,7 @@ impl Layer {
         }
     }
 
-    /// Parameters for drawing the layer, relative to `origin`, with `side` texels on a side. The caller sets `view`.
+    /// Parameters for drawing the layer, relative to `origin`, with `side` texels on a side. The caller sets `scene`.
     pub fn draw_params(&self, origin: DVec3, side: u32) -> MapDrawParams {
         let light = if self.is_box { self.forward } else { self.origin - origin };
         MapDrawParams {

@@ -161,16 +161,15 @@ impl MapShadows {
         let desc = ImageDesc::fixed(Format::D32Float, Extent::new(side, side));
         let kept = g.kept_layers(&self.scope, format!("map_{light}"), desc, &keys);
         let mut image = kept.image;
-        let (opaque, alpha_tested, spheres, block) = (self.opaque, self.alpha_tested, self.spheres, view.block);
+        let (opaque, alpha_tested, spheres) = (self.opaque, self.alpha_tested, self.spheres);
         for at in kept.stale {
             let (layer, draws) = (layers[at as usize], drawn[at as usize].clone());
             let params = layer.draw_params(view.origin, side);
             image = g.pass(&format!("shadows.map_{light}_{at}"), Queue::Graphics, |p| {
-                let (block, indices) = (p.read(block), p.index(i.scene.indices));
-                i.scene.read(p);
+                let (scene, indices) = (i.scene.read(p), p.index(i.scene.indices));
                 let (image, _) = p.depth_layer(image, at, 0.0);
                 (image, move |c: &mut Record<'_>| {
-                    let params = magpie_shaders::shadow_map::MapDrawParams { view: c.id(block), ..params };
+                    let params = magpie_shaders::shadow_map::MapDrawParams { scene: c.id(scene), ..params };
                     let (triangles, sphere_draws) =
                         draws.split_at(draws.partition_point(|d| d.class != DrawClass::Procedural));
                     let (opaque_draws, alpha_tested_draws) =
@@ -208,8 +207,7 @@ impl MapShadows {
 
         let (kernel, block, options, count) = (self.look, view.block, self.options, maps.len());
         let out = g.pass(&format!("shadows.map_look{name}"), Queue::AsyncCompute, |p| {
-            let (block, tables) = (p.read(block), p.read(tables));
-            i.scene.read(p);
+            let (block, scene, tables) = (p.read(block), i.scene.read(p), p.read(tables));
             let gbuffer = i.gbuffer.read(p, GEOMETRY);
             let images: Vec<_> = maps.iter().map(|m| p.sample(m.image)).collect();
             let (visibility, target) = p.create("visibility", ImageDesc::like(format(count), i.gbuffer.depth));
@@ -221,6 +219,7 @@ impl MapShadows {
                 let tables = c.id(tables);
                 let params = MapParams {
                     view: c.id(block),
+                    scene: c.id(scene),
                     not_finite: c.not_finite(),
                     lights: tables,
                     layers: tables.offset(first),
@@ -243,14 +242,14 @@ impl MapShadows {
         let (mut visibility, unsure) = out;
         if let Some(kernel) = self.contact {
             visibility = g.pass(&format!("shadows.contact{name}"), Queue::AsyncCompute, |p| {
-                let (block, tables) = (p.read(block), p.read(tables));
-                i.scene.read(p);
+                let (block, scene, tables) = (p.read(block), i.scene.read(p), p.read(tables));
                 let gbuffer = i.gbuffer.read(p, GEOMETRY);
                 let (visibility, target) = p.write(visibility);
                 let extent = p.extent(i.gbuffer.depth);
                 (visibility, move |c: &mut Record<'_>| {
                     let params = ContactParams {
                         view: c.id(block),
+                        scene: c.id(scene),
                         lights: c.id(tables),
                         light_count: count as u32,
                         gbuffer: gbuffer.images(c),

@@ -9,7 +9,7 @@ use magpie::ray::{Bounds, RaySort};
 use magpie::scene::{Policy, SceneHandles, SharedScene};
 use magpie_shaders::bench::{RayAnswer, TraceParams};
 use magpie_shaders::rays::RayTask;
-use magpie_shaders::{Address, BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
+use magpie_shaders::{BENCH_ANY_RAY, BENCH_CLOSEST_RAY, Rays};
 use std::sync::Arc;
 
 /// Kind of ray query.
@@ -90,13 +90,6 @@ impl Target<'_> {
             Self::World(world) => Handles::World(world.import(g, imports)),
         })
     }
-
-    fn root(self) -> Address {
-        match self {
-            Self::Scene(scene) => scene.borrow().root(),
-            Self::World(world) => world.root(),
-        }
-    }
 }
 
 /// The target's handles in a frame graph.
@@ -109,7 +102,7 @@ enum Handles {
 impl Handles {
     fn trace(self, p: &mut PassBuilder<'_>) -> TraceToken {
         match self {
-            Self::Scene(scene) => scene.trace(p),
+            Self::Scene(scene) => scene.trace(p).tlas,
             Self::World(world) => world.trace(p),
         }
     }
@@ -267,7 +260,7 @@ impl Tracer {
         let kernel = if table.question == Question::Closest { closest } else { any };
         let (mut g, mut imports) = (self.executor.begin(table.extent), Imports::default());
         let handles = target.import(&mut g, &mut imports)?;
-        let (scene, extent) = (target.root(), table.extent);
+        let extent = table.extent;
         let mut buffer = |name, buffer: &Arc<Buffer>, last, g: &mut FrameGraph| {
             g.import_buffer(name, BufferDesc::new(buffer.bytes()), last, imports.buffer(buffer))
         };
@@ -275,14 +268,15 @@ impl Tracer {
         let answers = buffer("answers", &table.answers, Access::BufferWrite, &mut g);
         let order = sorted.map(|bounds| self.sort.add(&mut g, tasks, table.count as u32, bounds));
         let answers = g.pass("bench.trace", Queue::Graphics, |p| {
-            let (token, tasks) = (handles.trace(p), p.read(tasks));
+            let (tlas, tasks) = (handles.trace(p), p.read(tasks));
             let order = order.map(|order| p.read(order));
             let (answers, to): (_, BufferToken) = p.write_buffer(answers);
             (answers, move |c: &mut Record<'_>| {
                 let (width, height) = (extent.width, extent.height);
                 let order = order.map_or_else(Default::default, |order| c.id(order));
-                let params = TraceParams { scene, rays: c.id(tasks), answers: c.id(to), order, width, height };
-                c.trace(kernel, token, &params, extent);
+                let (scene, rays, answers) = (c.id(tlas), c.id(tasks), c.id(to));
+                let params = TraceParams { scene, rays, answers, order, width, height };
+                c.trace(kernel, tlas, &params, extent);
             })
         });
         let answers = answers.read();

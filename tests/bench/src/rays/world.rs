@@ -260,7 +260,7 @@ impl World {
     }
 
     /// Address of the scene's root table.
-    pub fn root(&self) -> Address {
+    fn root(&self) -> Address {
         self.tables.address()
     }
 
