@@ -67,8 +67,9 @@ fn tiles_with_work_are_visited_and_no_others() -> Result<()> {
             Ok(())
         })?;
         let ran = ran.clean()?;
-        let has_work =
-            |x: u32, y: u32| one_in > 0 && x.wrapping_mul(7919).wrapping_add(y.wrapping_mul(104_729)) % one_in == 0;
+        let has_work = |x: u32, y: u32| {
+            one_in > 0 && x.wrapping_mul(7919).wrapping_add(y.wrapping_mul(104_729)).is_multiple_of(one_in)
+        };
         let mut counts = [0; 2];
         for (at, value) in (0..).zip(ran.values("test.mark:cleared")?) {
             let (x, y) = (at % width, at / width);
