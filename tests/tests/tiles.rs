@@ -29,7 +29,7 @@ const FILL: &str = "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); \
     if (inside(p, size)) store(to, p, vec4(work ? 0.25 : 0.0)); }";
 const CLEAR: &str =
     "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (inside(p, size)) store(to, p, vec4(0.0)); }";
-const MARK: &str = "void main() { ivec2 p = tile_pixel(list); if (inside(p, size)) store(to, p, vec4(1.0)); }";
+const MARK: &str = "void main() { ivec2 p = tile_pixel(list, gl_WorkGroupID.x, gl_LocalInvocationID.xy); if (inside(p, size)) store(to, p, vec4(1.0)); }";
 
 #[test]
 fn tiles_with_work_are_visited_and_no_others() -> Result<()> {
