@@ -93,7 +93,7 @@ impl Effect for Bounce {
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
-        let Some(hits) = HitShading::new(&i) else { return LightingOut::default() };
+        let Some(hits) = HitShading::new(&i, self.reuse) else { return LightingOut::default() };
         let (gather, block) = (self.gather, view.block);
         let image = g.pass("gi.gather", Queue::AsyncCompute, |p| {
             let (view, scene, hits) = (p.read(block), i.scene.trace(p), hits.read(p));

@@ -5,7 +5,10 @@ mod bounce;
 
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
-use magpie::scene::Scene;
+use magpie::prelude::*;
+use magpie::scene::{Scene, SceneFacts};
+use magpie::slot::Needs;
+use magpie_passes::contracts::{LightingIn, LightingOut};
 use magpie_passes::reference::{Only, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::{builtin, gpu};
@@ -13,13 +16,32 @@ use magpie_tests::harness::{builtin, gpu};
 const SIZE: [u32; 2] = [64, 48];
 const FRAMES: u32 = 192;
 
+/// An effect without light that asks for the previous frame's.
+struct Asks;
+
+impl Effect for Asks {
+    type In = LightingIn;
+    type Out = LightingOut;
+
+    fn needs(&self, _: &SceneFacts) -> Needs {
+        Needs { previous_radiance: true, ..Needs::default() }
+    }
+
+    fn add(&mut self, _: &mut FrameGraph, _: &View, _: LightingIn) -> LightingOut {
+        LightingOut::default()
+    }
+}
+
 /// Mean over frames of what the effect gathered, before its denoiser.
 fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let mut slots = Slots::default();
     bounce::register(&mut slots);
+    slots.reflections.register("asks", "Asks for the previous radiance.", &[], |_, _| Ok(Box::new(Asks)));
     let mut config = Config::default();
     config.set("stages.gi=bounce")?;
+    // What one effect asks for, all get: without `reuse` hits must not use it.
+    config.set("stages.reflections=asks")?;
     config.set(&format!("gi.reuse={reuse}"))?;
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &slots, &config, options)?;
@@ -31,6 +53,7 @@ fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back: frame >= begin };
         let result = renderer.frame(request)?.context("no frame")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
+        // Culled where no pass reads it.
         let keeps = result.sample.passes.iter().any(|p| p.name == "previous_radiance.keep");
         ensure!(keeps == reuse, "the previous frame is kept: {keeps}");
         let Some(images) = result.images else { continue };

@@ -20,18 +20,13 @@ struct Previous {
 }
 
 impl HitShading {
-    /// From what an effect is given. `None` unless it asked for [`Needs::light_tables`](magpie::slot::Needs::light_tables). Hits use the
-    /// light of the previous frame if it asked for [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance) too.
-    pub fn new(i: &LightingIn) -> Option<Self> {
+    /// From what an effect is given. `None` unless it asked for [`Needs::light_tables`](magpie::slot::Needs::light_tables). With `reuse`,
+    /// hits use the light of the previous frame, for which it has to ask for
+    /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance); without, they do not, even where another effect asked.
+    pub fn new(i: &LightingIn, reuse: bool) -> Option<Self> {
         let guide = i.reprojected.previous_guide;
-        let previous = i.previous_radiance.map(|radiance| Previous { radiance, guide });
+        let previous = i.previous_radiance.filter(|_| reuse).map(|radiance| Previous { radiance, guide });
         Some(Self { lights: i.scene.lights?, previous })
-    }
-
-    /// The same without light of the previous frame.
-    #[must_use]
-    pub fn without_previous(self) -> Self {
-        Self { previous: None, ..self }
     }
 
     /// Declares that a pass shades hits. It also has to declare that it [traces](crate::contracts::SceneHandles::trace).
