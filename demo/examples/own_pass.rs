@@ -76,7 +76,7 @@ impl Effect for Vignette {
 pub fn slots_with_vignette(strength: f32) -> anyhow::Result<(Slots, Config)> {
     let mut slots = Slots::default();
     let about = "Higher is darker: the corners lose this share of their light.";
-    let settings = [SettingSpec::float("vignette", "", about, 0.5, (0.0, 1.0))];
+    let settings = [SettingSpec::float("vignette", "", about, 0.5, 0.0..=1.0)];
     let line = "The standard post with darker corners.";
     slots.post.wrap("standard", "vignette", line, &settings, |build, settings, standard| {
         Ok(Box::new(Vignette::new(build, settings, standard)?))

@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn stages_show_unit_range_and_default() {
         let settings = vec![
-            SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, (0.0, 10.0)),
+            SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, 0.0..=10.0),
             SettingSpec::switch("jitter", "Moves the samples.", true),
         ];
         let about = "One ray per pixel.".to_owned();

@@ -2,7 +2,7 @@
 use crate::gpu::{GpuError, Staging};
 use crate::graph::execute::Imports;
 use crate::graph::{Access, Buffer, BufferDesc, Draw, DrawClass, DrawLists, Extent, FrameGraph, Handle, ImportKey};
-use crate::scene::{Camera, Caster, Placed, ResidentScene, SceneFacts, SceneSketch};
+use crate::scene::{Camera, Placed, ResidentScene, SceneFacts, SceneSketch, ShadowLight};
 use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
 use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
@@ -20,7 +20,7 @@ pub struct View {
     /// Size of the picture that is made in the end, pixels. The frame itself may be smaller.
     pub output: Extent,
     /// The lights that can cast shadows, the one that matters most first.
-    pub casters: Arc<[Caster]>,
+    pub shadow_lights: Arc<[ShadowLight]>,
     /// Where the instances of the scene are.
     pub placed: Arc<[Placed]>,
     /// The scene's own number.
@@ -136,7 +136,7 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws.clone(),
             output: self.output,
-            casters: scene.casters.clone().into(),
+            shadow_lights: scene.shadow_lights.clone().into(),
             placed: scene.placed.clone(),
             scene: u64::MAX,
             camera: self.camera.clone(),
@@ -157,7 +157,7 @@ impl ViewDesc<'_> {
         g: &mut FrameGraph,
         imports: &mut Imports,
     ) -> Result<View, GpuError> {
-        let (origin, casters) = (scene.origin(), scene.casters());
+        let (origin, shadow_lights) = (scene.origin(), scene.shadow_lights());
         let Self { camera, extent, output, jitter, .. } = *self;
         let this = PreviousView { camera, extent, output, jitter };
         let (now, before) = (Matrices::new(&this, origin), Matrices::new(&self.previous.unwrap_or(this), origin));
@@ -176,8 +176,8 @@ impl ViewDesc<'_> {
             frame: self.frame,
             size: [extent.width, extent.height],
             seed: self.seed,
-            caster_count: casters.len() as u32,
-            casters: std::array::from_fn(|k| casters.get(k).map_or(NO_LIGHT, |c| c.light)),
+            shadow_light_count: shadow_lights.len() as u32,
+            shadow_lights: std::array::from_fn(|k| shadow_lights.get(k).map_or(NO_LIGHT, |l| l.light)),
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or(Sky { environment: SampledImage::NONE, ..Sky::default() }),
         };
@@ -187,7 +187,7 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws().clone(),
             output,
-            casters: casters.into(),
+            shadow_lights: shadow_lights.into(),
             placed: scene.placed().clone(),
             scene: scene.number(),
             camera: camera.clone(),

@@ -11,7 +11,7 @@ use magpie::graph::execute::Imports;
 use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, WriteHandle};
 use magpie::scene::{Camera, ResidentError, SceneSketch, SharedScene};
 pub use magpie::scene::{SceneHandles, SceneToken};
-use magpie_shaders::view::MOST_CASTERS;
+use magpie_shaders::view::MAX_SHADOW_LIGHTS;
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -94,7 +94,7 @@ pub struct ShadowIn {
 }
 
 /// Greatest number of visibility images: every shadow-casting light may have its own.
-pub const SHADOW_GROUPS: usize = MOST_CASTERS as usize;
+pub const SHADOW_GROUPS: usize = MAX_SHADOW_LIGHTS as usize;
 
 /// Visibility of up to four lights, in one image.
 #[derive(Clone, Copy, Debug)]

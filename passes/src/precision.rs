@@ -4,8 +4,8 @@ use magpie::slot::{SettingSpec, Settings, SlotError};
 
 /// Describes the setting.
 pub fn setting() -> SettingSpec {
-    let about = "Bits of each channel of the radiance that the slot writes. 32: as exact as it was computed. 16: half the memory and \
-                 its traffic; eleven significant bits, and nothing above 65504.";
+    let about = "Bits per channel of the radiance that the slot writes. 32: no rounding. 16: half the memory and traffic; eleven \
+                 significant bits, at most 65504.";
     SettingSpec::among("precision", "bits", about, 16, &[32, 16]).sweep_all()
 }
 

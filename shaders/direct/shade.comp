@@ -22,7 +22,7 @@ Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
         uint lights = params.shadow_lights[group >> 1u] >> (16u * (group & 1u));
         for (uint channel = 0u; channel < 4u; channel++) {
             uint index = (lights >> (4u * channel)) & 15u;
-            if (index == NO_SHADOW_LIGHT || view.at[0].casters[index] != light) continue;
+            if (index == NO_SHADOW_LIGHT || view.at[0].shadow_lights[index] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
             vec3 share = (params.group_flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
             return Seen(share, (params.group_flags & (256u << group)) != 0u);

@@ -13,7 +13,7 @@ layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);
-    Surface s = load_surface(view, pixel, params.gbuffer);
+    Surface s = load_receiver(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
     vec3 albedo = diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, max(dot(s.normal, s.to_eye), 0.0));
 

@@ -82,10 +82,7 @@ Surface load_geometry(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     return s;
 }
 
-// Position, normals and material.
-Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
-    Surface s = load_geometry(view, pixel, gbuffer);
-    if (!s.exists) return s;
+void load_material(inout Surface s, ivec2 pixel, GBufferImages gbuffer) {
     vec4 base_colour = load(gbuffer.base_colour, pixel);
     vec4 material = load(gbuffer.material, pixel);
     s.base_colour = base_colour.rgb;
@@ -93,6 +90,24 @@ Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     s.metalness = material.r;
     s.roughness = material.g;
     s.fresnel = fresnel_of(decode_dielectric(material.ba), s.base_colour, s.metalness);
+}
+
+// Position, normals and material.
+Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
+    Surface s = load_geometry(view, pixel, gbuffer);
+    if (s.exists) load_material(s, pixel, gbuffer);
+    return s;
+}
+
+// Normals and material without position and depth, for indirect light from far away. `exists` is false where no indirect light is seen: on
+// the background, and where the occlusion map is 0.
+Surface load_receiver(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
+    Surface s = no_surface();
+    load_material(s, pixel, gbuffer);
+    s.exists = s.occlusion > 0.0;
+    s.to_eye = -normalize(pixel_ray(view, pixel));
+    s.normal = octahedral_decode(load(gbuffer.normal, pixel).xy);
+    s.geometric_normal = octahedral_decode(load(gbuffer.geometric_normal, pixel).xy);
     return s;
 }
 

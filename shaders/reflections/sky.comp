@@ -13,7 +13,7 @@ layout(push_constant, scalar) uniform Push { SkyLightParams params; };
 
 vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);
-    Surface s = load_surface(view, pixel, params.gbuffer);
+    Surface s = load_receiver(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
 
     // A mirror reflects the sky itself, a fully rough lobe the cosine-weighted mean around its axis. In between the two are blended by

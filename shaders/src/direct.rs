@@ -53,7 +53,7 @@ pub struct ShadeParams {
     /// Visibility images, up to four lights each.
     pub visibility: [u32; 8],
     /// Lights of two images each, the first image in the lower half: four bits per channel, the first channel lowest, with an index in
-    /// [`View::casters`](super::view::View::casters) or [`NO_SHADOW_LIGHT`].
+    /// [`View::shadow_lights`](super::view::View::shadow_lights) or [`NO_SHADOW_LIGHT`].
     pub shadow_lights: [u32; 4],
     /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
     pub group_flags: u32,

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 pub const NO_LIGHT: u32 = 4294967295;
 
 /// Greatest number of shadow-casting lights in one frame.
-pub const MOST_CASTERS: u32 = 8;
+pub const MAX_SHADOW_LIGHTS: u32 = 8;
 
 /// Camera, frame and sky. Matrices are column-major; clip space has reversed, infinite depth and y down.
 #[repr(C)]
@@ -40,10 +40,10 @@ pub struct View {
     pub size: [u32; 2],
     /// Seed of the run.
     pub seed: u32,
-    /// Valid entries of [`View::casters`].
-    pub caster_count: u32,
+    /// Valid entries of [`View::shadow_lights`].
+    pub shadow_light_count: u32,
     /// Indices of the shadow-casting lights, most important first; then [`NO_LIGHT`].
-    pub casters: [u32; 8],
+    pub shadow_lights: [u32; 8],
     /// 1 if the scene has a sky.
     pub has_sky: u32,
     /// The sky; ignored without `has_sky`.

@@ -122,12 +122,12 @@ impl Effect for Patterned {
 
 fn slots() -> Slots {
     let mut slots = Slots::default();
-    let float = |key, default| SettingSpec::float(key, "", "Of the pattern.", default, (-1e9, 1e9));
+    let float = |key, default| SettingSpec::float(key, "", "Of the pattern.", default, -1e9..=1e9);
     let mut settings = denoise::settings();
     settings.push(denoise::precision());
     settings.extend([
-        SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, (0, 4)),
-        SettingSpec::integer("kind", "", "Which pattern.", 0, (0, 4)),
+        SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, 0..=4),
+        SettingSpec::integer("kind", "", "Which pattern.", 0, 0..=4),
         float("low", 0.0),
         float("high", 1.0),
         float("reach", -1.0),

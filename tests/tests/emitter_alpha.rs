@@ -3,7 +3,8 @@ use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use magpie::gpu::Gpu;
 use magpie::scene::{
-    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap, light_tables::Tables,
+    AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap,
+    light_tables::LightWeights,
 };
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_tests::against::{Shown, mean, relmse, truth};
@@ -168,7 +169,7 @@ fn a_blended_panel_gives_its_share_of_the_light() -> Result<()> {
 fn what_is_cut_out_whole_lights_nothing() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for scene in nowhere() {
-        ensure!(Tables::emitters(&scene).is_none(), "{} is in the table", scene.name);
+        ensure!(LightWeights::of_animation(&scene).emitters().is_none(), "{} is in the table", scene.name);
         for strategy in STRATEGIES {
             let [found, _] = of(&estimate(&gpu, &scene, strategy, 16)?);
             ensure!(found == 0.0, "{}, {strategy:?}: {found}", scene.name);
@@ -206,7 +207,9 @@ fn probabilities_follow_alpha() {
     let both = |alpha: [f32; 2]| {
         let mut s = under("two panels", glowing(AlphaMode::Blend, alpha[0]), |_| ());
         add(&mut s, plane(0.5), glowing(AlphaMode::Blend, alpha[1]), at(-1.0, 1.0, 0.0));
-        let probabilities = Tables::emitters(&s).map(|t| t.near().iter().map(|c| c.probability).collect::<Vec<_>>());
+        let probabilities = LightWeights::of_animation(&s)
+            .emitters()
+            .map(|t| t.near().iter().map(|c| c.probability).collect::<Vec<_>>());
         probabilities.unwrap_or_default()
     };
     assert_eq!(both([1.0, 1.0]).len(), 4);

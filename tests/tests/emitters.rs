@@ -55,8 +55,8 @@ fn balls() -> Scene {
     s
 }
 
-/// The panel moves aside and stretches within a second.
-fn moving() -> Scene {
+/// The panel moves aside and changes its size within a second.
+fn moving(scale: [[f32; 3]; 2]) -> Scene {
     let mut s = panel(false);
     let instance = s.instances.last_mut().map(|i| (i.node.insert(0), i.world_from_object));
     let turn = instance.map(|(_, place)| place.matrix3).unwrap_or_default();
@@ -72,7 +72,7 @@ fn moving() -> Scene {
     let channels = vec![
         channel(Property::Translation, &[&[0.3, 1.2, 0.1], &[-0.6, 0.9, 0.4]]),
         channel(Property::Rotation, &[&turn.to_array(), &turn.to_array()]),
-        channel(Property::Scale, &[&[1.0; 3], &[2.0, 1.0, 0.5]]),
+        channel(Property::Scale, &[&scale[0], &scale[1]]),
     ];
     s.animations.push(Animation { name: "aside".to_owned(), duration: 2.0, channels });
     s
@@ -103,9 +103,11 @@ fn rays_converge_to_the_reference() -> Result<()> {
 #[test]
 fn what_moves_is_unbiased() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let scene = moving();
+    let scene = moving([[1.0; 3], [2.0, 1.0, 0.5]]);
     let moved = Shown { time: 1.0, ..STILL };
     converges(&gpu, "moved", &scene, moved)?;
+    // Its rest pose has no area.
+    converges(&gpu, "grown from nothing", &moving([[0.0; 3], [1.0; 3]]), moved)?;
     let apart = relmse(&mean(&gpu, &scene, &RAW, STILL, 8)?.0, &truth(&gpu, &scene, moved, 64)?)[0];
     ensure!(apart > 0.05, "nothing has moved: {apart}");
     Ok(())

@@ -293,7 +293,7 @@ fn shadow_rays(scene: &Scene) -> Result<()> {
     let of = |k: usize| ran.values(wanted[k]);
     let [depth, normal, visibility, geometric] = [of(0)?, of(1)?, of(2)?, of(3)?];
     let eye = Eye::new(&scene.cameras[0], extent);
-    let Some(light) = resident.borrow().casters().first().map(|c| &scene.lights[c.light as usize]) else {
+    let Some(light) = resident.borrow().shadow_lights().first().map(|c| &scene.lights[c.light as usize]) else {
         bail!("no light")
     };
     let (mut sure, mut unsure, mut seen) = (0_u64, 0_u64, 0_u64);

@@ -5,8 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Blend, Buffer, BufferMemory, BufferUse, Cull, Gpu, Kernel, RasterDesc, RasterKernel};
 use magpie::graph::execute::{ExecuteOptions, Executor};
 use magpie::graph::{
-    self, Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, ImageDesc, MipCopy, Part, Queue,
-    Record, Switches, WriteHandle,
+    self, Access, BufferDesc, Domain, Extent, Format, FrameGraph, Handle, Image, ImageDesc, IndirectDraws, MipCopy,
+    Part, Queue, Record, Switches, WriteHandle,
 };
 use magpie_shaders::{Address, SampledImage, Shader, Stage, StorageImage};
 use magpie_tests::bench::{Shared, results};
@@ -257,7 +257,8 @@ fn the_device_decides_how_much_is_drawn() -> Result<()> {
                     let (image, _) = p.color("image", ImageDesc::full(Format::R32Float), [-1.0; 4]);
                     (image.read(), move |c: &mut Record<'_>| {
                         let params = Over { count: WIDTH, ..Over::default() };
-                        c.draw_indirect(column, &params, indices, (draws, 20), (count, Cull::None));
+                        let draws = IndirectDraws { words: draws, offset: 20, count, cull: Cull::None };
+                        c.draw_indirect(column, &params, indices, draws);
                     })
                 });
                 read_back_mips(g, imports, gpu, image, 1)

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use magpie::config::Config;
 use magpie::gpu::{Blend, Cull, Gpu, GpuError, GpuOptions, Kernel, RasterDesc, RasterKernel, RayKernel};
 use magpie::graph::execute::ExecuteError;
-use magpie::graph::{BufferDesc, Draw, DrawClass, GraphError};
+use magpie::graph::{BufferDesc, Draw, DrawClass, GraphError, IndirectDraws};
 use magpie::prelude::*;
 use magpie::scene::{ResidentOptions, ResidentScene};
 use magpie::slot::BoxedEffect;
@@ -107,11 +107,12 @@ fn record<P: Pod + Send + Default>(
                     (Command::DispatchIndirect, ..) => c.dispatch_indirect(compute, &params, sizes, 0),
                     (Command::Trace(kernel), Some(tlas), _) => c.trace(kernel, tlas, &params, extent),
                     (Command::TraceIndirect(kernel), Some(tlas), _) => {
-                        c.trace_indirect(kernel, tlas, &params, (sizes, 0));
+                        c.trace_indirect(kernel, tlas, &params, sizes, 0);
                     }
                     (Command::Draw, _, Some(indices)) => c.draw(raster, &params, indices, &[draw]),
                     (Command::DrawIndirect, _, Some(indices)) => {
-                        c.draw_indirect(raster, &params, indices, (sizes, 0), (1, Cull::None));
+                        let draws = IndirectDraws { words: sizes, offset: 0, count: 1, cull: Cull::None };
+                        c.draw_indirect(raster, &params, indices, draws);
                     }
                     other => unreachable!("{other:?}"),
                 }

@@ -4,7 +4,7 @@ use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::gpu::{Buffer, BufferMemory, BufferUse};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
-use magpie::scene::light_tables::Tables;
+use magpie::scene::light_tables::{LightWeights, Tables};
 use magpie_shaders::Address;
 use magpie_tests::bench::{Bench, results};
 use magpie_tests::chi_square::chi_square;
@@ -334,7 +334,7 @@ fn the_sky() -> Result<()> {
         d = sky_direction((vec2(cell % t.sky_cells.x, cell / t.sky_cells.x) + u.xy) / vec2(t.sky_cells)); return true;";
     let pdf = "return sky_pdf(LightTablesBuffer(tables).at[0], d);";
     for (name, scene) in scenes {
-        all(&[case(name, "vec3(0.0, 1.0, 0.0)", 2.0, sample, pdf)], Some(&Tables::new(&scene, 0.0)))?;
+        all(&[case(name, "vec3(0.0, 1.0, 0.0)", 2.0, sample, pdf)], Some(&LightWeights::new(&scene, 0.0).tables()))?;
     }
     Ok(())
 }
@@ -400,6 +400,6 @@ fn the_choice_of_a_light() -> Result<()> {
          atomicAdd(Words(counts).at[LightChoiceBuffer(t.near).at[chosen].light], 1u); }}"
     );
     let mut bench = Bench::new(&gpu)?;
-    let (counts, _) = run(&mut bench, "choice.comp", &main, BINS, Some(&Tables::new(&scene, 0.0)))?;
+    let (counts, _) = run(&mut bench, "choice.comp", &main, BINS, Some(&LightWeights::new(&scene, 0.0).tables()))?;
     check("choice of a light", &counts, &shares)
 }

@@ -78,7 +78,7 @@ impl Effect for Trail {
 fn slots() -> (Slots, ValidityLog) {
     let (mut slots, validity_log) = (Slots::default(), ValidityLog::default());
     let about = "Higher keeps more of the frame before.";
-    let settings = [SettingSpec::float("share", "", about, 0.5, (0.0, 1.0))];
+    let settings = [SettingSpec::float("share", "", about, 0.5, 0.0..=1.0)];
     let log = validity_log.clone();
     slots.post.register("trail", "Blended with the frame before.", &settings, move |build, settings| {
         Ok(Box::new(trail(build, settings, log.clone())?))

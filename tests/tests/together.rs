@@ -127,7 +127,7 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
         resident.set_moment(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
-        resident.casters().iter().any(|light| light.moved)
+        resident.shadow_lights().iter().any(|light| light.moved)
     };
     ensure!(!moved(0.0, 0.0) && !moved(4096.0, 0.1) && !moved(4096.0, 0.2), "a lamp that stands has moved");
     // A light attached to a moving node moves, whatever its own position.
@@ -135,7 +135,7 @@ fn a_step_of_the_origin_moves_no_lamp() -> Result<()> {
     let mut resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?;
     let mut moved = |x: f64, time: f64| {
         resident.set_moment(&Moment { time, origin: DVec3::new(x, 0.0, 0.0), cut: false });
-        resident.casters().iter().any(|light| light.moved)
+        resident.shadow_lights().iter().any(|light| light.moved)
     };
     moved(0.0, 0.0);
     ensure!(moved(0.0, 0.1) && moved(4096.0, 0.2) && !moved(4096.0, 0.2), "a lamp that swings has not moved");

@@ -11,8 +11,8 @@ fn implementation(name: &str, settings: Vec<SettingSpec>) -> ImplementationInfo 
 }
 
 fn catalogue() -> Catalogue {
-    let cone = SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, (0.0, 10.0));
-    let bias = SettingSpec::integer("size", "texels", "Higher is sharper.", 1024, (64, 4096));
+    let cone = SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, 0.0..=10.0);
+    let bias = SettingSpec::integer("size", "texels", "Higher is sharper.", 1024, 64..=4096);
     let curve = SettingSpec::choice("curve", "The curve.", "agx", &["agx", "aces", "none"]);
     Catalogue::new(vec![
         SlotInfo {
@@ -146,7 +146,7 @@ fn unsuitable_values_are_refused() {
 #[test]
 fn a_setting_must_suit_the_chosen_implementation() {
     let mut catalogue = catalogue();
-    let narrow = SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.1, (0.0, 0.5));
+    let narrow = SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.1, 0.0..=0.5);
     catalogue.slots[0].implementations.push(implementation("sharp", vec![narrow]));
     let mut config = Config::default();
     config.set("shadows.cone_degrees=1").unwrap();

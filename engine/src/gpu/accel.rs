@@ -1,6 +1,6 @@
 //! Acceleration structures built by the driver: sizes, builds, refits, compaction.
 use super::device::Garbage;
-use super::{Buffer, CommandEncoder, Gpu, GpuError};
+use super::{Buffer, BufferAt, CommandEncoder, Gpu, GpuError};
 use ash::vk;
 use bytemuck::{Pod, Zeroable};
 use magpie_shaders::Address;
@@ -280,7 +280,7 @@ impl CommandEncoder {
     }
 
     /// Writes the compacted sizes to a buffer from `offset` on, as one 64-bit word each.
-    pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes, (target, offset): (&Buffer, u64)) {
+    pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes, to: BufferAt<'_>) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
         let raw: Vec<_> = accels.iter().map(|a| a.raw).collect();
@@ -290,7 +290,7 @@ impl CommandEncoder {
             calls.accel.cmd_write_acceleration_structures_properties(self.raw(), &raw, kind, sizes.pool, 0);
             let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
             let count = raw.len() as u32;
-            gpu.raw().cmd_copy_query_pool_results(self.raw(), sizes.pool, 0, count, target.raw, offset, 8, flags);
+            gpu.raw().cmd_copy_query_pool_results(self.raw(), sizes.pool, 0, count, to.buffer.raw, to.offset, 8, flags);
         }
     }
 

@@ -102,7 +102,8 @@ impl Bindless {
     pub fn add_sampled(
         &self,
         device: &ash::Device,
-        (view, layout): (vk::ImageView, vk::ImageLayout),
+        view: vk::ImageView,
+        layout: vk::ImageLayout,
         texture: bool,
     ) -> Result<u32, GpuError> {
         let index = lock(&self.sampled).take()?;

@@ -72,16 +72,19 @@ impl MemoryBarrier {
     }
 }
 
+/// What an image was used for and will be used for, and its layouts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Transition {
+    pub from: Uses,
+    pub to: Uses,
+    pub layout_from: Layout,
+    pub layout_to: Layout,
+}
+
 impl ImageBarrier {
     /// `families` are the releasing and the acquiring queue family of an ownership transfer.
-    pub fn new(
-        image: &Image,
-        part: Part,
-        (from, to): (Uses, Uses),
-        (layout_from, layout_to): (Layout, Layout),
-        families: Option<(u32, u32)>,
-    ) -> Self {
-        let gpu = &image.gpu;
+    pub fn new(image: &Image, part: Part, transition: Transition, families: Option<(u32, u32)>) -> Self {
+        let (gpu, Transition { from, to, layout_from, layout_to }) = (&image.gpu, transition);
         let (from, to) = (gpu.fit(Scope::before(from)), gpu.fit(Scope::after(to)));
         let (family_from, family_to) = families.unwrap_or((vk::QUEUE_FAMILY_IGNORED, vk::QUEUE_FAMILY_IGNORED));
         Self(
@@ -123,6 +126,21 @@ pub(crate) struct DrawRange {
     pub index_count: u32,
     pub instance: u32,
     pub cull: Cull,
+}
+
+/// Several indirect draws that cull the same faces, with five words each in a buffer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DrawsAt<'a> {
+    pub words: BufferAt<'a>,
+    pub count: u32,
+    pub cull: Cull,
+}
+
+/// A place in a buffer, `offset` bytes from its start.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BufferAt<'a> {
+    pub buffer: &'a Buffer,
+    pub offset: u64,
 }
 
 /// A part of an image in a buffer, with tightly packed rows.
@@ -320,16 +338,10 @@ impl CommandEncoder {
         unsafe { self.gpu.raw().cmd_dispatch_indirect(self.buffer, groups.raw, offset) };
     }
 
-    /// Issues `count` indirect draws, with five words each from `offset` on.
-    pub fn draw_indirect(
-        &mut self,
-        kernel: RasterKernel,
-        params: &[u8],
-        (indices, first_byte): (&Buffer, u64),
-        (draws, offset): (&Buffer, u64),
-        (count, cull): (u32, Cull),
-    ) {
-        self.begin_draws(kernel, params, indices, first_byte);
+    /// Issues indirect draws.
+    pub fn draw_indirect(&mut self, kernel: RasterKernel, params: &[u8], indices: BufferAt<'_>, draws: DrawsAt<'_>) {
+        let DrawsAt { words: BufferAt { buffer, offset }, count, cull } = draws;
+        self.begin_draws(kernel, params, indices);
         self.set_cull(cull);
         let (device, stride) = (self.gpu.raw(), size_of::<vk::DrawIndexedIndirectCommand>() as u32);
         let several = self.gpu.0.multi_draw_indirect;
@@ -337,21 +349,22 @@ impl CommandEncoder {
         // than one draw at a time is asked for only where the device has it.
         unsafe {
             if several {
-                device.cmd_draw_indexed_indirect(self.buffer, draws.raw, offset, count, stride);
+                device.cmd_draw_indexed_indirect(self.buffer, buffer.raw, offset, count, stride);
             } else {
                 for i in 0..count {
                     let at = offset + u64::from(i * stride);
-                    device.cmd_draw_indexed_indirect(self.buffer, draws.raw, at, 1, stride);
+                    device.cmd_draw_indexed_indirect(self.buffer, buffer.raw, at, 1, stride);
                 }
             }
         }
     }
 
-    fn begin_draws(&mut self, kernel: RasterKernel, params: &[u8], indices: &Buffer, first_byte: u64) {
+    fn begin_draws(&mut self, kernel: RasterKernel, params: &[u8], indices: BufferAt<'_>) {
         self.bind_pipeline(kernel.index, vk::PipelineBindPoint::GRAPHICS);
         self.push(params);
+        let (device, raw, kind) = (self.gpu.raw(), indices.buffer.raw, vk::IndexType::UINT32);
         // SAFETY: the command buffer is recording inside of rendering, with the bindless set bound.
-        unsafe { self.gpu.raw().cmd_bind_index_buffer(self.buffer, indices.raw, first_byte, vk::IndexType::UINT32) };
+        unsafe { device.cmd_bind_index_buffer(self.buffer, raw, indices.offset, kind) };
         self.count(Work::Draw);
     }
 
@@ -368,15 +381,9 @@ impl CommandEncoder {
         }
     }
 
-    /// Draws ranges of the index buffer, which starts at `first_byte`.
-    pub fn draw(
-        &mut self,
-        kernel: RasterKernel,
-        params: &[u8],
-        (indices, first_byte): (&Buffer, u64),
-        draws: &[DrawRange],
-    ) {
-        self.begin_draws(kernel, params, indices, first_byte);
+    /// Draws ranges of the index buffer.
+    pub fn draw(&mut self, kernel: RasterKernel, params: &[u8], indices: BufferAt<'_>, draws: &[DrawRange]) {
+        self.begin_draws(kernel, params, indices);
         let mut current = None;
         for draw in draws {
             if current != Some(draw.cull) {

@@ -160,8 +160,8 @@ impl Image {
         made.target = if whole == FIRST || !info.usage.attachment { made.view } else { made.make_view(FIRST)? };
         let ImageUse { sampled, storage, attachment } = info.usage;
         if sampled {
-            let view = (made.view, made.read_layout());
-            made.sampled = Some(gpu.0.bindless.add_sampled(device, view, !storage && !attachment)?);
+            let (layout, texture) = (made.read_layout(), !storage && !attachment);
+            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, layout, texture)?);
         }
         if storage {
             let view = if info.mips == 1 { made.view } else { made.make_view(Part { mips: 1, ..whole })? };
@@ -211,7 +211,7 @@ impl Image {
         let index = if storage {
             bindless.add_storage(device, view)?
         } else {
-            bindless.add_sampled(device, (view, self.read_layout()), false)?
+            bindless.add_sampled(device, view, self.read_layout(), false)?
         };
         let place = PartPlace { part, storage, index };
         self.parts.write().unwrap_or_else(std::sync::PoisonError::into_inner).push(place);

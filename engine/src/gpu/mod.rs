@@ -36,14 +36,16 @@ pub use buffer::{Buffer, BufferMemory, BufferUse};
 pub use device::{Gpu, GpuOptions};
 pub use device_selection::{DeviceReport, QueueFamilyReport, devices};
 pub use encoder::Cull;
-pub(crate) use encoder::{CommandEncoder, DrawRange, ImageBarrier, ImageRegion, MemoryBarrier};
+pub(crate) use encoder::{
+    BufferAt, CommandEncoder, DrawRange, DrawsAt, ImageBarrier, ImageRegion, MemoryBarrier, Transition,
+};
 pub use error::GpuError;
 pub(crate) use heap::Heap;
 pub(crate) use image::ImageInfo;
 pub use image::{Image, ImageUse};
 pub(crate) use marker::Moment;
-pub(crate) use pipeline::PUSH_BYTES;
 pub use pipeline::{Kernel, Pipelines, RasterDesc, RasterKernel};
+pub(crate) use pipeline::{PUSH_BYTES, PushBlock};
 pub(crate) use query::{Statistics, Timestamps};
 pub(crate) use ray_pipeline::RAY_PUSH_BYTES;
 pub use ray_pipeline::{RayKernel, RayPipeline, SPHERE_GROUP, TRIANGLE_GROUP};

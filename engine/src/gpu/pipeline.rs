@@ -18,6 +18,15 @@ pub(crate) const PUSH_BYTES: u32 = 128;
 
 pub(super) const ENTRY: &CStr = c"main";
 
+/// The push constants that a pipeline reads.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PushBlock {
+    /// Index of the pipeline.
+    pub pipeline: u32,
+    /// Size of the block; `None` where no shader of the pipeline has one.
+    pub bytes: Option<u32>,
+}
+
 /// A compute pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kernel {
@@ -28,9 +37,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Which pipeline it is, and the bytes of push constants that its shader reads; `None` where it reads none.
-    pub(crate) fn push(self) -> (u32, Option<u32>) {
-        (self.index, self.push)
+    pub(crate) fn push(self) -> PushBlock {
+        PushBlock { pipeline: self.index, bytes: self.push }
     }
 }
 
@@ -43,8 +51,8 @@ pub struct RasterKernel {
 
 impl RasterKernel {
     /// As [`Kernel::push`]: the longer block of its two shaders.
-    pub(crate) fn push(self) -> (u32, Option<u32>) {
-        (self.index, self.push)
+    pub(crate) fn push(self) -> PushBlock {
+        PushBlock { pipeline: self.index, bytes: self.push }
     }
 }
 

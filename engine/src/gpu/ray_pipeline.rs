@@ -1,7 +1,7 @@
 //! Kernels of ray passes: compute pipelines, or ray-tracing pipelines with their shader binding tables.
 use super::device::lock;
 use super::pipeline::{ENTRY, PUSH_BYTES, Pipelines, words};
-use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel};
+use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, PushBlock};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 use magpie_shaders::{RAY_ALPHA_RAHIT, RAY_HIT_RCHIT, RAY_MISS_RMISS, RAY_SPHERE_RINT, RayShader, Rays, Shader};
@@ -36,8 +36,8 @@ pub struct RayPipeline {
 
 impl RayPipeline {
     /// As [`Kernel::push`]: the block of the ray-generation shader.
-    pub(crate) fn push(self) -> (u32, Option<u32>) {
-        (self.index, self.push)
+    pub(crate) fn push(self) -> PushBlock {
+        PushBlock { pipeline: self.index, bytes: self.push }
     }
 }
 

@@ -20,7 +20,7 @@ pub enum Access {
     Sample,
     /// Storage image, read.
     StorageRead,
-    /// Storage image, written; earlier contents are discarded.
+    /// Storage image, written and not read; what is not written is kept.
     StorageWrite,
     /// Storage image, read and written.
     StorageReadWrite,

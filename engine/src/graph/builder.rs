@@ -147,6 +147,14 @@ impl PassBuilder<'_> {
         (self.change(image, Access::Depth, part), token)
     }
 
+    /// Overwrites pixels of a storage image, which the pass does not read. The other pixels keep their contents. One that was imported
+    /// without contents must be written in every pixel.
+    pub fn overwrite(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, StorageToken) {
+        let resource = image.at.id;
+        let handle = self.change(image, Access::StorageWrite, Part::ALL);
+        (handle, StorageToken { resource, pass: self.pass, part: self.last_part() })
+    }
+
     /// Reads and writes a storage image. One that was imported without contents must be written in every pixel.
     pub fn write(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, StorageToken) {
         self.write_part(image, Part::ALL)

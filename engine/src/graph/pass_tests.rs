@@ -317,6 +317,21 @@ fn a_handle_of_another_frame_is_a_programmers_mistake() {
 }
 
 #[test]
+fn overwriting_keeps_what_is_there_and_does_not_count_as_a_read() -> Result<(), GraphErrors> {
+    let mut g = graph();
+    let x = make(&mut g, "a.make");
+    let x = g.pass("b.fill", Queue::Graphics, |p| (p.overwrite(x).0, |_: &mut Record| {}));
+    let x = g.pass("c.change", Queue::Graphics, |p| (p.write(x).0, |_: &mut Record| {}));
+    g.output(x.read());
+    let declaration = g.finish()?.declaration;
+    let image = 64 * 32 * 8;
+    assert_eq!([0, 1, 2].map(|pass| declaration.traffic(pass)), [image, image, 2 * image]);
+    let plan = plan::plan_with(&declaration, "");
+    assert_eq!(plan.order, [0, 1, 2], "the pixels of `a.make` that `b.fill` leaves are needed");
+    Ok(())
+}
+
+#[test]
 fn sizes_resolve() {
     let mut g = FrameGraph::new(Extent::new(641, 361));
     let half = g.pass("a", Queue::Graphics, |p| {

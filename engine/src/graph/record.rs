@@ -14,8 +14,8 @@ use super::{
     },
 };
 use crate::gpu::{
-    self, AccelDesc, CommandEncoder, CompactedSizes, Cull, DrawRange, GpuError, ImageRegion, Kernel, PUSH_BYTES,
-    RAY_PUSH_BYTES, RasterKernel, RayKernel,
+    self, AccelDesc, BufferAt, CommandEncoder, CompactedSizes, Cull, DrawRange, DrawsAt, GpuError, ImageRegion, Kernel,
+    PUSH_BYTES, PushBlock, RAY_PUSH_BYTES, RasterKernel, RayKernel,
 };
 
 /// The device object behind a resource of the declaration.
@@ -73,6 +73,20 @@ pub struct MipCopy {
     pub offset: u64,
     /// Mip level of the image.
     pub mip: u32,
+}
+
+/// Indirect draws, whose arguments are in a buffer. Each has five words: number of indices, number of instances, first index, offset
+/// added to indices, first instance. A draw without instances draws nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct IndirectDraws {
+    /// The buffer.
+    pub words: IndirectToken,
+    /// Offset of the first draw in the buffer, bytes.
+    pub offset: u64,
+    /// How many draws there are.
+    pub count: u32,
+    /// Which faces they cull.
+    pub cull: Cull,
 }
 
 /// Records the commands of one pass. Only resources that the pass declared have ids here.
@@ -206,7 +220,8 @@ impl Record<'_> {
         kernel: RayKernel,
         tlas: TraceToken,
         params: &P,
-        (threads, offset): (IndirectToken, u64),
+        threads: IndirectToken,
+        offset: u64,
     ) {
         self.own(tlas.pass);
         match kernel {
@@ -255,7 +270,8 @@ impl Record<'_> {
         let accels: Vec<_> = sources.iter().map(|s| self.driver_in(physical, s.resource, s.pass)).collect();
         let target = self.buffer_in(physical, to.resource, to.pass);
         self.inside(target, 0, 8 * accels.len() as u64);
-        self.encoder.compacted_sizes(&accels, sizes, (&target.buffer, target.offset));
+        let target = BufferAt { buffer: &target.buffer, offset: target.offset };
+        self.encoder.compacted_sizes(&accels, sizes, target);
     }
 
     /// Compacts a structure into one that has the compacted size.
@@ -289,7 +305,8 @@ impl Record<'_> {
             .collect();
         let physical = self.physical;
         let indices = self.buffer_in(physical, indices.resource, indices.pass);
-        self.encoder.draw(kernel, bytemuck::bytes_of(params), (&indices.buffer, indices.offset), &ranges);
+        let indices = BufferAt { buffer: &indices.buffer, offset: indices.offset };
+        self.encoder.draw(kernel, bytemuck::bytes_of(params), indices, &ranges);
         self.recorded.draws += ranges.len() as u32;
     }
 
@@ -309,9 +326,7 @@ impl Record<'_> {
         self.recorded.dispatches += 1;
     }
 
-    /// Records `count` indirect draws, whose arguments are in a buffer from byte `offset` on. Each has five words: number of
-    /// indices, number of instances, first index, offset added to indices, first instance. A draw with no instances draws
-    /// nothing. `params` as for [`Record::draw`].
+    /// Records indirect draws. `params` as for [`Record::draw`].
     ///
     /// # Panics
     /// If the words are past the end of the buffer, or if a token belongs to another pass.
@@ -320,23 +335,18 @@ impl Record<'_> {
         kernel: RasterKernel,
         params: &P,
         indices: IndexToken,
-        draws: (IndirectToken, u64),
-        (count, cull): (u32, Cull),
+        draws: IndirectDraws,
     ) {
         if !self.fits::<P>(kernel.push(), PUSH_BYTES) {
             return;
         }
-        let (physical, (draws, offset)) = (self.physical, draws);
+        let (physical, IndirectDraws { words, offset, count, cull }) = (self.physical, draws);
         let indices = self.buffer_in(physical, indices.resource, indices.pass);
-        let range = self.buffer_in(physical, draws.resource, draws.pass);
+        let range = self.buffer_in(physical, words.resource, words.pass);
         self.inside(range, offset, 20 * u64::from(count));
-        self.encoder.draw_indirect(
-            kernel,
-            bytemuck::bytes_of(params),
-            (&indices.buffer, indices.offset),
-            (&range.buffer, range.offset + offset),
-            (count, cull),
-        );
+        let indices = BufferAt { buffer: &indices.buffer, offset: indices.offset };
+        let words = BufferAt { buffer: &range.buffer, offset: range.offset + offset };
+        self.encoder.draw_indirect(kernel, bytemuck::bytes_of(params), indices, DrawsAt { words, count, cull });
         self.recorded.draws += count;
     }
 
@@ -416,9 +426,9 @@ impl Record<'_> {
     }
 
     /// Whether push constants of this type have the size that a pipeline declares; if not, the frame fails.
-    fn fits<P>(&mut self, (pipeline, block): (u32, Option<u32>), most: u32) -> bool {
+    fn fits<P>(&mut self, PushBlock { pipeline, bytes }: PushBlock, limit: u32) -> bool {
         let given = size_of::<P>() as u32;
-        let wanted = block.unwrap_or(given).min(most);
+        let wanted = bytes.unwrap_or(given).min(limit);
         if given != wanted {
             let (pass, kernel) = (self.name.to_owned(), self.encoder.pipeline_name(pipeline));
             self.fault.get_or_insert(GpuError::PushConstants { pass, kernel, wanted, given });

@@ -3,7 +3,7 @@ use super::light_sampling::{is_emitter, luminance, mean_emission};
 use super::supply::{PosedInstance, posed_instances};
 use super::{AlphaMode, Animator, Instance, Light, Material, Mesh, Scene};
 use crate::ray::Bounds;
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -62,7 +62,8 @@ pub struct LightFacts {
     pub has_extent: bool,
 }
 
-/// What a scene is made of. Shares are of its surface by area, in the rest pose.
+/// What a scene is made of. Shares are of its surface by area, in the rest pose. What has no area there but moves counts with the area of its
+/// mesh.
 ///
 /// Gathered once from the scene in memory, without a device. What can change while frames go on is kept up: the power of lights.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -234,26 +235,37 @@ impl InstanceFacts {
     fn new(scene: &Scene, instance: &Instance, posed: &PosedInstance<'_>, moving: bool) -> Self {
         let (mesh, material) = (&scene.meshes[instance.mesh as usize], &scene.materials[instance.material as usize]);
         let is_emitter = is_emitter(scene, instance);
-        let sides = if material.double_sided { 2.0 } else { 1.0 };
-        let [mut area, mut emissive_area, mut emissive_power] = [0.0; 3];
         let full = luminance(material.emission);
-        let mut add = |piece: f64, sides: f64, emission: f64| {
-            // A triangle thrown out of the world by its transform has no area that could be added up.
-            if piece.is_finite() && piece > 0.0 {
-                area += piece;
-                emissive_area += piece * emission / full.max(f64::MIN_POSITIVE);
-                emissive_power += PI * sides * piece * emission;
+        let measure = |world: &DAffine3, balls: &[f64]| {
+            let [mut area, mut emissive_area, mut emissive_power] = [0.0; 3];
+            let mut add = |piece: f64, sides: f64, emission: f64| {
+                // A triangle thrown out of the world by its transform has no area that could be added up.
+                if piece.is_finite() && piece > 0.0 {
+                    area += piece;
+                    emissive_area += piece * emission / full.max(f64::MIN_POSITIVE);
+                    emissive_power += PI * sides * piece * emission;
+                }
+            };
+            let sides = if material.double_sided { 2.0 } else { 1.0 };
+            for corners in mesh.indices.chunks_exact(3) {
+                let [a, b, c] =
+                    [0, 1, 2].map(|k| world.transform_point3(posed.positions[corners[k] as usize].as_dvec3()));
+                let emission = if is_emitter { mean_emission(scene, material, mesh, corners) } else { 0.0 };
+                add(0.5 * (b - a).cross(c - a).length(), sides, emission);
             }
+            for radius in balls {
+                add(4.0 * PI * radius * radius, 1.0, if is_emitter { full } else { 0.0 });
+            }
+            [area, emissive_area, emissive_power]
         };
-        for corners in mesh.indices.chunks_exact(3) {
-            let [a, b, c] =
-                [0, 1, 2].map(|k| posed.world.transform_point3(posed.positions[corners[k] as usize].as_dvec3()));
-            let emission = if is_emitter { mean_emission(scene, material, mesh, corners) } else { 0.0 };
-            add(0.5 * (b - a).cross(c - a).length(), sides, emission);
+        let balls: Vec<f64> = posed.spheres.iter().map(|(_, ball)| ball.determinant().abs().cbrt()).collect();
+        let mut measured = measure(&posed.world, &balls);
+        if measured[0] == 0.0 && moving {
+            // It grows from nothing, so it counts with the size that its mesh has.
+            let balls: Vec<f64> = mesh.spheres.iter().map(|sphere| f64::from(sphere.radius)).collect();
+            measured = measure(&DAffine3::IDENTITY, &balls);
         }
-        for (_, ball) in &posed.spheres {
-            add(4.0 * PI * ball.determinant().abs().powf(2.0 / 3.0), 1.0, if is_emitter { full } else { 0.0 });
-        }
+        let [area, emissive_area, emissive_power] = measured;
         let ([roughness, metalness], least_metalness) = surfaces(scene, material);
         Self {
             area,

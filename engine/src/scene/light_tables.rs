@@ -4,7 +4,7 @@ use super::light_sampling::{UNIFORM_FRACTION, add_emitters, alias_table, luminan
 use super::{Animator, Environment, Light, Pose, Scene};
 use glam::DVec3;
 use magpie_shaders::Address;
-use magpie_shaders::light_sampling::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables};
+use magpie_shaders::light_sampling::{AreaLight, CHOICE_EMITTER, LightChoice, LightTables, NO_EMITTER};
 use std::f64::consts::PI;
 
 /// Columns and rows of cells of an analytic sky.
@@ -12,44 +12,35 @@ const SKY_CELLS: [u32; 2] = [64, 32];
 /// Greatest number of columns and rows of cells of an environment map.
 const MAP_CELLS: [u32; 2] = [256, 128];
 
-/// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block.
-pub struct Tables {
-    block: Vec<u8>,
-    root: LightTables,
+/// What the probability of each light is made of. A scene on the device keeps it, so that tables can be made when an effect asks for them.
+pub struct LightWeights {
+    /// Local lights, then emissive triangles and spheres.
+    near: Vec<(f64, LightChoice)>,
+    /// How many local lights there are.
+    local: usize,
+    /// Of each instance the index in `near` of its first emissive primitive, or [`NO_EMITTER`].
+    first_emitters: Vec<u32>,
+    far: Vec<(f64, LightChoice)>,
+    /// Of each light, whether a ray can hit it.
+    has_size: Vec<bool>,
+    sky: Vec<f64>,
+    sky_cells: [u32; 2],
 }
 
-impl Tables {
-    /// Every light of a scene at one moment, seconds.
+impl LightWeights {
+    /// For one moment of the animation, seconds.
     #[must_use]
     pub fn new(scene: &Scene, time: f64) -> Self {
         let animator = Animator::new(scene);
         Self::of_pose(scene, &animator.pose(time), None)
     }
 
-    /// Every light of a scene, for all moments of its animation: probabilities are those of the rest pose, but nothing that moves has a
-    /// probability of 0 because it is small there.
+    /// For all moments of the animation: weights are those of the rest pose, but nothing that moves has a weight of 0 because it is
+    /// small there.
     #[must_use]
     pub fn of_animation(scene: &Scene) -> Self {
         let animator = Animator::new(scene);
         Self::of_pose(scene, &animator.pose(0.0), Some(&animator))
-    }
-
-    /// The emissive triangles and spheres alone, for all moments of the animation. `None` if nothing emits, not counting surfaces that
-    /// only show a light.
-    #[must_use]
-    pub fn emitters(scene: &Scene) -> Option<Self> {
-        let animator = Animator::new(scene);
-        let mut near = Vec::new();
-        let first = add_all_emitters(scene, &animator.pose(0.0), Some(&animator), &mut near);
-        let near = alias_table(near);
-        if near.is_empty() {
-            return None;
-        }
-        let mut tables = Self::empty();
-        tables.root.near_count = near.len() as u32;
-        tables.root.near = tables.add(&near);
-        tables.root.emitters = tables.add(&first);
-        Some(tables)
     }
 
     fn of_pose(scene: &Scene, pose: &Pose, moving: Option<&Animator>) -> Self {
@@ -61,35 +52,69 @@ impl Tables {
                 _ => near.push((power(light), choice)),
             }
         }
-        let first = add_all_emitters(scene, pose, moving, &mut near);
-        let (near, far) = (alias_table(near), alias_table(far));
+        let local = near.len();
+        let first_emitters = add_all_emitters(scene, pose, moving, &mut near);
+        let (sky, sky_cells) = sky(scene);
+        let has_size = pose.lights.iter().map(has_size).collect();
+        Self { near, local, first_emitters, far, has_size, sky, sky_cells }
+    }
+
+    /// Tables of every light.
+    #[must_use]
+    pub fn tables(&self) -> Tables {
+        let (near, far) = (alias_table(self.near.clone()), alias_table(self.far.clone()));
         // Lights without power are not hit either.
-        let sized = |choice: &&LightChoice| choice.probability > 0.0 && has_size(choice, pose);
+        let can_be_hit = |choice: &&LightChoice| {
+            choice.probability > 0.0 && choice.light != CHOICE_EMITTER && self.has_size[choice.light as usize]
+        };
         let areas: Vec<_> = near
             .iter()
             .chain(&far)
-            .filter(sized)
+            .filter(can_be_hit)
             .map(|c| AreaLight { light: c.light, probability: c.probability })
             .collect();
-        let (cells, sky_cells) = sky(scene);
-        let sky = alias_table(cells.into_iter().map(|weight| (weight, LightChoice::default())).collect());
+        let sky = alias_table(self.sky.iter().map(|weight| (*weight, LightChoice::default())).collect());
 
-        let mut tables = Self::empty();
+        let mut tables = Tables::empty();
         tables.root = LightTables {
             near: tables.add(&near),
             far: tables.add(&far),
             areas: tables.add(&areas),
-            emitters: tables.add(&first),
+            emitters: tables.add(&self.first_emitters),
             sky: tables.add(&sky),
             near_count: near.len() as u32,
             far_count: far.len() as u32,
             area_count: areas.len() as u32,
             sky_count: sky.len() as u32,
-            sky_cells,
+            sky_cells: self.sky_cells,
         };
         tables
     }
 
+    /// Tables of the emissive triangles and spheres alone. `None` if nothing emits, not counting surfaces that only show a light.
+    #[must_use]
+    pub fn emitters(&self) -> Option<Tables> {
+        let near = alias_table(self.near[self.local..].to_vec());
+        if near.is_empty() {
+            return None;
+        }
+        let first = |index: &u32| if *index == NO_EMITTER { NO_EMITTER } else { index - self.local as u32 };
+        let first: Vec<u32> = self.first_emitters.iter().map(first).collect();
+        let mut tables = Tables::empty();
+        tables.root.near_count = near.len() as u32;
+        tables.root.near = tables.add(&near);
+        tables.root.emitters = tables.add(&first);
+        Some(tables)
+    }
+}
+
+/// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block.
+pub struct Tables {
+    block: Vec<u8>,
+    root: LightTables,
+}
+
+impl Tables {
     fn empty() -> Self {
         Self { block: vec![0; size_of::<LightTables>()], root: LightTables::default() }
     }
@@ -135,7 +160,7 @@ impl Tables {
 }
 
 /// Adds the emissive triangles and spheres of all instances. Returns the index of the first for each instance, or
-/// [`NO_EMITTER`](magpie_shaders::light_sampling::NO_EMITTER). Of instances that `moving` moves, each emitter gets a fraction
+/// [`NO_EMITTER`]. Of instances that `moving` moves, each emitter gets a fraction
 /// [`UNIFORM_FRACTION`] of the mean weight besides its own: in the pose it may have no area, as a lamp that grows from nothing.
 fn add_all_emitters(
     scene: &Scene,
@@ -172,11 +197,8 @@ fn power(light: &Light) -> f64 {
     }
 }
 
-fn has_size(choice: &LightChoice, pose: &Pose) -> bool {
-    if choice.light == CHOICE_EMITTER {
-        return false;
-    }
-    match &pose.lights[choice.light as usize] {
+fn has_size(light: &Light) -> bool {
+    match light {
         Light::Directional { angular_radius, .. } => *angular_radius > 0.0,
         Light::Point { .. } | Light::Spot { .. } => false,
         Light::Rectangle { .. } | Light::Disc { .. } | Light::Sphere { .. } => true,

@@ -37,8 +37,8 @@ pub use import::load;
 pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use resident::{
-    Caster, Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
-    SceneToken, SharedScene,
+    Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
+    SceneToken, ShadowLight, SharedScene,
 };
 pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};

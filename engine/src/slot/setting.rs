@@ -1,6 +1,7 @@
 //! Settings of implementations: what they are called, which values they take, and which of these trade accuracy for time.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use serde::Serialize;
 
@@ -65,27 +66,29 @@ pub struct SettingSpec {
 }
 
 impl SettingSpec {
-    /// A number from `min` to `max`, both included.
+    /// A number in a range.
     #[must_use]
     pub fn float(
         key: &'static str,
         unit: &'static str,
         about: &'static str,
         default: f64,
-        (min, max): (f64, f64),
+        range: RangeInclusive<f64>,
     ) -> Self {
+        let (min, max) = range.into_inner();
         Self { key, unit, about, default: Value::Float(default), range: Range::Float { min, max }, sweep: Vec::new() }
     }
 
-    /// A whole number from `min` to `max`, both included.
+    /// A whole number in a range.
     #[must_use]
     pub fn integer(
         key: &'static str,
         unit: &'static str,
         about: &'static str,
         default: i64,
-        (min, max): (i64, i64),
+        range: RangeInclusive<i64>,
     ) -> Self {
+        let (min, max) = range.into_inner();
         Self {
             key,
             unit,

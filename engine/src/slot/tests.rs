@@ -2,13 +2,13 @@ use super::*;
 use crate::config::{Catalogue, Config};
 
 fn cone() -> SettingSpec {
-    SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, (0.0, 10.0))
+    SettingSpec::float("cone_degrees", "degrees", "Higher is softer.", 0.27, 0.0..=10.0)
 }
 
 fn implementation() -> ImplementationInfo {
     let settings = vec![
         cone(),
-        SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, (1, 64)),
+        SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, 1..=64),
         SettingSpec::switch("jitter", "Moves the samples.", true),
         SettingSpec::choice("curve", "Shape.", "agx", &["agx", "aces", "none"]),
     ];
@@ -73,7 +73,7 @@ fn sweeps_hold_the_default_and_what_the_range_accepts() {
 
 #[test]
 fn a_description_that_contradicts_itself_is_found() {
-    let bad = SettingSpec::float("cone_degrees", "degrees", "", 11.0, (0.0, 10.0));
+    let bad = SettingSpec::float("cone_degrees", "degrees", "", 11.0, 0.0..=10.0);
     let info = SlotInfo {
         name: "shadows".to_owned(),
         about: String::new(),
@@ -102,7 +102,7 @@ fn a_description_that_contradicts_itself_is_found() {
 
 /// Stages of plain numbers, to be wrapped.
 fn numbers() -> Slot<u32, u32> {
-    let settings = [cone(), SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, (1, 64))];
+    let settings = [cone(), SettingSpec::integer("rays", "rays per pixel", "More is smoother.", 1, 1..=64)];
     Slot::new("shadows").with("plain", "Plain.", &settings, |_, _| Err(SlotError::other("not made here")))
 }
 

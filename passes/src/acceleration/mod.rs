@@ -11,15 +11,15 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
         SettingSpec::integer(
             "rebuild_every",
             "frames",
-            "After so many frames a deforming mesh's tree is built anew; between them it is refitted. Higher: cheaper frames, \
-             slower rays the further the mesh has bent. 0 never builds anew.",
+            "Number of frames after which the tree of a deforming mesh is rebuilt; in between it is refitted. Higher: cheaper frames, but \
+             slower rays as the mesh deforms away from the pose of its last build. 0: never rebuilt.",
             i64::from(defaults.rebuild_every),
-            (0, 100_000),
+            0..=100_000,
         ),
         SettingSpec::choice(
             "top_level",
-            "The tree over instances in frames where something moved: `rebuild` for the fastest rays, `refit` for the cheapest \
-             update, with a rebuild every `rebuild_every` frames.",
+            "How the tree over instances is updated in frames where an instance moved. `rebuild`: fastest rays. `refit`: cheapest update, \
+             with a rebuild every `rebuild_every` frames.",
             "rebuild",
             &["rebuild", "refit"],
         )
@@ -27,31 +27,31 @@ pub fn slot() -> Slot<AccelerationIn, Result<SceneHandles, ResidentError>> {
         SettingSpec::float(
             "cull_distance",
             "metres",
-            "Rays do not see instances further from the eye. Lower: faster rays, missing shadows and reflections. 0 keeps all.",
+            "Rays ignore instances further than this from the camera. Lower: faster rays, missing shadows and reflections. 0: no limit.",
             0.0,
-            (0.0, 1e12),
+            0.0..=1e12,
         ),
         SettingSpec::float(
             "cull_frustum",
             "",
-            "Rays do not see instances outside of the view, its half angle times this. Lower: faster rays, shadows and reflections of \
-             what is behind the eye are missing. 0 keeps all.",
+            "Rays ignore instances outside of a cone around the view direction: the camera's half angle times this factor. Lower: faster \
+             rays, missing shadows and reflections of what is behind the camera. 0: no limit.",
             0.0,
-            (0.0, 100.0),
+            0.0..=100.0,
         ),
         SettingSpec::float(
             "cull_solid_angle",
             "steradians",
-            "Rays do not see instances that look smaller than this from the eye. Higher: faster rays, small shadows and reflections \
-             are missing. 0 keeps all.",
+            "Rays ignore instances that cover less than this solid angle as seen from the camera. Higher: faster rays, missing shadows \
+             and reflections of small objects. 0: no limit.",
             0.0,
-            (0.0, 12.6),
+            0.0..=12.6,
         ),
     ];
     let settings = [load_settings().as_slice(), settings.as_slice()].concat();
-    Slot::new("acceleration").about("Brings moved and deformed meshes, and the trees that rays walk, up to date.").with(
+    Slot::new("acceleration").about("Updates deforming meshes and acceleration structures.").with(
         "two-level",
-        "A tree per mesh and one over the instances.",
+        "One tree per mesh and one over all instances.",
         &settings,
         |_, settings| Ok(Box::new(TwoLevel { policy: policy(settings)?, geometry: geometry(settings)? })),
     )
@@ -62,16 +62,17 @@ fn load_settings() -> [SettingSpec; 2] {
     [
         SettingSpec::switch(
             "compaction",
-            "The driver's trees over meshes that keep their shape are compacted when a scene is loaded: less memory, a longer load.",
+            "Whether the driver's acceleration structures of meshes that do not deform are compacted when a scene is loaded. On: less \
+             memory, longer loading.",
             true,
         ),
         SettingSpec::float(
             "ray_detail",
             "",
-            "Share of the triangles that rays see of each mesh that keeps its shape, when a scene is loaded. Lower: less memory and \
-             faster rays; shadows and reflections of coarser shapes.",
+            "Fraction of the triangles that rays intersect, of each mesh that does not deform; chosen when a scene is loaded. Lower: less \
+             memory and faster rays, but shadows and reflections of coarser shapes.",
             1.0,
-            (0.01, 1.0),
+            0.01..=1.0,
         )
         .sweep([1.0, 0.5, 0.25]),
     ]

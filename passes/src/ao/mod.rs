@@ -20,7 +20,7 @@ pub const PRESETS: [Preset; 4] = [
 
 pub fn slot() -> Slot<AoIn, AoOut> {
     Slot::new("ao")
-        .about("How much of the hemisphere above each pixel nothing near hides. It dims indirect light.")
+        .about("Fraction of the hemisphere above each pixel that is not occluded nearby. Dims indirect light.")
         .with("ray-traced", "Rays over the hemisphere.", &ray_traced::settings(), |build, settings| {
             Ok(if has_range(settings)? {
                 Box::new(ray_traced::RayTraced::new(build, settings)?)
@@ -30,23 +30,23 @@ pub fn slot() -> Slot<AoIn, AoOut> {
         })
         .with(
             "screen-space",
-            "GTAO: horizons in the depth image, with bent normals.",
+            "GTAO: horizons in the depth buffer, with bent normals.",
             &screen_space::settings(),
             |build, settings| {
                 let found = has_range(settings)?;
                 Ok(if found { Box::new(screen_space::ScreenSpace::new(build, settings)?) } else { Box::new(Off) })
             },
         )
-        .with("off", "Nothing hides anything.", &[], |_, _| Ok(Box::new(Off)))
+        .with("off", "No occlusion.", &[], |_, _| Ok(Box::new(Off)))
         .default_to("screen-space")
         .presets(&PRESETS)
 }
 
 /// The setting `range`, which all implementations share.
 fn range() -> SettingSpec {
-    let about = "How far away a thing still hides a point from ambient light. Higher: wider and darker corners; what is in the open \
-                 loses light as well, and rays and steps cost more. 0: nothing is hidden, and there is no pass.";
-    SettingSpec::float("range", "metres", about, AO_RANGE.into(), (0.0, 1000.0))
+    let about = "Distance up to which surfaces occlude ambient light. Higher: wider and darker corners, and more time. 0: no occlusion, \
+                 and no pass.";
+    SettingSpec::float("range", "metres", about, AO_RANGE.into(), 0.0..=1000.0)
 }
 
 /// Whether the setting `range` is above 0; otherwise nothing occludes.

@@ -22,10 +22,10 @@ pub struct RayTraced {
 
 /// Settings of `ray-traced`.
 pub fn settings() -> Vec<SettingSpec> {
-    let rays = "Rays per pixel and frame. Higher: less noise, at a cost that grows as much.";
-    let resolution = "`full`: rays from every pixel. `half`: from one of four pixels, brought to full size along surfaces; a quarter \
-                      of the rays, small folds suffer.";
-    let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, (1, 64)).sweep([1, 2, 4, 8])];
+    let rays = "Rays per pixel. Higher: less noise, with time proportional to the number.";
+    let resolution = "`full`: rays from every pixel. `half`: rays from one pixel of four, upsampled along surfaces; a quarter of the \
+                      rays, but small creases lose detail.";
+    let mut settings = vec![SettingSpec::integer("rays", "", rays, 1, 1..=64).sweep([1, 2, 4, 8])];
     // Occluders mostly move together with the surface, so temporal gradients (the setting `adaptive`) are not offered.
     settings.extend(denoise::settings());
     settings.push(denoise::precision());

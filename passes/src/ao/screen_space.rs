@@ -42,20 +42,21 @@ pub struct ScreenSpace {
 
 /// Settings of `screen-space`.
 pub fn settings() -> [SettingSpec; 6] {
-    let slices = "Planes through the line of sight in which horizons are sought. Higher: less noise, at a cost that grows as much.";
-    let steps = "Depths that are looked up on each side of a slice. Higher: thin things are missed less often, at a cost that grows \
-                 as much.";
-    let thickness = "How thick things are taken to be, as nothing of the kind is in the depth image. 1: endless; light never comes \
-                     from behind, and thin things throw wide dark rims. Lower: a horizon falls off towards what is seen behind it, \
-                     until at the end of the range this share of what it hid is left.";
-    let resolution = "`full`: every pixel is searched for. `half`: one of four, brought to full size along surfaces.";
-    let noise = "`still`: the same noise in every frame. `moving`: another one in each, for what gathers frames, as temporal \
-                 anti-aliasing does; without that it flickers.";
+    let slices = "Slices, planes that contain the view direction, in which horizons are searched for. Higher: less noise, with time \
+                  proportional to the number.";
+    let steps = "Depth samples on each side of a slice. Higher: thin occluders are missed less often, with time proportional to the \
+                 number.";
+    let thickness = "Assumed thickness of occluders, which a depth buffer does not hold. 1: infinitely thick; no light comes from behind, \
+                     and thin objects get wide dark rims. Lower: horizons fall off with distance, down to this fraction of their \
+                     occlusion at the end of the range.";
+    let resolution = "`full`: every pixel. `half`: one pixel of four, upsampled along surfaces.";
+    let noise = "`still`: the same noise in every frame. `moving`: different noise in every frame, for temporal anti-aliasing to average; \
+                 without it the picture flickers.";
     [
-        SettingSpec::integer("slices", "", slices, 2, (1, 16)).sweep([1, 2, 4]),
-        SettingSpec::integer("steps", "", steps, 8, (1, 64)).sweep([4, 8, 16]),
+        SettingSpec::integer("slices", "", slices, 2, 1..=16).sweep([1, 2, 4]),
+        SettingSpec::integer("steps", "", steps, 8, 1..=64).sweep([4, 8, 16]),
         super::range(),
-        SettingSpec::float("thickness", "", thickness, 1.0, (0.0, 1.0)),
+        SettingSpec::float("thickness", "", thickness, 1.0, 0.0..=1.0),
         SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all(),
         SettingSpec::choice("noise", noise, "still", &["still", "moving"]),
     ]

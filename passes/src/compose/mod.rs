@@ -8,7 +8,7 @@ use magpie_shaders::COMPOSE_SUM_COMP;
 use magpie_shaders::compose::{NO_INPUT, SumParams};
 
 pub fn slot() -> Slot<ComposeIn, WriteHandle<Image>> {
-    Slot::new("compose").about("The sum of all light.").with(
+    Slot::new("compose").about("Sum of all light.").with(
         "sum",
         "Direct light, gi and reflections, added.",
         &[precision::setting()],

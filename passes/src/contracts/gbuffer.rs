@@ -74,7 +74,7 @@ macro_rules! channels {
 channels! {
     /// Reversed depth: 1 at the near plane, 0 where nothing was drawn. D32F.
     depth / Depth: Handle<Image>, DEPTH;
-    /// Linear base colour; occlusion map in alpha, 1 is open. RGBA8 sRGB, RGBA8 unorm, RGBA16F or RGBA32F.
+    /// Linear base colour; occlusion map in alpha, 1 is open. 0 in all channels on the background. RGBA8 sRGB, RGBA8 unorm, RGBA16F or RGBA32F.
     base_colour / BaseColour: Handle<Image>, COLOUR;
     /// Shading normal in world space, octahedral, facing the viewer. RG16 snorm, RG16F or RG32F.
     normal / Normal: Handle<Image>, NORMAL;

@@ -26,8 +26,8 @@ pub struct Emitters {
 
 /// Settings of emissive surfaces and of their denoiser.
 pub fn settings() -> Vec<SettingSpec> {
-    let rays = "Rays of a pixel to emissive surfaces, where the scene has any that no light stands for. Higher: less noise, at a cost that \
-                grows as much. 0: they light nothing.";
+    let rays = "Rays per pixel to emissive surfaces that no light stands for. Higher: less noise, with time proportional to the number. \
+                0: emissive surfaces light nothing.";
     let mut settings = vec![SettingSpec::among(RAYS, "", rays, 1, &[0, 1, 2, 4, 8]).sweep_all()];
     settings.extend(denoise::settings());
     settings

@@ -22,7 +22,7 @@ pub const PRESETS: [Preset; 4] = [
 pub fn slot() -> Slot<DirectIn, DirectOut> {
     let settings = [area()].into_iter().chain(emitters::settings()).chain([precision::setting()]);
     Slot::new("direct")
-        .about("Light straight from the lights, and what surfaces emit themselves.")
+        .about("Light from lights and emissive surfaces, and emission itself.")
         .with(
             "all-lights",
             "Every light is evaluated at every pixel.",
@@ -33,8 +33,8 @@ pub fn slot() -> Slot<DirectIn, DirectOut> {
 }
 
 fn area() -> SettingSpec {
-    let about = "Points of each light that has a size, and as many directions of the lobe, by which its highlight is found. Higher: less \
-                 noise in highlights, at a cost that grows as much. 0: every light is a point at its centre.";
+    let about = "Samples of each light that has an extent, and as many samples of the specular lobe, for its highlight. Higher: less \
+                 noise, with time proportional to the number. 0: every light is a point at its centre.";
     SettingSpec::among("area", "", about, 4, &[0, 1, 4, 16]).sweep_all()
 }
 
@@ -107,10 +107,13 @@ impl Effect for AllLights {
     }
 }
 
-/// Packs the lights of four channels into four bits each: their index in [`View::casters`], or [`NO_SHADOW_LIGHT`].
+/// Packs the lights of four channels into four bits each: their index in [`View::shadow_lights`], or [`NO_SHADOW_LIGHT`].
 fn pack_shadow_lights(view: &View, lights: [u32; 4]) -> u32 {
     let index_of = |light: u32| {
-        view.casters.iter().position(|shadow_light| shadow_light.light == light).map_or(NO_SHADOW_LIGHT, |at| at as u32)
+        view.shadow_lights
+            .iter()
+            .position(|shadow_light| shadow_light.light == light)
+            .map_or(NO_SHADOW_LIGHT, |at| at as u32)
     };
     lights.iter().zip(0..).map(|(light, channel)| index_of(*light) << (4 * channel)).sum()
 }

@@ -43,19 +43,17 @@ const FULL: Colours = Colours {
 };
 
 pub fn slot() -> Slot<GBufferIn, GBuffer> {
-    Slot::new("gbuffer")
-        .about("What the camera sees first: depth, normals, material, emission, motion and ids of every pixel.")
-        .with(
-            "raster",
-            "Triangles and spheres drawn with reversed infinite depth.",
-            &[precision()],
-            |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
-        )
+    Slot::new("gbuffer").about("Depth, normals, material, emission, motion and ids of what each pixel sees.").with(
+        "raster",
+        "Triangles and spheres drawn with reversed infinite depth.",
+        &[precision()],
+        |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
+    )
 }
 
 fn precision() -> SettingSpec {
-    let about = "Formats. `compact`: 8-bit colours and materials, normals of 16 bits, 16-bit floats. `full`: 32-bit floats \
-                 throughout, twice the memory and more.";
+    let about = "Formats of the images. `compact`: 8-bit colours and materials, 16-bit normals, 16-bit floats. `full`: 32-bit floats \
+                 throughout, more than twice the memory.";
     SettingSpec::choice("precision", about, "compact", &["compact", "full"]).sweep_all()
 }
 

@@ -11,7 +11,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
         .about("Diffuse indirect light.")
         .with(
             "sky",
-            "Irradiance of the whole sky, dimmed by the slot `ao` and the material's occlusion map: no light of other surfaces.",
+            "Irradiance of the sky, dimmed by `ao` and the material's occlusion map. No light from other surfaces.",
             &[precision::setting()],
             |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, idle_reason, settings)?)),
         )

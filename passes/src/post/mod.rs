@@ -40,15 +40,15 @@ pub fn slot() -> Slot<PostIn, PostOut> {
     let settings = [
         SettingSpec::choice(
             "tone_map",
-            "Curve from radiance to display: agx keeps bright colours from turning garish, aces has more contrast, none clips.",
+            "Curve from radiance to display values. `agx`: desaturates bright colours. `aces`: more contrast. `none`: clips.",
             "agx",
             &["agx", "aces", "none"],
         ),
-        SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-24.0, 24.0)),
+        SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, -24.0..=24.0),
         SettingSpec::choice(
             "anti_aliasing",
-            "`taa` looks at another point of each pixel in every frame and makes one picture of them: smooth edges, from the second \
-             frame on. `none` looks at the centres: edges are steps.",
+            "`taa`: temporal anti-aliasing, which averages jittered frames; edges are smooth from the second frame on. `none`: one sample \
+             at the centre of each pixel.",
             "none",
             &["none", "taa"],
         )
@@ -56,23 +56,23 @@ pub fn slot() -> Slot<PostIn, PostOut> {
         SettingSpec::float(
             "resolution_scale",
             "",
-            "Rendered pixels over those of the picture, each way. Lower: the whole frame is cheaper by the square of it, and fine things \
-             blur; with `taa` they return where the picture stands still, without it they do not.",
+            "Rendered pixels per pixel of the picture, in each direction. Lower: time falls with the square, and fine detail blurs; with \
+             `taa` it returns where the picture stands still.",
             1.0,
-            (0.5, 1.0),
+            0.5..=1.0,
         )
         .sweep([1.0, 0.8, 0.67, 0.5]),
         SettingSpec::float(
             "sharpening",
             "",
-            "How much edges are steepened, as a part of what is possible without overshoot. Higher: crisper, and coarser. At 0 the pass \
-             does not exist.",
+            "Strength of sharpening, as a fraction of the greatest that does not overshoot. Higher: crisper edges, more visible noise. 0: \
+             no pass.",
             0.0,
-            (0.0, 1.0),
+            0.0..=1.0,
         ),
     ];
     Slot::new("post")
-        .about("From linear radiance to a display.")
+        .about("Linear radiance to display values.")
         .with("standard", "Anti-aliasing, sharpening, exposure, tone curve, sRGB.", &settings, |build, settings| {
             Ok(Box::new(Standard::new(build, settings)?))
         })

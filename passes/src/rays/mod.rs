@@ -9,16 +9,16 @@ pub fn slot() -> Slot<RaysIn, RaysOut> {
     let hottest = SettingSpec::float(
         "hottest",
         "steps",
-        "Steps that are shown white. Lower: differences between cheap rays show; higher: between dear ones.",
+        "Traversal steps that are displayed as white. Lower: more contrast among cheap rays. Higher: more contrast among expensive rays.",
         100.0,
-        (1.0, 10_000.0),
+        1.0..=10_000.0,
     );
     Slot::new("rays")
-        .about("Shows how much work rays are; not part of the picture.")
-        .with("off", "Nothing is shown, nothing is traced.", &[], |_, _| Ok(Box::new(Off)))
+        .about("Visualises the cost of ray traversal. Does not change the picture.")
+        .with("off", "No visualisation.", &[], |_, _| Ok(Box::new(Off)))
         .with(
             "heat-map",
-            "Steps of one primary ray per pixel through Magpie's own trees: `--view rays.heat_map:colours`.",
+            "Traversal steps of one camera ray per pixel through Magpie's own trees: `--view rays.heat_map:colours`.",
             &[hottest],
             |build, settings| Ok(Box::new(HeatMap::new(build, settings)?)),
         )

@@ -14,7 +14,7 @@ use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, Gpu, GpuError, RayKernel, Staging};
 use magpie::graph::execute::{ExecuteError, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::light_tables::Tables;
+use magpie::scene::light_tables::LightWeights;
 use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
 use magpie::slot::SlotError;
 use magpie_shaders::reference::{
@@ -259,7 +259,7 @@ impl Reference {
         let mut executor = Executor::new(gpu)?;
         Ok(Self {
             kernel: gpu.ray_kernel(options.only.shader(), options.rays)?,
-            lights: Tables::new(scene, options.time).upload(gpu, &mut executor, "reference lights")?,
+            lights: LightWeights::new(scene, options.time).tables().upload(gpu, &mut executor, "reference lights")?,
             gpu: gpu.clone(),
             executor,
             scene: resident,

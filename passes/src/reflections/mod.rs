@@ -11,7 +11,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
         .about("Specular indirect light.")
         .with(
             "sky",
-            "The sky in the mirror direction, blurred with roughness and dimmed by the slot `ao`: no other objects.",
+            "The sky in the mirror direction, blurred by roughness and dimmed by `ao`. No other objects.",
             &[precision::setting()],
             |build, settings| {
                 Ok(Box::new(SkyLight::new(

@@ -1,8 +1,8 @@
 //! Which lights cast shadows, and by which technique.
-use magpie::scene::Caster;
+use magpie::scene::ShadowLight;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_POINT, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT};
-use magpie_shaders::view::MOST_CASTERS;
+use magpie_shaders::view::MAX_SHADOW_LIGHTS;
 use std::fmt;
 
 /// How the visibility of a light is computed.
@@ -58,7 +58,7 @@ pub struct Group {
     /// The technique of all of them.
     pub technique: Technique,
     /// One to four lights, in the order of the channels.
-    pub lights: Vec<Caster>,
+    pub lights: Vec<ShadowLight>,
     /// There is one light only, whose visibility is in red, green and blue.
     pub coloured: bool,
 }
@@ -91,21 +91,21 @@ impl std::error::Error for BadRule {}
 
 /// Settings that all implementations share.
 pub fn settings() -> [SettingSpec; 2] {
-    let max_lights = i64::from(MOST_CASTERS);
+    let max_lights = i64::from(MAX_SHADOW_LIGHTS);
     [
         SettingSpec::integer(
             "most_lights",
             "",
-            "How many lights cast shadows, the sun and the strongest lamps first. Higher: fewer lights shine through walls; a ray or a \
-             map more for each.",
+            "Number of lights that cast shadows: directional lights first, then the most powerful local lights. Higher: fewer lights \
+             shine through walls, for a ray or a map more for each.",
             4,
-            (1, max_lights),
+            1..=max_lights,
         ),
         SettingSpec::text(
             "per_light",
-            "How the shadows of single lights are found where it is not as the implementation's name says: rules such as \
-             `sun=rays spot=none 3=none`, the later ones count. Left: sun, point, spot, rectangle, disc, sphere, or a light's number in \
-             the scene. Right: rays, map, hybrid, none.",
+            "Techniques of single lights, where they differ from the implementation's: rules such as `sun=rays spot=none 3=none`, of \
+             which later ones take precedence. Left: sun, point, spot, rectangle, disc, sphere, or the index of a light in the scene. \
+             Right: rays, map, hybrid, none.",
             "",
         ),
     ]
@@ -121,7 +121,7 @@ impl Choice {
         Ok(Self { max_lights: settings.u32("most_lights")? as usize, default, rules })
     }
 
-    fn technique(&self, light: &Caster) -> Technique {
+    fn technique(&self, light: &ShadowLight) -> Technique {
         let applies = |target: Target| match target {
             Target::Kind(kind) => kind == light.placed.kind,
             Target::Light(index) => index == light.light,
@@ -132,7 +132,7 @@ impl Choice {
 
     /// Groups lights of the same technique. The most important light is in the first channel of the first group. If `tinted`, each light
     /// with shadow rays has a group of its own, with visibility in colour.
-    pub fn groups(&self, shadow_lights: &[Caster], tinted: bool) -> Vec<Group> {
+    pub fn groups(&self, shadow_lights: &[ShadowLight], tinted: bool) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let shadowed =
             shadow_lights.iter().map(|light| (self.technique(light), light)).filter(|(t, _)| *t != Technique::None);

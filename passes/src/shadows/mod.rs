@@ -28,23 +28,23 @@ pub const PRESETS: [Preset; 4] = [
 
 pub fn slot() -> Slot<ShadowIn, ShadowOut> {
     Slot::new("shadows")
-        .about("How much of each light is seen.")
+        .about("Visibility of each light at each pixel.")
         .with("ray-traced", "Rays from the surface to the lights.", &settings(Technique::Rays), |build, settings| {
             Ok(Box::new(Shadows::new(build, settings, Technique::Rays)?))
         })
         .with(
             "shadow-map",
-            "What each light sees, as maps of depth; drawn anew only where something moved.",
+            "Depth maps as seen from each light, redrawn only where something moved.",
             &settings(Technique::Map),
             |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Map)?)),
         )
         .with(
             "hybrid",
-            "Maps, and rays where these are not sure: penumbrae, contacts, edges that texels are too coarse for.",
+            "Shadow maps, and rays where maps are unreliable: in penumbrae, near contacts, and at edges that are finer than texels.",
             &settings(Technique::Hybrid),
             |build, settings| Ok(Box::new(Shadows::new(build, settings, Technique::Hybrid)?)),
         )
-        .with("off", "Every light shines through everything.", &[], |_, _| Ok(Box::new(Off)))
+        .with("off", "No shadows.", &[], |_, _| Ok(Box::new(Off)))
         .presets(&PRESETS)
 }
 
@@ -131,7 +131,7 @@ impl Effect for Shadows {
         if self.needs(&view.facts).idle.is_some() {
             return out;
         }
-        let groups = self.choice.groups(&view.casters, self.rays.is_tinted(&view.facts));
+        let groups = self.choice.groups(&view.shadow_lights, self.rays.is_tinted(&view.facts));
         for ((at, group), out) in groups.iter().enumerate().zip(&mut out.groups) {
             // Names of passes of the first group have no suffix.
             let name = if at == 0 { String::new() } else { format!("_{}", at + 1) };

@@ -6,7 +6,7 @@ use crate::parts::denoise::{Method, Options, is_adaptive};
 use crate::parts::upsample::{Upsample, UpsampleIn};
 use magpie::graph::{Extent, HistoryScope};
 use magpie::prelude::*;
-use magpie::scene::{Caster, SceneFacts};
+use magpie::scene::{SceneFacts, ShadowLight};
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
@@ -46,7 +46,8 @@ pub fn rays() -> SettingSpec {
     SettingSpec::among(
         "rays",
         "",
-        "Rays of a pixel to each light that has a size. Higher: less noise, its variance falls by as much as the time grows.",
+        "Shadow rays per pixel to each light that has an extent. Higher: less noise (variance is inversely proportional to the number), \
+         with time proportional to it.",
         1,
         &[1, 2, 4, 8],
     )
@@ -58,24 +59,24 @@ pub fn settings() -> [SettingSpec; 3] {
     [
         SettingSpec::choice(
             "resolution",
-            "`full`: each pixel has rays. `half`: one of four, brought to full size along surfaces; a quarter of the rays, thin shadows \
-             and the edges of others suffer.",
+            "`full`: rays from every pixel. `half`: rays from one pixel of four, upsampled along surfaces; a quarter of the rays, but \
+             thin shadows and edges lose detail.",
             "full",
             &["full", "half"],
         )
         .sweep_all(),
         SettingSpec::choice(
             "edges",
-            "`soft`: rays go to points all over a light, whose shadows have penumbrae, and noise. `hard`: one ray to its centre, as \
-             though it were a point.",
+            "`soft`: rays towards points all over a light, with penumbrae and noise. `hard`: one ray to its centre, as though it were a \
+             point.",
             "soft",
             &["soft", "hard"],
         )
         .sweep_all(),
         SettingSpec::switch(
             "tinted",
-            "Where blended surfaces and thin smooth glass let light through, it is dimmed and coloured by them instead of blocked: each \
-             light by rays has an image of its own, and rays are several. Scenes without such surfaces have neither.",
+            "Blended surfaces and thin smooth glass dim and tint light instead of blocking it. This takes several rays and a coloured \
+             image for each light; scenes without such surfaces need neither.",
             true,
         ),
     ]
@@ -91,7 +92,7 @@ pub fn format(channels: usize) -> Format {
 }
 
 /// Scene indices of up to four lights, then [`NO_LIGHT`].
-pub fn indices(lights: &[Caster]) -> [u32; 4] {
+pub fn indices(lights: &[ShadowLight]) -> [u32; 4] {
     std::array::from_fn(|k| lights.get(k).map_or(NO_LIGHT, |light| light.light))
 }
 
@@ -121,7 +122,7 @@ impl RayTraced {
     }
 
     /// Whether any of these lights has a size and is sampled at random points. Visibility of points has no noise.
-    pub fn is_noisy(&self, lights: &[Caster]) -> bool {
+    pub fn is_noisy(&self, lights: &[ShadowLight]) -> bool {
         let has_size = |light: &Light| match light.kind {
             LIGHT_POINT | LIGHT_SPOT => false,
             LIGHT_DIRECTIONAL => light.radius > 0.0,

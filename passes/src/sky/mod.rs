@@ -9,10 +9,10 @@ use magpie_shaders::sky::FillParams;
 
 pub fn slot() -> Slot<SkyIn, SkyOut> {
     Slot::new("sky")
-        .about("What lies behind everything.")
+        .about("Background.")
         .with(
             "analytic",
-            "The scene's environment map, else daylight after Preetham et al. 1999 with the sun's disc.",
+            "The scene's environment map; without one, daylight (Preetham et al. 1999) with the sun's disc.",
             &[],
             |build, _| Ok(Box::new(Analytic::new(build)?)),
         )
@@ -56,7 +56,7 @@ impl Effect for Analytic {
         g.pass("sky.fill", Queue::Graphics, |p| {
             let (block, depth) = (p.read(block), p.sample(i.depth));
             let (extent, greatest) = (p.extent(i.depth), p.desc(i.lit.read()).format.greatest());
-            let (lit, target) = p.write(i.lit);
+            let (lit, target) = p.overwrite(i.lit);
             (lit, move |c: &mut Record<'_>| {
                 let params = FillParams { view: c.id(block), depth: c.id(depth), lit: c.id(target), greatest };
                 c.dispatch(kernel, &params, extent);

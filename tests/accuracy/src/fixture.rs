@@ -28,9 +28,9 @@ pub fn catalogue() -> Catalogue {
         let default = implementations[0].name.clone();
         SlotInfo { name: name.to_owned(), about: "About.".to_owned(), default, implementations, presets: Vec::new() }
     };
-    let rays = SettingSpec::integer("rays", "per pixel", "About.", 4, (1, 16)).sweep([16, 4, 1]);
+    let rays = SettingSpec::integer("rays", "per pixel", "About.", 4, 1..=16).sweep([16, 4, 1]);
     let precision = SettingSpec::among("precision", "bits", "About.", 32, &[32, 16]).sweep_all();
-    let exposure = SettingSpec::float("exposure", "stops", "About.", 0.0, (-8.0, 8.0));
+    let exposure = SettingSpec::float("exposure", "stops", "About.", 0.0, -8.0..=8.0);
     Catalogue::new(vec![
         slot("shadows", vec![implementation("ray-traced", vec![rays]), implementation("off", vec![])]),
         slot("gi", vec![implementation("sky", vec![precision]), implementation("off", vec![])]),

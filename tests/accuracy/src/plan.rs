@@ -351,8 +351,8 @@ mod tests {
 
     fn catalogue() -> Catalogue {
         let resolution = SettingSpec::choice("resolution", "About.", "full", &["full", "half"]).sweep_all();
-        let rays = SettingSpec::integer("rays", "", "About.", 1, (1, 16)).sweep([1, 4]);
-        let taste = SettingSpec::float("exposure", "", "About.", 0.0, (-1.0, 1.0));
+        let rays = SettingSpec::integer("rays", "", "About.", 1, 1..=16).sweep([1, 4]);
+        let taste = SettingSpec::float("exposure", "", "About.", 0.0, -1.0..=1.0);
         let top = SettingSpec::choice("top_level", "About.", "rebuild", &["rebuild", "refit"]).sweep_all();
         Catalogue::new(vec![
             slot("acceleration", vec![implementation("two-level", vec![top])]),
@@ -403,8 +403,8 @@ mod tests {
 
     #[test]
     fn what_is_asked_for_is_asked_of_every_implementation() {
-        let range = || SettingSpec::float("range", "metres", "About.", 1.0, (0.0, 9.0));
-        let rays = SettingSpec::integer("rays", "", "About.", 1, (1, 16)).sweep([1, 4]);
+        let range = || SettingSpec::float("range", "metres", "About.", 1.0, 0.0..=9.0);
+        let rays = SettingSpec::integer("rays", "", "About.", 1, 1..=16).sweep([1, 4]);
         let ao = vec![implementation("screen", vec![range()]), implementation("rays", vec![rays, range()])];
         let mut base = Config::default();
         base.set("ao.range=0.25").unwrap();
@@ -471,7 +471,7 @@ mod tests {
 
     #[test]
     fn the_first_settings_are_crossed_and_the_others_varied_one_at_a_time() {
-        let setting = |key: &'static str| SettingSpec::integer(key, "", "About.", 0, (0, 9)).sweep([0, 1, 2]);
+        let setting = |key: &'static str| SettingSpec::integer(key, "", "About.", 0, 0..=9).sweep([0, 1, 2]);
         let many = implementation("many", ["a", "b", "c"].map(setting).to_vec());
         let plan = Plan::new(&Catalogue::new(vec![slot("gi", vec![many])]), &Config::default(), &[], false).unwrap();
         assert_eq!(plan.variants.len(), 3 * 3 + 2);

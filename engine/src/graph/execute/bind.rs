@@ -21,7 +21,7 @@ use super::{
     cache::Entry,
     persistent::PersistentResources,
 };
-use crate::gpu::{self, Gpu, GpuError, Heap, ImageBarrier, ImageInfo, ImageUse, MemoryBarrier};
+use crate::gpu::{self, Gpu, GpuError, Heap, ImageBarrier, ImageInfo, ImageUse, MemoryBarrier, Transition};
 
 /// Number of frames in a row that a heap may be larger than needed before it shrinks.
 const PATIENCE: u32 = 16;
@@ -418,8 +418,9 @@ impl Compiled {
                 // The memory belonged to another object, and an image barrier on the new image does not cover writes to that one.
                 self.add_memory(first, MemoryBarrier::new(gpu, b.from, b.to));
             }
-            let layouts = (b.layout_from, b.layout_to);
-            self.images.push(ImageBarrier::new(image, b.part, (b.from, b.to), layouts, families));
+            let Barrier { from, to, layout_from, layout_to, .. } = *b;
+            let transition = Transition { from, to, layout_from, layout_to };
+            self.images.push(ImageBarrier::new(image, b.part, transition, families));
         }
     }
 }

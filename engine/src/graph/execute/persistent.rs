@@ -10,7 +10,9 @@ use super::super::{
     plan::Plan,
     record::{BufferRange, Physical},
 };
-use crate::gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier, ImageInfo, ImageUse};
+use crate::gpu::{
+    self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, ImageBarrier, ImageInfo, ImageUse, Transition,
+};
 use crate::measure::PassTime;
 
 /// By [`HistoryEntry::index`].
@@ -168,7 +170,10 @@ impl PersistentResource {
             Physical::Image(image) => {
                 let all = Part::ALL.of(image.mips(), image.layers());
                 // The graph has no access for a clear, which Vulkan does not treat as a copy.
-                let into = |from, to| ImageBarrier::new(image, all, (Uses::ANY, Uses::ANY), (from, to), None);
+                let into = |layout_from, layout_to| {
+                    let transition = Transition { from: Uses::ANY, to: Uses::ANY, layout_from, layout_to };
+                    ImageBarrier::new(image, all, transition, None)
+                };
                 work.barriers(&[], &[into(Layout::Undefined, Layout::TransferTarget)]);
                 work.clear_image(image);
                 work.barriers(&[], &[into(Layout::TransferTarget, Layout::ReadOnly)]);

@@ -8,7 +8,7 @@ use super::super::{
     record::Physical,
 };
 use super::ExecuteError;
-use crate::gpu::{Buffer, BufferMemory, BufferUse, CommandEncoder, Gpu, ImageBarrier};
+use crate::gpu::{Buffer, BufferMemory, BufferUse, CommandEncoder, Gpu, ImageBarrier, Transition};
 
 /// One [`Poison`], and the buffer that its value is copied from.
 pub(super) struct PoisonWrite {
@@ -46,11 +46,12 @@ impl PoisonWrite {
         match (&physical[resource as usize], place) {
             (Physical::Image(image), Place::Pixel { x, y, .. }) => {
                 let (all, copied) = (Uses::ANY, Uses::of((Access::CopyWrite, Domain::Copy)));
-                let there = (layout, Layout::TransferTarget);
-                encoder.barriers(&[], &[ImageBarrier::new(image, part, (all, copied), there, None)]);
+                let there =
+                    Transition { from: all, to: copied, layout_from: layout, layout_to: Layout::TransferTarget };
+                encoder.barriers(&[], &[ImageBarrier::new(image, part, there, None)]);
                 encoder.copy_pixel(&self.source, image, part, [x, y]);
-                let back = (Layout::TransferTarget, layout);
-                encoder.barriers(&[], &[ImageBarrier::new(image, part, (copied, all), back, None)]);
+                let back = Transition { from: copied, to: all, layout_from: Layout::TransferTarget, layout_to: layout };
+                encoder.barriers(&[], &[ImageBarrier::new(image, part, back, None)]);
             }
             (Physical::Buffer(range), Place::Element(index)) => {
                 encoder.copy_buffer(&self.source, 0, &range.buffer, range.offset + 4 * index, length);

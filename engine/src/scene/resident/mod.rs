@@ -46,7 +46,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A light that can cast shadows.
 #[derive(Clone, Copy, Debug)]
-pub struct Caster {
+pub struct ShadowLight {
     /// Index in the scene's lights.
     pub light: u32,
     /// What shaders read of it: its place counted from the origin of the frame.
@@ -129,9 +129,8 @@ pub struct ResidentScene {
     number: u64,
     placed: Arc<[Placed]>,
     draws: DrawLists,
-    casters: Vec<u32>,
+    shadow_lights: Vec<u32>,
     facts: Arc<SceneFacts>,
-    emitters: SampledLights,
     lights: SampledLights,
     sky: Option<Sky>,
 }
@@ -320,10 +319,9 @@ impl ResidentScene {
             number: SCENES.fetch_add(1, Ordering::Relaxed),
             placed: Arc::default(),
             draws: tables::draws(scene, &index_offsets),
-            casters: tables::casters(&scene.lights),
+            shadow_lights: tables::shadow_lights(&scene.lights),
             facts,
-            emitters: SampledLights::emitters(scene),
-            lights: SampledLights::all(scene),
+            lights: SampledLights::new(scene),
             sky,
             textures,
             vertices,
@@ -404,8 +402,8 @@ impl ResidentScene {
         let tables = buffer("scene.tables", &self.tables, g);
         let vertices = buffer("scene.vertices", &self.vertices, g);
         let indices = buffer("scene.indices", &self.indices, g);
-        let emitters = self.emitters.buffer.as_ref().map(|b| buffer("scene.emitters", b, g));
-        let lights = self.lights.buffer.as_ref().map(|b| buffer("scene.lights", b, g));
+        let emitters = self.lights.emitters.as_ref().map(|b| buffer("scene.emitters", b, g));
+        let lights = self.lights.all.as_ref().map(|b| buffer("scene.lights", b, g));
         let state = self.state.declare(g, imports)?;
         let mut moved = std::mem::take(&mut self.changed) | (self.policy != *policy);
         // What the camera decides changes with the camera.
@@ -483,15 +481,15 @@ impl ResidentScene {
         self.number
     }
 
-    /// The lights that can cast shadows, at most [`MOST_CASTERS`](magpie_shaders::view::MOST_CASTERS), as they are in the moment that
-    /// was gone to. The one that matters most comes first: directional lights in the order of the scene, then lamps by power, as they
+    /// The lights that can cast shadows, at most [`MAX_SHADOW_LIGHTS`](magpie_shaders::view::MAX_SHADOW_LIGHTS), as they are in the
+    /// moment that was gone to. The one that matters most comes first: directional lights in the order of the scene, then lamps by power, as they
     /// are at rest, so that none changes its place while it moves.
-    pub fn casters(&self) -> Vec<Caster> {
-        let caster = |light: u32| {
+    pub fn shadow_lights(&self) -> Vec<ShadowLight> {
+        let shadow_light = |light: u32| {
             let index = light as usize;
-            Caster { light, placed: self.state.light(index), moved: self.state.light_moved(index) }
+            ShadowLight { light, placed: self.state.light(index), moved: self.state.light_moved(index) }
         };
-        self.casters.iter().map(|light| caster(*light)).collect()
+        self.shadow_lights.iter().map(|light| shadow_light(*light)).collect()
     }
 
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.
@@ -518,7 +516,7 @@ impl ResidentScene {
     pub fn scene_bytes(&self) -> u64 {
         let textures: u64 = self.textures.iter().map(|t| t.bytes()).sum();
         let deforming = self.deformation.as_ref().map_or(0, Deformation::bytes);
-        let tables = self.tables.bytes() + self.state.memory.bytes() + self.emitters.bytes() + self.lights.bytes();
+        let tables = self.tables.bytes() + self.state.memory.bytes() + self.lights.bytes();
         tables + self.vertices.bytes() + self.indices.bytes() + deforming + textures
     }
 

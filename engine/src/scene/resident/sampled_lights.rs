@@ -4,41 +4,44 @@ use super::{ResidentError, ResidentScene};
 use crate::gpu::{Buffer, Gpu};
 use crate::graph::execute::Executor;
 use crate::scene::Scene;
-use crate::scene::light_tables::Tables;
+use crate::scene::light_tables::{LightWeights, Tables};
 use std::sync::Arc;
 
-/// Tables of a scene, and their buffer while it is wanted.
+/// What is known of a scene's lights, and the buffers of the tables that are wanted.
 pub(super) struct SampledLights {
-    tables: Option<Tables>,
-    pub buffer: Option<Arc<Buffer>>,
+    weights: LightWeights,
+    /// The table of emissive surfaces alone.
+    pub emitters: Option<Arc<Buffer>>,
+    /// The tables of every light.
+    pub all: Option<Arc<Buffer>>,
 }
 
 impl SampledLights {
-    /// The emissive surfaces alone.
-    pub fn emitters(scene: &Scene) -> Self {
-        Self { tables: Tables::emitters(scene), buffer: None }
-    }
-
-    /// Every light.
-    pub fn all(scene: &Scene) -> Self {
-        Self { tables: Some(Tables::of_animation(scene)), buffer: None }
+    pub fn new(scene: &Scene) -> Self {
+        Self { weights: LightWeights::of_animation(scene), emitters: None, all: None }
     }
 
     pub fn bytes(&self) -> u64 {
-        self.buffer.as_ref().map_or(0, |b| b.bytes())
+        self.emitters.iter().chain(&self.all).map(|buffer| buffer.bytes()).sum()
     }
+}
 
-    /// Uploads the tables or frees their buffer.
-    fn want(&mut self, gpu: &Gpu, name: &str, wanted: bool) -> Result<(), ResidentError> {
-        match (&self.tables, wanted) {
-            (Some(tables), true) if self.buffer.is_none() => {
-                self.buffer = Some(tables.upload(gpu, &mut Executor::new(gpu)?, name)?);
-            }
-            (Some(_), true) => {}
-            _ => self.buffer = None,
-        }
-        Ok(())
+/// Makes and uploads tables that are wanted and not there yet, or frees what is not wanted.
+fn keep(
+    buffer: &mut Option<Arc<Buffer>>,
+    gpu: &Gpu,
+    name: &str,
+    wanted: bool,
+    tables: impl FnOnce() -> Option<Tables>,
+) -> Result<(), ResidentError> {
+    if !wanted {
+        *buffer = None;
+    } else if buffer.is_none()
+        && let Some(tables) = tables()
+    {
+        *buffer = Some(tables.upload(gpu, &mut Executor::new(gpu)?, name)?);
     }
+    Ok(())
 }
 
 impl Tables {
@@ -58,7 +61,9 @@ impl ResidentScene {
     /// # Errors
     /// Out of memory, or device loss.
     pub fn want_light_tables(&mut self, gpu: &Gpu, emitters: bool, lights: bool) -> Result<(), ResidentError> {
-        self.emitters.want(gpu, "scene emitters", emitters)?;
-        self.lights.want(gpu, "scene lights", lights)
+        let SampledLights { weights, emitters: emitter_table, all } = &mut self.lights;
+        let emitters = emitters && self.facts.emits();
+        keep(emitter_table, gpu, "scene emitters", emitters, || weights.emitters())?;
+        keep(all, gpu, "scene lights", lights, || Some(weights.tables()))
     }
 }

@@ -1,7 +1,7 @@
 //! A scene as the declaration of a frame needs it, without a device.
 use super::state::shift;
-use super::tables::{casters, draws, light, raster_index_count};
-use super::{Caster, Placed, SceneHandles};
+use super::tables::{draws, light, raster_index_count, shadow_lights};
+use super::{Placed, SceneHandles, ShadowLight};
 use crate::graph::{Access, BufferDesc, DrawLists, FrameGraph, ImportKey};
 use crate::ray::Bounds;
 use crate::scene::{Animator, Camera, FloatingOrigin, Scene, SceneFacts, single};
@@ -21,7 +21,7 @@ pub struct SceneSketch {
     /// What the raster passes draw.
     pub draws: DrawLists,
     /// The lights that can cast shadows, the one that matters most first.
-    pub casters: Vec<Caster>,
+    pub shadow_lights: Vec<ShadowLight>,
     /// Where the instances are.
     pub placed: Arc<[Placed]>,
     /// From where coordinates are counted.
@@ -47,8 +47,11 @@ impl SceneSketch {
     pub fn new(scene: &Scene, facts: Arc<SceneFacts>, camera: &Camera, needs: &Needs) -> Self {
         let origin = FloatingOrigin::default().follow(camera);
         let (animator, pose) = (Animator::new(scene), Animator::new(scene).pose(0.0));
-        let caster =
-            |index: u32| Caster { light: index, placed: light(&pose.lights[index as usize], origin), moved: false };
+        let shadow_light = |index: u32| ShadowLight {
+            light: index,
+            placed: light(&pose.lights[index as usize], origin),
+            moved: false,
+        };
         let place = |(i, instance): (usize, &crate::scene::Instance)| {
             let [min, max] =
                 pose.bounds[i].or_else(|| scene.meshes[instance.mesh as usize].bounds()).unwrap_or_default();
@@ -67,7 +70,7 @@ impl SceneSketch {
         let vertex = (size_of::<Vec3>() + size_of::<shared::VertexAttributes>()) as u64;
         Self {
             draws: draws(scene, &offsets),
-            casters: casters(&scene.lights).into_iter().map(caster).collect(),
+            shadow_lights: shadow_lights(&scene.lights).into_iter().map(shadow_light).collect(),
             placed: scene.instances.iter().enumerate().map(place).collect(),
             origin,
             bytes: Bytes {

@@ -6,7 +6,7 @@ use crate::scene::facts::lets_light_through;
 use crate::scene::{AlphaMode, Instance, Light, Material, Mesh, Scene, TextureUse};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie_shaders::scene as shared;
-use magpie_shaders::view::MOST_CASTERS;
+use magpie_shaders::view::MAX_SHADOW_LIGHTS;
 use magpie_shaders::{SampledImage, SamplerId};
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -225,7 +225,7 @@ pub(super) fn light(light: &Light, origin: DVec3) -> shared::Light {
 }
 
 /// Indices of the lights that cast shadows: directional lights first, then local lights by decreasing luminous intensity on the axis.
-pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
+pub(super) fn shadow_lights(lights: &[Light]) -> Vec<u32> {
     let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
     let power = |l: &Light| match l {
         Light::Directional { illuminance, .. } if luminance(*illuminance) > 0.0 => f32::INFINITY,
@@ -242,7 +242,7 @@ pub(super) fn casters(lights: &[Light]) -> Vec<u32> {
     let mut ranked: Vec<u32> = (0..lights.len() as u32).filter(|i| power(&lights[*i as usize]) > 0.0).collect();
     // The sort is stable, so equal lights stay in the order of the scene.
     ranked.sort_by(|a, b| power(&lights[*b as usize]).total_cmp(&power(&lights[*a as usize])));
-    ranked.truncate(MOST_CASTERS as usize);
+    ranked.truncate(MAX_SHADOW_LIGHTS as usize);
     ranked
 }
 

@@ -63,8 +63,8 @@ pub fn settings() -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
             "denoiser",
-            "`svgf`: the mean over frames, filtered as far as its variance asks for. `bilateral`: one blur along surfaces, cheap, blurs \
-             penumbrae and noise alike. `none`: noise stays.",
+            "`svgf`: temporal accumulation, then a spatial filter as wide as the variance asks for. `bilateral`: one edge-aware blur, \
+             cheap, which blurs penumbrae as well as noise. `none`: no denoising.",
             "svgf",
             &["svgf", "bilateral", "none"],
         )
@@ -72,31 +72,32 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::integer(
             "history",
             "frames",
-            "Of `svgf`: over how many frames the mean goes. Higher: less noise; what changes without moving is seen later.",
+            "Of `svgf`: greatest number of frames that are averaged. Higher: less noise, but changes of light show later.",
             32,
-            (1, 255),
+            1..=255,
         ),
         SettingSpec::integer(
             "levels",
             "",
-            "Of `svgf`: how often the filter doubles its reach, from 1 pixel on. Higher: smoother wide penumbrae, more time.",
+            "Of `svgf`: levels of the spatial filter, each of which doubles its reach from 1 pixel on. Higher: smoother wide penumbrae, \
+             more time.",
             4,
-            (1, 6),
+            1..=6,
         ),
         SettingSpec::float(
             "sigma",
             "standard deviations",
-            "Of `svgf`: how far two values may be apart to be averaged with a weight of 1/e. Higher: smoother, and shadows lose detail.",
+            "Of `svgf`: difference, in standard deviations, at which the weight of a neighbour is 1/e. Higher: smoother, less detail.",
             2.0,
-            (0.1, 16.0),
+            0.1..=16.0,
         ),
-        SettingSpec::integer("radius", "pixels", "Of `bilateral`: how far it blurs to each side.", 4, (1, 16)),
+        SettingSpec::integer("radius", "pixels", "Of `bilateral`: radius of the blur.", 4, 1..=16),
     ]
 }
 
 /// The setting `precision`, for effects whose images other than the denoiser's have a fixed format.
 pub fn precision() -> SettingSpec {
-    let about = "Bits of each channel of the denoiser's images. 32: as exact as they were computed. 16: half the memory and its traffic.";
+    let about = "Bits per channel of the denoiser's images. 32: no rounding. 16: half the memory and traffic.";
     SettingSpec::among("precision", "bits", about, 16, &[32, 16])
 }
 
@@ -104,8 +105,8 @@ pub fn precision() -> SettingSpec {
 pub fn adaptive() -> SettingSpec {
     SettingSpec::switch(
         "adaptive",
-        "Of `svgf` at full resolution: rays in one pixel of nine find what has changed since the frame before, where history is \
-         forgotten: moved shadows and switched lights are seen at once, for a ninth of a ray a pixel and some noise.",
+        "Of `svgf` at full resolution: one pixel of nine traces the previous frame's ray again, and history is discarded where the result \
+         differs. Moving shadows and switched lights show at once, for a ninth of a ray per pixel and some noise.",
         true,
     )
     .sweep_all()

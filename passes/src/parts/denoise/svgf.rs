@@ -50,6 +50,14 @@ struct Filtered {
     varied_tiles: Handle<Image>,
 }
 
+/// One level of the à-trous filter.
+struct Level {
+    index: u32,
+    from: Filtered,
+    /// Where the next frame looks for the filtered signal, for the level that writes it.
+    history: Option<PackedWrite>,
+}
+
 /// History for [`Svgf::accumulate`].
 #[derive(Clone, Copy)]
 struct Previous {
@@ -84,8 +92,8 @@ impl Svgf {
         let mut filtered = self.spatial_variance(g, view, i, accumulated, &pass("spatial_variance"));
         let (mut next, mut result) = (Some(next), i.signal.image);
         for level in 0..self.options.levels {
-            let name = pass(&format!("level_{level}"));
-            (filtered.signal, result) = self.level(g, view, i, (filtered, next.take()), level, &name);
+            let level = Level { index: level, from: filtered, history: next.take() };
+            (filtered.signal, result) = self.level(g, view, i, level, &pass(&format!("level_{}", level.index)));
         }
         result
     }
@@ -199,19 +207,18 @@ impl Svgf {
         })
     }
 
-    /// Adds one level. The first one writes `history`, and the last one the result; all but the last also return the filtered signal with its
-    /// deviations for the next level.
+    /// Adds one level. The last one returns the result, all others the filtered signal for the next level.
     fn level(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: DenoiseIn,
-        (from, history): (Filtered, Option<PackedWrite>),
-        level: u32,
+        level: Level,
         pass: &str,
     ) -> (Packed, Handle<Image>) {
+        let Level { index, from, history } = level;
         let (kernel, block, content) = (self.kernels.level, view.block, i.signal.content);
-        let (sigma, is_last) = (self.options.sigma, level + 1 == self.options.levels);
+        let (sigma, is_last) = (self.options.sigma, index + 1 == self.options.levels);
         let packing = content.packing(self.options.precision);
         let result = content.result(self.options.precision);
         g.pass(pass, Queue::AsyncCompute, |p| {
@@ -241,7 +248,7 @@ impl Svgf {
                     filtered: filtered.map_or(NO_IMAGE, |(values, _)| values.index()),
                     filtered_deviation: filtered.map_or(NO_IMAGE, |(_, deviations)| deviations),
                     result: result_target.map_or(NO_IMAGE, |t| c.id(t).index()),
-                    step: 1 << level,
+                    step: 1 << index,
                     packing: packing.layout,
                     sigma,
                     greatest: packing.values.greatest(),

@@ -13,7 +13,7 @@ use layer::Layer;
 use magpie::gpu::{Blend, Cull, Kernel, RasterDesc, RasterKernel};
 use magpie::graph::{Draw, DrawClass, HistoryScope};
 use magpie::prelude::*;
-use magpie::scene::Caster;
+use magpie::scene::ShadowLight;
 use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::scene::{
     LIGHT_DIRECTIONAL, LIGHT_DISC, LIGHT_RECTANGLE, LIGHT_SPHERE, LIGHT_SPOT, Light as SharedLight,
@@ -90,7 +90,7 @@ impl MapShadows {
         g: &mut FrameGraph,
         view: &View,
         i: ShadowIn,
-        lights: &[Caster],
+        lights: &[ShadowLight],
         classify: bool,
         name: &str,
     ) -> MapOut {

@@ -37,8 +37,8 @@ pub fn settings() -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
             "filter",
-            "How the edges of maps are filtered. `none`: one texel, hard and stepped. `pcf`: a box of texels, as soft everywhere. `pcss`: \
-             as wide as the penumbra of the light, from a search of what casts it; lights without a size get the box.",
+            "How the edges of shadow maps are filtered. `none`: one texel, with hard stepped edges. `pcf`: a box of constant width. \
+             `pcss`: as wide as the light's penumbra, estimated by a search for occluders; lights without an extent get the box.",
             "pcss",
             &["none", "pcf", "pcss"],
         )
@@ -46,29 +46,31 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float(
             "kernel",
             "texels",
-            "Side of the box of `pcf`. Higher: softer and slower, and more of the dark seam where two lit surfaces meet.",
+            "Side of the box of `pcf`. Higher: softer edges, more time, and a wider dark seam where two lit surfaces meet.",
             3.0,
-            (1.0, 9.0),
+            1.0..=9.0,
         ),
         SettingSpec::among(
             "taps",
             "",
-            "Samples of a soft edge of a map, and of the search before it. Higher: less grain, slower.",
+            "Samples of `pcss`, for the occluder search and for the filter each, and of `pcf` with `pattern=noise`. Higher: less noise, more \
+             time.",
             16,
             &[8, 16, 32, 64],
         )
         .sweep([16_i64, 64]),
         SettingSpec::choice(
             "pattern",
-            "Where `pcf` looks. `grid`: at every texel of its box, smooth. `noise`: at `taps` points of a disc, turned for each pixel; \
-             grain, and less to read for a wide kernel. `pcss` always does that.",
+            "Sample positions of `pcf`. `grid`: every texel of the box, without noise. `noise`: `taps` points of a disc that is rotated \
+             for each pixel; noisy, but cheaper for a wide box. `pcss` always uses the latter.",
             "grid",
             &["grid", "noise"],
         ),
         SettingSpec::among(
             "map_size",
             "texels",
-            "Side of a cascade of the sun. Higher: finer edges, less that is unsure; memory and drawing grow with the square.",
+            "Side of each cascade of directional light. Higher: finer edges and fewer unreliable pixels, with memory and drawing \
+             proportional to the square.",
             2048,
             &[512, 1024, 2048, 4096],
         )
@@ -76,59 +78,61 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::among(
             "lamp_map_size",
             "texels",
-            "Side of the map of a spot, and of each face of the cube around another lamp.",
+            "Side of the map of a spot light, and of each cube face of another local light.",
             1024,
             &[256, 512, 1024, 2048, 4096],
         ),
-        SettingSpec::integer("cascades", "", "Maps of the sun, at most. Higher: finer near the camera.", 4, (1, 4)),
+        SettingSpec::integer("cascades", "", "Greatest number of cascades of directional light. Higher: finer near the camera.", 4, 1..=4),
         SettingSpec::float(
             "split",
             "",
-            "Where cascades end: at equal lengths (0), at equal factors (1), or between. Higher: finer near the camera, coarser far from it.",
+            "How cascades divide the distance from the camera: 0 is linear, 1 logarithmic. Higher: finer near the camera, coarser far \
+             from it.",
             0.75,
-            (0.0, 1.0),
+            0.0..=1.0,
         ),
         SettingSpec::float(
             "distance",
             "metres",
-            "As far from the camera the sun has maps; beyond, it shines through everything. Higher: coarser.",
+            "Distance from the camera up to which directional light has cascades; beyond it nothing is shadowed. Higher: coarser maps.",
             200.0,
-            (1.0, 1e6),
+            1.0..=1e6,
         ),
         SettingSpec::float(
             "blend",
             "",
-            "Share of a cascade over which it goes over into the next. Higher: a softer change, and more pixels that look at two.",
+            "Fraction of a cascade that is blended into the next one. Higher: a smoother transition, and more pixels that read two \
+             cascades.",
             0.1,
-            (0.0, 0.5),
+            0.0..=0.5,
         ),
         SettingSpec::float(
             "contact",
             "metres",
-            "Length of a march through the depth buffer towards each light that has a map, for shadows of what is smaller than texels. \
-             0: none. Higher: further, coarser, and more that is wrongly dark behind what the picture shows.",
+            "Length of a march through the depth buffer towards each light that has a map, for shadows of objects that are smaller than \
+             texels. 0: none. Higher: shadows of larger objects, with coarser steps and more false shadows behind foreground objects.",
             0.0,
-            (0.0, 10.0),
+            0.0..=10.0,
         )
         .sweep([0.0, 0.1]),
         SettingSpec::integer(
             "contact_steps",
             "",
-            "Steps of that march. Higher: thinner things cast contact shadows; slower.",
+            "Steps of the march of `contact`. Higher: contact shadows of thinner objects, more time.",
             16,
-            (4, 64),
+            4..=64,
         ),
         SettingSpec::switch(
             "doubts",
-            "Maps also say where they are not to be trusted, for `--view shadows.map_look:unsure`; `hybrid` always asks.",
+            "Also writes which pixels of the maps are unreliable, for `--view shadows.map_look:unsure`. `hybrid` always does.",
             false,
         ),
         SettingSpec::float(
             "coarse",
             "pixels",
-            "How wide a texel of a map may be on the screen before `hybrid` no longer trusts the edges near it.",
+            "Width of a texel on the screen above which `hybrid` traces rays at the edges of shadows.",
             1.0,
-            (0.0, 1000.0),
+            0.0..=1000.0,
         ),
     ]
 }

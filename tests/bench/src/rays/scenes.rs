@@ -111,7 +111,7 @@ impl Run<'_> {
         let surfaces = Surfaces::new(scene, &seen, &answers);
         let key_light = match first.target {
             Target::Scene(resident) => {
-                resident.borrow().casters().first().and_then(|c| scene.lights.get(c.light as usize))
+                resident.borrow().shadow_lights().first().and_then(|c| scene.lights.get(c.light as usize))
             }
             Target::World(_) => None,
         };

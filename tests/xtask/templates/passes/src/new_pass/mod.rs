@@ -8,8 +8,8 @@ use magpie_shaders::new_pass::ApplyParams;
 
 pub fn slot() -> Slot<NewPassIn, NewPassOut> {
     let settings = [
-        SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, (-8.0, 8.0)),
-        SettingSpec::float("falloff", "", "Higher is darker at the edges: 1 is a simple lens, 0 is even.", 1.0, (0.0, 1.0)),
+        SettingSpec::float("exposure", "stops", "Higher is brighter: each stop doubles the light.", 0.0, -8.0..=8.0),
+        SettingSpec::float("falloff", "", "Higher is darker at the edges: 1 is a simple lens, 0 is even.", 1.0, 0.0..=1.0),
     ];
     Slot::new("new_pass")
         .about("What a lens does to the radiance that falls through it.")
