@@ -118,9 +118,11 @@ void main() {
         // Channels that use the sample without its history.
         bvec4 alone = bvec4(false);
         if (params.noise_width != NO_IMAGE) {
-            vec4 width = noise_width(params.noise_width, pixel);
+            vec4 width = noise_width(params.noise_width, pixel, params.packing);
             bvec4 moves = unsettled(between, forgotten);
-            bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))));
+            // Radiance is not clamped: outliers would widen the range.
+            bool bounded = params.packing != SIGNAL_RADIANCE;
+            bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))) & uvec4(bounded));
             if (any(narrow)) {
                 vec4 least = now, most = now;
                 samples_around(pixel, view.at[0].size, least, most);

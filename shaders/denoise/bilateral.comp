@@ -25,7 +25,7 @@ void main() {
     // The radius is two standard deviations.
     float falloff = 2.0 / float(params.radius * params.radius);
     vec4 farthest = vec4(float(params.radius));
-    if (params.noise_width != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, noise_width(params.noise_width, pixel)));
+    if (params.noise_width != NO_IMAGE) farthest = min(farthest, 0.5 * averaged_width(view, noise_width(params.noise_width, pixel, params.packing)));
     // Truncated: the nearest other pixel is one away.
     int radius = int(max(max(farthest.x, farthest.y), max(farthest.z, farthest.w)));
     // Starting with the pixel itself keeps the sum of weights at 1 or more.

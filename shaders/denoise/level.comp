@@ -60,7 +60,7 @@ Signal filtered(ViewBuffer view, ivec2 pixel, Signal own, Guide here, vec4 blurr
     vec4 farthest = vec4(1e9);
     // Half the width to each side is shared by this level and those before it, which reach (step - 1) pixels together.
     if (params.noise_width != NO_IMAGE) {
-        farthest = 0.5 * averaged_width(view, noise_width(params.noise_width, pixel)) / (2.0 - 1.0 / float(params.step));
+        farthest = 0.5 * averaged_width(view, noise_width(params.noise_width, pixel, params.packing)) / (2.0 - 1.0 / float(params.step));
     }
     vec4 apart = params.sigma * sqrt(blurred) + LEAST_DIFFERENCE;
     vec4 sum = vec4(0.0), variances = vec4(0.0), weights = vec4(0.0);

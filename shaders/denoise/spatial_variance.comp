@@ -49,7 +49,7 @@ bool vary(ViewBuffer view, ivec2 pixel) {
     if (params.packing == SIGNAL_RADIANCE) short_one = short_one.xxxx, frames = frames.xxxx;
     // Where there is no noise, differences between neighbours are edges.
     bvec4 noisy = bvec4(true);
-    if (params.noise_width != NO_IMAGE) noisy = greaterThan(averaged_width(view, noise_width(params.noise_width, pixel)), vec4(0.0));
+    if (params.noise_width != NO_IMAGE) noisy = greaterThan(averaged_width(view, noise_width(params.noise_width, pixel, params.packing)), vec4(0.0));
     short_one = bvec4(uvec4(short_one) & uvec4(noisy));
     if (any(short_one)) {
         Guide here = load_guide(params.guide, params.normals, pixel);

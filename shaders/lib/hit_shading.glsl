@@ -45,9 +45,13 @@ vec3 seen_along(SceneBuffer scene, Ray ray, inout uvec2 traced) {
 #endif
 }
 
-// Direct light, the sky's included, that a surface scatters towards `to_viewer`: one sample of each group of lights, of which one, chosen
-// by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
-vec3 direct_light_at(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, inout Random random, inout uvec2 traced) {
+// Direct light, the sky's included, that some lobes of a surface scatter towards `to_viewer`: one sample of each group of lights, of which
+// one, chosen by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
+// `weighted`: a ray in a direction of the same lobes finds the same light, so each has its weight by the power heuristic.
+vec3 direct_light_at(
+    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, bool weighted, inout Random random,
+    inout uvec2 traced
+) {
     mat3 frame = frame_of(s.normal);
     vec3 v = to_viewer * frame;
     float choice = random4(random).x;
@@ -61,8 +65,9 @@ vec3 direct_light_at(ViewBuffer view, SceneBuffer scene, LightTables lights, Sur
         float probability;
         vec3 l, scattered;
         if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
-        if (!scatter(s, frame, v, LOBE_ALL, from, l, scattered)) continue;
+        if (!scatter(s, frame, v, lobes, from, l, scattered)) continue;
         vec3 light = scattered * from.radiance / probability;
+        if (weighted && from.pdf > 0.0) light *= mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, lobes), true);
         float luminance_here = luminance(light);
         if (!(luminance_here > 0.0)) continue;
         // Reservoir with room for one (Chao 1982, "A General Purpose Unequal Probability Sampling Plan"); the random number is rescaled.
@@ -128,7 +133,7 @@ HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit h
     HitLight light = HitLight(s.emission, vec3(0.0));
     if (s.black) return light;
     if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, -direction, light.scattered)) return light;
-    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, random, traced);
+    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, false, random, traced);
     return light;
 }
 

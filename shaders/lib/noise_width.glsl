@@ -14,9 +14,10 @@ bool is_jittered(ViewBuffer view) {
     return view.at[0].jitter != view.at[0].previous_jitter;
 }
 
-// Width around a pixel, pixels, a channel each; 0 where there is no noise.
-vec4 noise_width(uint image, ivec2 pixel) {
-    return WIDEST_NOISE * load(image, pixel);
+// Width around a pixel, pixels, a channel each; 0 where there is no noise. Radiance has one width for all channels.
+vec4 noise_width(uint image, ivec2 pixel, uint packing) {
+    vec4 width = WIDEST_NOISE * load(image, pixel);
+    return packing == SIGNAL_RADIANCE ? width.xxxx : width;
 }
 
 // Width over which neighbours and earlier frames may be averaged; 0 where each sample must be used as it is.

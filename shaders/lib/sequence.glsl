@@ -9,6 +9,7 @@
 // Values for `dimension` of `sequence2`: different values give independent points.
 const uint SEQUENCE_AO = 0u;
 const uint SEQUENCE_EMITTERS = 24u;           // and two after it
+const uint SEQUENCE_REFLECTIONS = 28u;
 const uint SEQUENCE_DIRECT = 32u;             // and two for each light of the scene after it
 const uint SEQUENCE_SHADOWS = 0x80000000u;    // and one for each light of the scene after it
 

@@ -175,5 +175,7 @@ pub struct BilateralParams {
     /// Radius, pixels.
     pub radius: u32,
     /// As in [`AccumulateParams`].
+    pub packing: u32,
+    /// As in [`AccumulateParams`].
     pub greatest: f32,
 }

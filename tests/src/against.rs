@@ -1,4 +1,4 @@
-//! Radiance of the slot `direct`, compared with the reference.
+//! Radiance of lighting slots, compared with the reference.
 use crate::harness::config;
 use anyhow::{Context, Result, ensure};
 use glam::DVec3;
@@ -17,48 +17,82 @@ pub struct Shown {
     pub time: f64,
 }
 
-/// Mean radiance of the slot over `frames` frames of a configuration, each checked, and the time of its `direct.` passes, milliseconds per
+/// Mean radiance of the slot `direct` over `frames` frames of a configuration, each checked, and the time of its passes, milliseconds per
 /// frame.
 ///
 /// # Errors
 /// Any error of the renderer, and values that are not finite.
 pub fn mean(gpu: &Gpu, scene: &Scene, changes: &[&str], shown: Shown, frames: u32) -> Result<(Vec<DVec3>, f64)> {
+    mean_of("direct", gpu, scene, changes, shown, frames)
+}
+
+/// The same of any slot that gives radiance.
+///
+/// # Errors
+/// Any error of the renderer, and values that are not finite.
+pub fn mean_of(
+    slot: &str,
+    gpu: &Gpu,
+    scene: &Scene,
+    changes: &[&str],
+    shown: Shown,
+    frames: u32,
+) -> Result<(Vec<DVec3>, f64)> {
     let [width, height] = shown.size;
     let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
-    renderer.read_slots(&["direct"])?;
+    renderer.read_slots(&[slot])?;
     let (mut sums, mut ns) = (vec![DVec3::ZERO; (width * height) as usize], 0);
     for _ in 0..frames {
         let request = FrameRequest { camera: &scene.cameras[0], time: shown.time, view: None, read_back: true };
         let result = renderer.frame(request)?.context("no frame")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
-        let image = result.slots[0].1.as_ref().context("no direct light")?;
+        let image = result.slots[0].1.as_ref().with_context(|| format!("no image of `{slot}`"))?;
         for (sum, v) in sums.iter_mut().zip(image.values()) {
             *sum += DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2])) / f64::from(frames);
         }
-        let direct = result.sample.passes.iter().filter(|p| p.name.starts_with("direct."));
-        ns += direct.filter_map(|p| p.gpu_ns).sum::<u64>();
+        let of_slot = |name: &str| name.split_once('.').is_some_and(|(first, _)| first == slot);
+        ns += result.sample.passes.iter().filter(|p| of_slot(&p.name)).filter_map(|p| p.gpu_ns).sum::<u64>();
     }
     Ok((sums, ns as f64 * 1e-6 / f64::from(frames)))
 }
 
-/// The ground truth.
+/// The ground truth of direct light.
 ///
 /// # Errors
 /// Any error of the reference.
 pub fn truth(gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Estimate> {
-    let options = ReferenceOptions {
-        width: shown.size[0],
-        height: shown.size[1],
-        only: Only::Direct,
-        pixel: PixelSampling::Centre,
-        time: shown.time,
-        seed: 77,
-        ..ReferenceOptions::default()
-    };
+    truth_of(ReferenceOptions { only: Only::Direct, ..ReferenceOptions::default() }, gpu, scene, shown, samples)
+}
+
+/// The ground truth of what the options say, at the centres of pixels.
+///
+/// # Errors
+/// Any error of the reference.
+pub fn truth_of(options: ReferenceOptions, gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Estimate> {
+    let Shown { size: [width, height], time } = shown;
+    let options = ReferenceOptions { width, height, pixel: PixelSampling::Centre, time, seed: 77, ..options };
     let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
     reference.add(samples)?;
     Ok(reference.estimate().clone())
+}
+
+/// Mean of an image over that of the truth, and the root mean square error of blocks of 8 by 8 pixels over the mean of the truth. Blocks have
+/// less noise than pixels. All channels count alike; `width` is that of both images.
+pub fn light_and_block_error(found: &[DVec3], truth: &[DVec3], width: u32) -> [f64; 2] {
+    let (width, height) = (width as usize, found.len() / width as usize);
+    let across = width.div_ceil(8);
+    let blocks = |values: &[DVec3]| {
+        let mut sums = vec![0.0; across * height.div_ceil(8)];
+        for (at, value) in values.iter().enumerate() {
+            sums[at / width / 8 * across + at % width / 8] += value.element_sum();
+        }
+        sums
+    };
+    let (found, truth) = (blocks(found), blocks(truth));
+    let (sum, wanted): (f64, f64) = (found.iter().sum(), truth.iter().sum());
+    let square: f64 = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum();
+    [sum / wanted, (square / truth.len() as f64).sqrt() / (wanted / truth.len() as f64)]
 }
 
 /// relMSE, and the part of it that is due to the ground truth's noise.

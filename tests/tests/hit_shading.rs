@@ -4,6 +4,7 @@
 mod bounce;
 
 use anyhow::{Context, Result, ensure};
+use glam::DVec3;
 use magpie::config::Config;
 use magpie::prelude::*;
 use magpie::scene::{Scene, SceneFacts};
@@ -11,6 +12,7 @@ use magpie::slot::Needs;
 use magpie_passes::contracts::{LightingIn, LightingOut};
 use magpie_passes::reference::{Only, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_tests::against::light_and_block_error;
 use magpie_tests::harness::{builtin, gpu};
 
 const SIZE: [u32; 2] = [64, 48];
@@ -33,7 +35,7 @@ impl Effect for Asks {
 }
 
 /// Mean over frames of what the effect gathered, before its denoiser.
-fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
+fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<DVec3>>> {
     let Some(gpu) = gpu()? else { return Ok(None) };
     let mut slots = Slots::default();
     bounce::register(&mut slots);
@@ -45,7 +47,7 @@ fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
     config.set(&format!("gi.reuse={reuse}"))?;
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, scene, &slots, &config, options)?;
-    let mut sum = vec![[0.0; 3]; (SIZE[0] * SIZE[1]) as usize];
+    let mut sum = vec![DVec3::ZERO; (SIZE[0] * SIZE[1]) as usize];
     // Bounces add up over the first frames.
     let begin = if reuse { 16 } else { 0 };
     for frame in 0..begin + FRAMES {
@@ -58,37 +60,19 @@ fn gathered(scene: &Scene, reuse: bool) -> Result<Option<Vec<[f64; 3]>>> {
         ensure!(keeps == reuse, "the previous frame is kept: {keeps}");
         let Some(images) = result.images else { continue };
         for (sum, value) in sum.iter_mut().zip(images.linear.values()) {
-            (0..3).for_each(|c| sum[c] += f64::from(value[c]) / f64::from(FRAMES));
+            *sum += DVec3::new(f64::from(value[0]), f64::from(value[1]), f64::from(value[2])) / f64::from(FRAMES);
         }
     }
     Ok(Some(sum))
 }
 
 /// Indirect diffuse light of the reference, with at most `depth` scatterings.
-fn truth(scene: &Scene, depth: u32) -> Result<Vec<[f64; 3]>> {
+fn truth(scene: &Scene, depth: u32) -> Result<Vec<DVec3>> {
     let gpu = gpu()?.context("no device")?;
     let options = ReferenceOptions { width: SIZE[0], height: SIZE[1], depth, only: Only::Gi, ..Default::default() };
     let mut reference = Reference::new(&gpu, scene, &scene.cameras[0], options)?;
     reference.add(FRAMES)?;
-    Ok(reference.estimate().mean.iter().map(|v| v.to_array()).collect())
-}
-
-/// Sums over blocks of 8 by 8 pixels, all channels.
-fn blocks(values: &[[f64; 3]]) -> Vec<f64> {
-    let [width, height] = SIZE.map(|n| n as usize);
-    let mut sums = vec![0.0; width / 8 * (height / 8)];
-    for (at, value) in values.iter().enumerate() {
-        sums[at / width / 8 * (width / 8) + at % width / 8] += value.iter().sum::<f64>();
-    }
-    sums
-}
-
-/// Mean over the mean of the truth, and the root mean square difference of blocks over that mean.
-fn compared(found: &[[f64; 3]], truth: &[[f64; 3]]) -> (f64, f64) {
-    let (found, truth) = (blocks(found), blocks(truth));
-    let (sum, wanted): (f64, f64) = (found.iter().sum(), truth.iter().sum());
-    let square: f64 = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum();
-    (sum / wanted, (square / truth.len() as f64).sqrt() / (wanted / truth.len() as f64))
+    Ok(reference.estimate().mean.clone())
 }
 
 #[test]
@@ -97,7 +81,7 @@ fn one_bounce_is_that_of_the_reference() -> Result<()> {
     for name in ["cornell", "courtyard"] {
         let scene = builtin(name)?;
         let Some(found) = gathered(&scene, false)? else { return Ok(()) };
-        let (ratio, rmse) = compared(&found, &truth(&scene, 2)?);
+        let [ratio, rmse] = light_and_block_error(&found, &truth(&scene, 2)?, SIZE[0]);
         println!("{name}: mean {ratio:.4} of the truth, rmse of blocks {rmse:.4}");
         ensure!((ratio - 1.0).abs() < 0.02 && rmse < 0.08, "{name}: mean {ratio} of the truth, blocks {rmse}");
     }
@@ -109,7 +93,8 @@ fn the_previous_frame_brings_all_bounces() -> Result<()> {
     let scene = builtin("cornell")?;
     let (Some(one), Some(all)) = (gathered(&scene, false)?, gathered(&scene, true)?) else { return Ok(()) };
     let truth = truth(&scene, 0)?;
-    let ((one_ratio, one_rmse), (ratio, rmse)) = (compared(&one, &truth), compared(&all, &truth));
+    let ([one_ratio, one_rmse], [ratio, rmse]) =
+        (light_and_block_error(&one, &truth, SIZE[0]), light_and_block_error(&all, &truth, SIZE[0]));
     println!("one bounce: mean {one_ratio:.4}, rmse {one_rmse:.4}; with the previous frame: {ratio:.4}, {rmse:.4}");
     // A fifth of the hits is not on the screen, as the backs of the blocks and the floor behind them, and has one bounce.
     let is_closer = rmse < 0.6 * one_rmse && ratio > one_ratio + 0.2 && ratio < 1.02;

@@ -129,7 +129,7 @@ pub(crate) struct DrawRange {
 }
 
 /// Several indirect draws that cull the same faces, with five words each in a buffer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct DrawsAt<'a> {
     pub words: BufferAt<'a>,
     pub count: u32,
@@ -137,7 +137,7 @@ pub(crate) struct DrawsAt<'a> {
 }
 
 /// A place in a buffer, `offset` bytes from its start.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct BufferAt<'a> {
     pub buffer: &'a Buffer,
     pub offset: u64,

@@ -1,10 +1,13 @@
-//! Specular indirect light: at present the sky in the mirror direction times specular occlusion.
+//! Specular indirect light: of the sky alone, or of whatever rays meet.
+mod ray_traced;
+
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
+use ray_traced::RayTraced;
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
@@ -23,6 +26,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
                     settings,
                 )?))
             },
+        )
+        .with(
+            "ray-traced",
+            "Rays along the specular lobe, shaded by lights and by the previous frame.",
+            &ray_traced::settings(),
+            |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -1,5 +1,5 @@
 //! The denoiser `bilateral`: one edge-aware blur.
-use super::{DenoiseIn, Options, Precision};
+use super::{DenoiseIn, Options, Precision, Signal};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
@@ -24,7 +24,8 @@ impl Bilateral {
     /// Adds the pass. `name` is appended to its name.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
         let (kernel, radius, block) = (self.kernel, self.radius, view.block);
-        let (noisy, format) = (i.signal.image, i.signal.content.result(self.precision));
+        let Signal { image: noisy, content } = i.signal;
+        let (format, packing) = (content.result(self.precision), content.packing(self.precision).layout);
         g.pass(&format!("{}.bilateral{name}", self.effect), Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(i.surfaces.reprojected.guide));
             let noise_width = i.hints.width.map(|h| p.sample(h));
@@ -41,6 +42,7 @@ impl Bilateral {
                     filtered: c.id(target),
                     noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
                     radius,
+                    packing,
                     greatest: format.greatest(),
                 };
                 c.dispatch(kernel, &params, extent);

@@ -91,9 +91,10 @@ impl Svgf {
         let accumulated = self.accumulate(g, view, i, Previous { filtered, gradient }, name);
         let mut filtered = self.spatial_variance(g, view, i, accumulated, &pass("spatial_variance"));
         let (mut next, mut result) = (Some(next), i.signal.image);
-        for level in 0..self.options.levels {
-            let level = Level { index: level, from: filtered, history: next.take() };
-            (filtered.signal, result) = self.level(g, view, i, level, &pass(&format!("level_{}", level.index)));
+        for index in 0..self.options.levels {
+            let (level, pass) =
+                (Level { index, from: filtered, history: next.take() }, pass(&format!("level_{index}")));
+            (filtered.signal, result) = self.level(g, view, i, level, &pass);
         }
         result
     }
