@@ -36,7 +36,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 15] = [
+pub const FEATURES: [Feature; 16] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -47,6 +47,7 @@ pub const FEATURES: [Feature; 15] = [
     Feature::set("fixed history", &["shadows.adaptive=false"]),
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
+    Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
     Feature::traced("software", Rays::Software),
@@ -57,7 +58,7 @@ pub const FEATURES: [Feature; 15] = [
 /// The `post` setting that averages over pixels, and so decides which ground truth a picture is compared with.
 const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
 /// Settings of a ground truth: many rays, no denoiser, full resolution.
-const TRUE: [&str; 8] = [
+const TRUE: [&str; 10] = [
     "shadows.rays=8",
     "shadows.most_lights=8",
     "shadows.denoiser=none",
@@ -65,6 +66,8 @@ const TRUE: [&str; 8] = [
     "ao.rays=8",
     "ao.denoiser=none",
     "ao.resolution=full",
+    "reflections.rays=8",
+    "reflections.denoiser=none",
     "post.resolution_scale=1",
 ];
 
@@ -94,17 +97,28 @@ pub fn is_anti_aliased(config: &Config) -> bool {
     full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
 }
 
-/// Whether ambient occlusion is ray-traced.
-pub fn traces_ao(config: &Config) -> bool {
-    let full = Slots::default().catalogue().complete(config);
-    full.stages.get("ao").is_some_and(|ao| ao == "ray-traced")
+/// Which slots that can do without rays trace them: their ground truth is another one then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Traced {
+    ao: bool,
+    reflections: bool,
+}
+
+impl Traced {
+    /// What a configuration traces.
+    pub fn of(config: &Config) -> Self {
+        let full = Slots::default().catalogue().complete(config);
+        let is_traced = |slot| full.stages.get(slot).is_some_and(|name| name == "ray-traced");
+        Self { ao: is_traced("ao"), reflections: is_traced("reflections") }
+    }
 }
 
 /// The configuration without noise, sampled at pixel centres or averaged over pixels.
-pub fn settle(config: &Config, anti_aliased: bool, traced_ao: bool) -> Result<Config, FrameBenchError> {
+pub fn settle(config: &Config, anti_aliased: bool, traced: Traced) -> Result<Config, FrameBenchError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
-    let traced = traced_ao.then_some("stages.ao=ray-traced");
-    change(config, TRUE.into_iter().chain([sampled]).chain(traced))
+    let ao = traced.ao.then_some("stages.ao=ray-traced");
+    let reflections = traced.reflections.then_some("stages.reflections=ray-traced");
+    change(config, TRUE.into_iter().chain([sampled]).chain(ao).chain(reflections))
 }
 
 /// The changes of two features; `None` if they set the same setting differently.

@@ -8,7 +8,7 @@ pub use report::PairsReport;
 
 use crate::FrameBenchError;
 use crate::motion::{Moment, Path, paths};
-use features::{is_anti_aliased, light_up, settle, traces_ao};
+use features::{Traced, is_anti_aliased, light_up, settle};
 use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
@@ -59,12 +59,12 @@ pub struct Cell {
 /// Linear radiance, three values per pixel.
 type Picture = Vec<f32>;
 
-/// Key of a ground truth: pixel sampling, kind of ambient occlusion, and added lights. The error of one kind of ambient occlusion against
-/// another is measured by `magpie accuracy` instead.
+/// Key of a ground truth: pixel sampling, which slots are ray-traced, and added lights. The error of one implementation against another is
+/// measured by `magpie accuracy` instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     anti_aliased: bool,
-    traced_ao: bool,
+    traced: Traced,
     lights: bool,
 }
 
@@ -149,7 +149,7 @@ impl Bench {
 
 /// Ground truths: the mean over frames with many rays and without denoising or post-processing.
 fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, FrameBenchError> {
-    let config = settle(&options.config, kind.anti_aliased, kind.traced_ao)?;
+    let config = settle(&options.config, kind.anti_aliased, kind.traced)?;
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, "truth", &config, options.rays)?;
     let failed = FrameBenchError::render("truth");
     bench.renderer.read_slots(&["sky"]).map_err(failed)?;
@@ -182,8 +182,8 @@ fn cell(
     let Some((config, rays, switches)) = features::combine(&options.config, options.rays, pair)? else {
         return Ok(None);
     };
-    let (anti_aliased, traced_ao) = (is_anti_aliased(&config), traces_ao(&config));
-    let kind = Kind { anti_aliased, traced_ao, lights: pair.iter().any(|f| f.lights) };
+    let (anti_aliased, traced) = (is_anti_aliased(&config), Traced::of(&config));
+    let kind = Kind { anti_aliased, traced, lights: pair.iter().any(|f| f.lights) };
     let truth = truths.of(kind, || self::truths(gpu, walk, kind, options))?;
     let label = format!("{} with {}", pair[0].name, pair[1].name);
     let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, &label, &config, rays)?;
