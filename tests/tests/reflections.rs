@@ -5,7 +5,7 @@ use magpie::scene::Scene;
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_tests::against::{Shown, light_and_block_error, mean_of, truth_of};
 use magpie_tests::fixtures::{add, camera, environment, material, plane, scene};
-use magpie_tests::harness::{builtin, gpu};
+use magpie_tests::harness::{builtin, config, gpu, linear, render};
 
 const SHOWN: Shown = Shown { size: [48, 40], time: 0.0 };
 /// Rays as they are, without other effects.
@@ -57,6 +57,39 @@ fn rays_converge_to_the_reference() -> Result<()> {
         // Measured 0.01 to 0.11: the noise of the few pixels that reflect a lamp.
         ensure!(error < 0.15, "{name}, metalness {metalness}, roughness {roughness}: blocks {error}");
     }
+    Ok(())
+}
+
+/// The denoised frame is nearer to the mean of many frames than one raw frame is, from the first frame on; a mirror stays as sharp as it is.
+#[test]
+fn the_denoiser_helps_and_leaves_mirrors_sharp() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = coated("cornell", 0.3, 1.0)?;
+    let (wanted, _) = mean_of("reflections", &gpu, &scene, &RAW, SHOWN, 192)?;
+    let last = |scene: &Scene, denoiser: &str, frames: u32| -> Result<Vec<DVec3>> {
+        let changes: Vec<&str> = RAW.into_iter().filter(|c| !c.contains("denoiser")).chain([denoiser]).collect();
+        let view = Some(("reflections.resolve", "radiance"));
+        let image = linear(render(&gpu, scene, &config(&changes)?, SHOWN.size, frames, view)?)?;
+        Ok(image.values().iter().map(|v| Vec3::new(v[0], v[1], v[2]).as_dvec3()).collect())
+    };
+    let error = |denoiser: &str, frames: u32| -> Result<f64> {
+        let found = last(&scene, denoiser, frames)?;
+        // Of display values, so that single bright pixels do not decide.
+        let shown = |v: DVec3| v / (DVec3::ONE + v);
+        let square: f64 = found.iter().zip(&wanted).map(|(f, w)| (shown(*f) - shown(*w)).length_squared()).sum();
+        Ok((square / wanted.len() as f64).sqrt())
+    };
+    let raw = error("reflections.denoiser=none", 8)?;
+    let (first, eighth) = (error("reflections.denoiser=svgf", 1)?, error("reflections.denoiser=svgf", 8)?);
+    println!("error of a raw frame {raw:.4}, denoised {first:.4}, in the eighth frame {eighth:.4}");
+    ensure!(first < raw && eighth < 0.7 * raw, "raw {raw}, denoised {first}, in the eighth frame {eighth}");
+
+    // Nothing is blurred across the picture: the first frame of a mirror is the raw one.
+    let mirror = coated("cornell", 0.0, 1.0)?;
+    let (sharp, filtered) =
+        (last(&mirror, "reflections.denoiser=none", 1)?, last(&mirror, "reflections.denoiser=svgf", 1)?);
+    let changed = sharp.iter().zip(&filtered).filter(|(a, b)| a.distance(**b) > 1e-3 * a.length() + 1e-6).count();
+    ensure!(sharp.iter().any(|v| *v != DVec3::ZERO) && changed == 0, "{changed} pixels of a mirror are filtered");
     Ok(())
 }
 
