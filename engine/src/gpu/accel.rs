@@ -279,7 +279,7 @@ impl CommandEncoder {
         unsafe { calls.accel.cmd_build_acceleration_structures(self.raw(), &[info], &[&ranges[..]]) };
     }
 
-    /// Writes the compacted sizes to a buffer from `offset` on, as one 64-bit word each.
+    /// Writes the compacted sizes to a buffer, as one 64-bit word each.
     pub fn compacted_sizes(&mut self, accels: &[&Accel], sizes: &CompactedSizes, to: BufferAt<'_>) {
         let gpu = self.gpu().clone();
         let Some(calls) = &gpu.0.ray_calls else { return };
