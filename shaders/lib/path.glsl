@@ -8,6 +8,16 @@
 // Light that the rays of a path meet, for the reference and for effects that follow light over several bounces. The surfaces where rays
 // begin sample lights too, so both are weighted (Veach 1997, chapter 9). All functions add to `radiance`, times `throughput`.
 
+// From this scattering on, paths end by Russian roulette (Arvo and Kirk 1990, "Particle Transport and Image Synthesis"). The first is at the
+// surface that the camera sees.
+const uint ROULETTE_FROM = 4u;
+
+// Probability with which such a path goes on.
+float continue_probability(vec3 throughput) {
+    const float MOST = 0.95;
+    return min(max(throughput.r, max(throughput.g, throughput.b)), MOST);
+}
+
 // Weight of light found by one strategy with pdf `own`, which the other one has with pdf `other`, both per steradian. `met`: found by a ray
 // rather than by light sampling. `flags`: PATH_* bits that choose strategies; 0 for both, by the power heuristic.
 float path_weight(float own, float other, bool met, uint flags) {

@@ -2,9 +2,14 @@
 #define LIB_REFLECTION_RAYS_GLSL
 #include "lib/gbuffer.glsl"
 #include "lib/hit_shading.glsl"
+#include "lib/found_ray.glsl"
 #include "lib/path.glsl"
+#include "lib/precision.glsl"
+#include "lib/ray_cells.glsl"
+#include "lib/ray_count.glsl"
 #include "lib/sequence.glsl"
 #include "lib/specular_albedo.glsl"
+#include "shared/denoise.glsl"
 #include "shared/reflections.glsl"
 // Specular indirect light by rays: directions of visible normals of GGX (Heitz 2018, "Sampling the GGX Distribution of Visible Normals"),
 // each followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot `direct` has that.
@@ -13,14 +18,9 @@
 // Counters: closest-hit and any-hit rays.
 uvec2 reflections_traced = uvec2(0u);
 
-// From this bounce on, paths end by Russian roulette, with this greatest probability to continue.
-const uint ROULETTE_FROM = 3u;
-const float MAX_CONTINUE_PROBABILITY = 0.95;
 // At the last hit lights are sampled and no ray follows. For lobes narrower than this alpha that would be mostly noise: there the sky
 // stands for what they reflect.
 const float NARROW_ALPHA = 0.05;
-// Distance of what is infinitely far, metres: the greatest number of 16-bit floats.
-const float SKY_DISTANCE = 65504.0;
 
 // Light that the last surface of a path sends back: lights sampled, and the sky in place of further bounces of a narrow lobe.
 vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, inout Random random) {
@@ -108,8 +108,8 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         throughput *= bsdf_cosine(s.bsdf, v, l, lobes) / pdf;
         if (refracted) absorption = s.absorption;
         bounce++;
-        if (bounce >= ROULETTE_FROM) {
-            float probability = min(max(throughput.r, max(throughput.g, throughput.b)), MAX_CONTINUE_PROBABILITY);
+        if (bounce + 1u >= ROULETTE_FROM) {
+            float probability = continue_probability(throughput);
             if (u.w >= probability) break;
             throughput /= probability;
         }
@@ -119,49 +119,101 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
     return radiance;
 }
 
-// What the rays of a pixel found.
-struct Reflected {
-    vec3 radiance;   // over the albedo of the lobe (`specular_albedo`)
-    float distance;  // of the nearest hit, metres
-    float width;     // of the lobe on the screen, pixels: the neighbours within it reflect the same things
+// A surface that reflects, with what sampling its lobe needs.
+struct Reflector {
+    bool exists;   // false where nothing is reflected; the rest is undefined then
+    Surface surface;
+    RayStart start;
+    Bsdf bsdf;
+    mat3 around;   // axes of the shading normal in the columns
+    vec3 v;        // towards the viewer, in these axes
 };
 
-// Width on the screen of what a lobe reflects at some distance: seen from the eye, the lobe's cone behind the surface is as wide as this.
-float lobe_width(ViewBuffer view, Surface s, float alpha, float hit_distance) {
-    float eye_distance = distance(s.position, view.at[0].eye);
-    float share = hit_distance / (hit_distance + eye_distance);
-    return 2.0 * alpha * share / pixel_spread(view);
+Reflector reflector_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
+    Reflector r;
+    r.surface = load_surface(view, pixel, params.gbuffer);
+    r.exists = r.surface.exists && has_reflection(r.surface.fresnel);
+    if (!r.exists) return r;
+    uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
+    r.start = seen_start(SceneBuffer(params.scene), ids, view.at[0].eye, pixel_ray(view, pixel), r.surface.position);
+    r.bsdf = opaque_bsdf(r.surface.base_colour, r.surface.metalness, r.surface.roughness, r.surface.fresnel);
+    r.around = frame_of(r.surface.normal);
+    r.v = r.surface.to_eye * r.around;
+    // A viewer on or below the horizon is treated as grazing.
+    r.v.z = max(r.v.z, 1e-4);
+    return r;
 }
 
-Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
-    Reflected found = Reflected(vec3(0.0), SKY_DISTANCE, 0.0);
-    Surface surface = load_surface(view, pixel, params.gbuffer);
-    if (!surface.exists || !has_reflection(surface.fresnel)) return found;
-    SceneBuffer scene = SceneBuffer(params.scene);
-    uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
-    RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
-    Bsdf bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
-    mat3 around = frame_of(surface.normal);
-    vec3 v = surface.to_eye * around;
-    // A viewer on or below the horizon is treated as grazing.
-    v.z = max(v.z, 1e-4);
+// A ray along the lobe.
+struct Reflected {
+    bool exists;      // false where the lobe has no light in the direction
+    vec3 direction;   // unit
+    float pdf;        // of the direction, per steradian
+    vec3 share;       // BRDF times cosine over the pdf
+    vec3 radiance;    // from that direction
+    float distance;   // of the nearest hit, metres
+};
+
+// Traces ray `index` of a pixel.
+Reflected reflect_at(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector r, uint index) {
+    Reflected found = Reflected(false, vec3(0.0), 0.0, vec3(0.0), vec3(0.0), SKY_DISTANCE);
     uint seed = view.at[0].seed;
-    for (uint i = 0u; i < params.samples; i++) {
-        uint index = view.at[0].frame * params.samples + i;
-        vec3 l = reflect(-v, sample_visible_normal(v, bsdf.alpha, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed)));
-        vec3 direction = around * l;
-        if (l.z <= 0.0 || dot(direction, start.normal) <= 0.0) continue;
-        float pdf = bsdf_pdf(bsdf, v, l, LOBE_SPECULAR);
-        if (!(pdf > 0.0)) continue;
-        vec3 share = bsdf_cosine(bsdf, v, l, LOBE_SPECULAR) / pdf;
-        Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), index, seed);
-        float distance;
-        found.radiance += share * follow(view, scene, params, surface_ray(start, direction, UNBOUNDED), pdf, random, distance);
-        found.distance = min(found.distance, distance);
-    }
-    found.radiance /= float(params.samples) * specular_albedo(surface);
-    found.width = lobe_width(view, surface, bsdf.alpha, found.distance);
+    vec3 l = reflect(-r.v, sample_visible_normal(r.v, r.bsdf.alpha, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed)));
+    found.direction = r.around * l;
+    if (l.z <= 0.0) return found;
+    found.pdf = bsdf_pdf(r.bsdf, r.v, l, LOBE_SPECULAR);
+    if (!(found.pdf > 0.0)) return found;
+    found.exists = true;
+    found.share = bsdf_cosine(r.bsdf, r.v, l, LOBE_SPECULAR) / found.pdf;
+    // The surface itself hides what lies below its plane.
+    if (dot(found.direction, r.start.normal) <= 0.0) return found;
+    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), index, seed);
+    Ray ray = surface_ray(r.start, found.direction, UNBOUNDED);
+    found.radiance = follow(view, SceneBuffer(params.scene), params, ray, found.pdf, random, found.distance);
     return found;
+}
+
+// The mean of all rays of a pixel, over the albedo of its lobe.
+void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
+    Reflector r = reflector_at(view, params, pixel);
+    vec3 radiance = vec3(0.0);
+    float nearest = SKY_DISTANCE;
+    float width = 0.0;
+    if (r.exists) {
+        for (uint i = 0u; i < params.samples; i++) {
+            Reflected found = reflect_at(view, params, pixel, r, view.at[0].frame * params.samples + i);
+            if (!found.exists) continue;
+            radiance += found.share * found.radiance;
+            nearest = min(nearest, found.distance);
+        }
+        radiance /= float(params.samples) * specular_albedo(r.surface);
+        width = lobe_width(view, r.surface, nearest);
+    }
+    store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
+    store(params.hit_distance, pixel, vec4(nearest));
+    store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));
+}
+
+// The ray of a cell, for reconstruct.comp.
+void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
+    ivec2 side = ivec2(params.cell);
+    ivec2 pixel = ray_pixel(view, cell, side);
+    Reflector r = reflector_at(view, params, pixel);
+    Reflected found;
+    found.exists = false;
+    if (r.exists) found = reflect_at(view, params, pixel, r, ray_turns(view, side));
+    store(params.radiance, cell, found.exists ? vec4(representable(found.radiance, params.greatest), 1.0) : vec4(0.0));
+    store(params.rays_found, cell, found.exists ? pack_ray(found.direction, found.distance, found.pdf) : vec4(0.0));
+}
+
+// Which of both `params` asks for, at `at` of the launch.
+void trace_reflections(TraceParams params, ivec2 at) {
+    ViewBuffer view = ViewBuffer(params.view);
+    uvec2 cells = (view.at[0].size + params.cell - 1u) / params.cell;
+    if (!inside(at, cells)) return;
+    if (params.rays_found == NO_IMAGE) trace_pixel(view, params, at);
+    else trace_cell(view, params, at);
+    count_rays(params.rays, reflections_traced.x, reflections_traced.y);
 }
 
 #endif

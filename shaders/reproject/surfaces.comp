@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
-#include "lib/guide.glsl"
 #include "lib/reprojection.glsl"
+#include "lib/same_surface.glsl"
 #include "lib/taps.glsl"
 #include "shared/reproject.glsl"
 // Backward reprojection: the four pixels of the previous frame around a surface's position in it, without those that showed another
@@ -10,45 +10,12 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { ReprojectParams params; };
 
-// Least cosine between the geometric normals of both frames.
-const float ALIKE = 0.9;
-// Relative difference from the expected depth that is tolerated, beside the depth gradient over one pixel.
-const float DEPTH_TOLERANCE = 0.01;
-
 // View depth of a point in the previous frame. It moves rigidly with its instance; deformation is ignored.
 float view_depth_before(ViewBuffer view, uint instance, vec3 position) {
     Instance placed = InstanceBuffer(SceneBuffer(params.scene).at[0].instances).at[instance];
     bool moved = placed.world_from_object != placed.previous_world_from_object;
     vec3 before = moved ? position_before(placed, position) : position;
     return (view.at[0].previous_clip_from_world * vec4(before, 1.0)).w;
-}
-
-// A surface in the previous frame.
-struct Before {
-    float depth;     // view depth of the point
-    vec2 gradient;   // see depth_gradient
-    vec2 sampled;    // where the previous frame sampled the point, pixels, its jitter included
-};
-
-// Bilinear weights of the four pixels around `at`, 0 for those that showed another surface.
-vec4 shares_of(ViewBuffer view, Before before, Guide here, vec2 at) {
-    vec2 first = floor(at);
-    vec2 f = at - first;
-    vec4 bilinear = vec4((1.0 - f.x) * (1.0 - f.y), f.x * (1.0 - f.y), (1.0 - f.x) * f.y, f.x * f.y);
-    float tolerance = abs(before.gradient.x) + abs(before.gradient.y) + DEPTH_TOLERANCE * before.depth;
-    vec4 shares = vec4(0.0);
-    for (int k = 0; k < 4; k++) {
-        // Below a thousandth, a weight is rounding of a position on the pixel itself.
-        if (bilinear[k] < 1e-3) continue;
-        ivec2 tap = ivec2(first) + ivec2(k & 1, k >> 1);
-        if (!inside(tap, view.at[0].size)) continue;
-        Guide there = load_guide(params.previous_guide, tap);
-        if (!is_surface(there) || there.instance != here.instance) continue;
-        float expected = before.depth + dot(before.gradient, vec2(tap) - before.sampled);
-        if (abs(there.depth - expected) > tolerance || dot(there.plane, here.plane) < ALIKE) continue;
-        shares[k] = bilinear[k];
-    }
-    return shares;
 }
 
 void main() {
@@ -71,10 +38,10 @@ void main() {
         vec2 was = vec2(pixel) - load(params.gbuffer.motion, pixel).xy * vec2(view.at[0].size);
         vec2 sampled = was + view.at[0].jitter - view.at[0].previous_jitter;
         Before before = Before(view_depth_before(view, instance - 1u, surface.position), depth_gradient(view, pixel, here), sampled);
-        vec4 shares = shares_of(view, before, here, was);
+        vec4 shares = shares_of(view, params.previous_guide, before, here, was);
         ivec2 offset = ivec2(0);
         if (shares == vec4(0.0) && view.at[0].jitter != view.at[0].previous_jitter) {
-            shares = shares_of(view, before, here, sampled);
+            shares = shares_of(view, params.previous_guide, before, here, sampled);
             offset = ivec2(floor(sampled)) - ivec2(floor(was));
         }
         if (shares != vec4(0.0)) taps = pack_taps(shares, offset);

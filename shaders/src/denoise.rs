@@ -179,3 +179,77 @@ pub struct BilateralParams {
     /// As in [`AccumulateParams`].
     pub greatest: f32,
 }
+
+/// Push constants of `dual_source.comp`: temporal mean along the motion of surfaces and of what they reflect.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct DualSourceParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Counter of samples and histories that are not finite.
+    pub not_finite: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// Input: this frame's samples.
+    pub noisy: SampledImage,
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// The same of the previous frame.
+    pub previous_guide: SampledImage,
+    /// `taps` of `reproject/surfaces.comp`.
+    pub taps: SampledImage,
+    /// `accumulated` of the previous frame.
+    pub previous: SampledImage,
+    /// Its deviations for [`SIGNAL_FOUR`]; else [`NO_IMAGE`].
+    pub previous_deviation: u32,
+    /// `frames` of the previous frame.
+    pub previous_frames: SampledImage,
+    /// Distance of what is reflected, metres; or [`NO_IMAGE`].
+    pub hit_distance: u32,
+    /// As in [`LevelParams`].
+    pub noise_width: u32,
+    /// Output: temporal mean, and the deviation of the samples.
+    pub accumulated: StorageImage,
+    /// Deviations of `accumulated` for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// Output: number of samples in the mean, R16F.
+    pub frames: StorageImage,
+    /// Limit of that number.
+    pub longest: f32,
+    /// As in [`AccumulateParams`].
+    pub packing: u32,
+    /// 1 if alpha of radiance is the weight of a sample.
+    pub weighted: u32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
+}
+
+/// Push constants of `clean_up.comp`: a blur where the mean is noisy.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct CleanUpParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// As in [`SpatialVarianceParams`].
+    pub normals: u32,
+    /// `accumulated` of `dual_source.comp`.
+    pub accumulated: SampledImage,
+    /// Its deviations for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// `frames` of `dual_source.comp`.
+    pub frames: SampledImage,
+    /// As in [`LevelParams`].
+    pub noise_width: u32,
+    /// Output.
+    pub result: StorageImage,
+    /// Deviation of the mean over the mean from which on a pixel is blurred.
+    pub threshold: f32,
+    /// Radius of the blur, pixels.
+    pub radius: f32,
+    /// As in [`AccumulateParams`].
+    pub packing: u32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
+}

@@ -7,6 +7,9 @@ use bytemuck::{Pod, Zeroable};
 /// Greatest number of rays in a row of one path: bounces, and surfaces that it goes straight through.
 pub const MOST_TURNS: u32 = 24;
 
+/// Greatest number of rays that one pixel is reconstructed from.
+pub const MOST_TAPS: u32 = 16;
+
 /// Push constants of `trace.ray` and `tinted_trace.ray`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -21,16 +24,56 @@ pub struct TraceParams {
     pub gbuffer: GBufferImages,
     /// What shading at hits reads.
     pub hits: HitShadingParams,
-    /// Output: reflected radiance over the albedo of the specular lobe, RGBA16F or RGBA32F.
+    /// Output. Without `rays_found`: mean reflected radiance over the albedo of the specular lobe. With it: radiance along the ray of each cell,
+    /// 1 in alpha where there is a ray. RGBA16F or RGBA32F.
     pub radiance: StorageImage,
-    /// Output: distance of the nearest hit, metres, R16F; 65504 for the sky.
+    /// Output without `rays_found`: distance of the nearest hit, metres, R16F; 65504 for the sky.
     pub hit_distance: StorageImage,
-    /// Output: width of the lobe on the screen, pixels over [`WIDEST_NOISE`](super::denoise::WIDEST_NOISE), R8 unorm.
+    /// Output without `rays_found`: width of the lobe on the screen, pixels over [`WIDEST_NOISE`](super::denoise::WIDEST_NOISE), R8 unorm.
     pub width: StorageImage,
-    /// Rays of each pixel, at least 1.
+    /// Output: the ray of each cell, RGBA16F as `lib/found_ray.glsl` packs it; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub rays_found: u32,
+    /// Width and height of a cell, pixels: 1 and 1, 2 and 1, or 2 and 2. Without `rays_found` 1 and 1.
+    pub cell: [u32; 2],
+    /// Rays of each pixel, at least 1; with `rays_found` 1.
     pub samples: u32,
     /// Greatest number of bounces, at least 1: surfaces that a ray meets one after another and that are shaded.
     pub bounces: u32,
+    /// Greatest number in the format of `radiance`.
+    pub greatest: f32,
+}
+
+/// Push constants of `reconstruct.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ReconstructParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Counter of rays whose radiance is not finite.
+    pub not_finite: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// `radiance` of `trace.ray`, a pixel for each cell.
+    pub found: SampledImage,
+    /// `rays_found` of `trace.ray`.
+    pub rays_found: SampledImage,
+    /// Output: reflected radiance over the albedo of the specular lobe, RGBA16F or RGBA32F; in alpha how much it counts in a mean over
+    /// frames, 0 to 1.
+    pub radiance: StorageImage,
+    /// Output: distance of what is reflected, metres, R16F; 65504 for the sky.
+    pub hit_distance: StorageImage,
+    /// Output: as in [`TraceParams`].
+    pub width: StorageImage,
+    /// As in [`TraceParams`].
+    pub cell: [u32; 2],
+    /// Rays that are looked at, 1 to [`MOST_TAPS`].
+    pub taps: u32,
+    /// Greatest distance of these rays, pixels.
+    pub radius: f32,
+    /// Limit for the brightest ray, over the mean of the others.
+    pub firefly_limit: f32,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
 }

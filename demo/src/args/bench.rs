@@ -81,7 +81,7 @@ pub struct BenchMotionArguments {
     #[command(flatten)]
     pub scene: BenchSceneArguments,
     /// The slot, one with a denoiser
-    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao"])]
+    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections"])]
     pub slot: String,
     /// Width and height, pixels
     #[arg(long, value_name = "WxH", default_value = "160x90", allow_hyphen_values = true)]

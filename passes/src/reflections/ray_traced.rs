@@ -1,20 +1,26 @@
 //! Reflections by rays: sampled from the specular lobe, shaded where they hit, denoised over what the lobe covers of the screen.
 use super::idle_reason;
-use crate::contracts::{Channel, LightingIn, LightingOut, RAY_START};
+use crate::contracts::{Channel, GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use crate::parts::hit_shading::HitShading;
+use crate::parts::hit_shading::{HitShading, HitShadingToken};
 use crate::precision;
 use magpie::gpu::Kernel;
+use magpie::graph::{BufferToken, PassBuilder};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
-use magpie_shaders::reflections::{ResolveParams, TraceParams};
-use magpie_shaders::{REFLECTIONS_RESOLVE_COMP, REFLECTIONS_TINTED_TRACE_RAY, REFLECTIONS_TRACE_RAY};
+use magpie_shaders::denoise::NO_IMAGE;
+use magpie_shaders::reflections::{MOST_TAPS, ReconstructParams, ResolveParams, TraceParams};
+use magpie_shaders::{
+    REFLECTIONS_RECONSTRUCT_COMP, REFLECTIONS_RESOLVE_COMP, REFLECTIONS_TINTED_TRACE_RAY, REFLECTIONS_TRACE_RAY,
+};
 
 /// Format of hit distances.
 const DISTANCE: Format = Format::R16Float;
 /// Format of the width of the lobe.
 const WIDTH: Format = Format::R8Unorm;
+/// Format of the rays of cells.
+const RAY: Format = Format::Rgba16Float;
 /// Channels with the material.
 const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material];
 
@@ -23,32 +29,66 @@ pub struct RayTraced {
     trace: RayKernel,
     /// For scenes with surfaces that let light straight through.
     tinted: RayKernel,
+    reconstruct: Kernel,
     resolve: Kernel,
+    /// Rays of each cell.
     samples: u32,
+    /// Width and height of a cell, pixels.
+    cell: [u32; 2],
     bounces: u32,
     reuse: bool,
+    reconstruction: Option<Reconstruction>,
     format: Format,
     denoiser: Denoiser,
 }
 
-/// What the rays found.
+/// Settings of the reconstruction.
+#[derive(Clone, Copy)]
+struct Reconstruction {
+    taps: u32,
+    reach: f32,
+    firefly_limit: f32,
+}
+
+/// What the rays found, with the size of the frame.
 struct Traced {
+    /// Radiance over the albedo of the specular lobe.
     radiance: Handle<Image>,
     hit_distance: Handle<Image>,
     width: Handle<Image>,
 }
 
+/// The ray of each cell.
+struct Found {
+    radiance: Handle<Image>,
+    rays: Handle<Image>,
+}
+
 /// Settings of `ray-traced`.
 pub fn settings() -> Vec<SettingSpec> {
-    let rays = "Rays per pixel. Higher: less noise, with time proportional to the number.";
+    let rays = "Rays per pixel, if `pixels_per_ray` is 1. Higher: less noise, with time proportional to the number.";
+    let pixels_per_ray = "Pixels that share a ray, which starts from another one of them in every frame: 1, 2 side by side, or 4 in a square. \
+                          Higher: less time, more noise.";
     let bounces = "Surfaces that a path may meet one after another. Higher: more reflections of reflections, more time. What lies beyond \
                    is the sky for smooth surfaces and direct light for others.";
     let reuse = "Hits that the previous frame shows take its light, with all its bounces, instead of sampling lights. Smooth surfaces are \
                  always shaded anew.";
+    let reconstruct = "Each pixel takes the rays of its neighbours as samples of its own lobe, before the denoiser. Off: only its own rays, which \
+                       with many frames and no denoiser converge to the truth. Fewer rays than pixels are always reconstructed, more never.";
+    let taps = "Of `reconstruct`: rays that are looked at. Higher: less noise, more time.";
+    let reach = "Of `reconstruct`: greatest distance of these rays. No farther than half of the lobe's width on the screen. Higher: less noise, \
+                 softer.";
+    let firefly_limit = "Of `reconstruct`: limit for the brightest of these rays, over the mean of the others. Lower: fewer bright specks, but \
+                         light of small bright things is lost.";
     let mut settings = vec![
         SettingSpec::among("rays", "", rays, 1, &[1, 2, 4, 8]).sweep_all(),
+        SettingSpec::among("pixels_per_ray", "", pixels_per_ray, 1, &[1, 2, 4]).sweep_all(),
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
         SettingSpec::switch("reuse", reuse, true).sweep_all(),
+        SettingSpec::switch("reconstruct", reconstruct, true).sweep_all(),
+        SettingSpec::integer("taps", "", taps, 8, 1..=MOST_TAPS.into()).sweep([4, 8, 16]),
+        SettingSpec::float("reach", "pixels", reach, 16.0, 1.0..=64.0).sweep([8.0, 16.0, 32.0]),
+        SettingSpec::float("firefly_limit", "", firefly_limit, 8.0, 1.0..=1e6),
     ];
     settings.extend(denoise::settings());
     settings.push(precision::setting());
@@ -58,25 +98,37 @@ pub fn settings() -> Vec<SettingSpec> {
 impl RayTraced {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let (samples, cell) = match settings.u32("pixels_per_ray")? {
+            1 => (settings.u32("rays")?, [1, 1]),
+            2 => (1, [2, 1]),
+            _ => (1, [2, 2]),
+        };
+        let reconstruction = Reconstruction {
+            taps: settings.u32("taps")?,
+            reach: settings.f32("reach")?,
+            firefly_limit: settings.f32("firefly_limit")?,
+        };
+        let reconstructs = cell != [1, 1] || (samples == 1 && settings.switch("reconstruct")?);
         Ok(Self {
             trace: build.ray_kernel(&REFLECTIONS_TRACE_RAY)?,
             tinted: build.ray_kernel(&REFLECTIONS_TINTED_TRACE_RAY)?,
+            reconstruct: build.kernel(&REFLECTIONS_RECONSTRUCT_COMP)?,
             resolve: build.kernel(&REFLECTIONS_RESOLVE_COMP)?,
-            samples: settings.u32("rays")?,
+            samples,
+            cell,
             bounces: settings.u32("bounces")?,
             reuse: settings.switch("reuse")?,
+            reconstruction: reconstructs.then_some(reconstruction),
             format: precision::format(settings)?,
             denoiser: Denoiser::new(build, "reflections", Options::read(settings)?)?,
         })
     }
 
-    /// Adds the rays. The radiance is divided by the albedo of the specular lobe.
+    /// Adds the rays, of which each pixel has its own.
     fn trace(&self, g: &mut FrameGraph, view: &View, i: LightingIn, hits: HitShading) -> Traced {
-        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let (block, samples, bounces, format) = (view.block, self.samples, self.bounces, self.format);
+        let (launch, format) = (self.launch(view), self.format);
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
-            let (block, scene, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
-            let gbuffer = i.gbuffer.read(p, &[RAY_START, MATERIAL].concat());
+            let declared = launch.declare(p, i, hits);
             let extent = p.extent(i.gbuffer.depth);
             let mut create = |name, format| p.create(name, ImageDesc::like(format, i.gbuffer.depth));
             let (radiance, radiance_target) = create("radiance", format);
@@ -85,19 +137,80 @@ impl RayTraced {
             let traced = Traced { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() };
             (traced, move |c: &mut Record<'_>| {
                 let params = TraceParams {
-                    view: c.id(block),
-                    scene: c.id(scene.root),
-                    rays: c.rays(),
-                    gbuffer: gbuffer.images(c),
-                    hits: hits.params(c),
                     radiance: c.id(radiance_target),
                     hit_distance: c.id(distance_target),
                     width: c.id(width_target),
-                    samples,
-                    bounces,
+                    rays_found: NO_IMAGE,
+                    ..launch.params(c, declared)
+                };
+                c.trace(launch.kernel, declared.scene.tlas, &params, extent);
+            })
+        })
+    }
+
+    /// Adds one ray for each cell.
+    fn trace_cells(&self, g: &mut FrameGraph, view: &View, i: LightingIn, hits: HitShading) -> Found {
+        let (launch, format, frame) = (self.launch(view), self.format, g.extent(i.gbuffer.depth));
+        let cells = Extent::new(frame.width.div_ceil(launch.cell[0]), frame.height.div_ceil(launch.cell[1]));
+        g.pass("reflections.trace", Queue::AsyncCompute, |p| {
+            let declared = launch.declare(p, i, hits);
+            let (radiance, radiance_target) = p.create("radiance", ImageDesc::fixed(format, cells));
+            let (rays, rays_target) = p.create("rays", ImageDesc::fixed(RAY, cells));
+            (Found { radiance: radiance.read(), rays: rays.read() }, move |c: &mut Record<'_>| {
+                let params = TraceParams {
+                    radiance: c.id(radiance_target),
+                    rays_found: c.id(rays_target).index(),
+                    ..launch.params(c, declared)
+                };
+                c.trace(launch.kernel, declared.scene.tlas, &params, cells);
+            })
+        })
+    }
+
+    fn launch(&self, view: &View) -> Launch {
+        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
+        let Self { samples, cell, bounces, format, .. } = *self;
+        Launch { kernel, view: view.block, samples, cell, bounces, greatest: format.greatest() }
+    }
+
+    /// Makes a full image of the rays of cells.
+    fn reconstruct(
+        &self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: LightingIn,
+        found: Found,
+        settings: Reconstruction,
+    ) -> Traced {
+        let (kernel, block, cell, format) = (self.reconstruct, view.block, self.cell, self.format);
+        g.pass("reflections.reconstruct", Queue::AsyncCompute, |p| {
+            let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
+            let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
+            let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
+            let extent = p.extent(i.gbuffer.depth);
+            let mut create = |name, format| p.create(name, ImageDesc::like(format, i.gbuffer.depth));
+            let (radiance, radiance_target) = create("radiance", format);
+            let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
+            let (width, width_target) = create("width", WIDTH);
+            let traced = Traced { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() };
+            (traced, move |c: &mut Record<'_>| {
+                let params = ReconstructParams {
+                    view: c.id(block),
+                    not_finite: c.not_finite(),
+                    gbuffer: gbuffer.images(c),
+                    guide: c.id(guide),
+                    found: c.id(light),
+                    rays_found: c.id(rays),
+                    radiance: c.id(radiance_target),
+                    hit_distance: c.id(distance_target),
+                    width: c.id(width_target),
+                    cell,
+                    taps: settings.taps,
+                    radius: settings.reach,
+                    firefly_limit: settings.firefly_limit,
                     greatest: format.greatest(),
                 };
-                c.trace(kernel, scene.tlas, &params, extent);
+                c.dispatch(kernel, &params, extent);
             })
         })
     }
@@ -138,13 +251,63 @@ impl Effect for RayTraced {
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
         let is_idle = self.needs(&view.facts).idle.is_some();
         let Some(hits) = HitShading::new(&i, self.reuse).filter(|_| !is_idle) else { return LightingOut::default() };
-        let traced = self.trace(g, view, i, hits);
+        let traced = match self.reconstruction {
+            Some(settings) => {
+                let found = self.trace_cells(g, view, i, hits);
+                self.reconstruct(g, view, i, found, settings)
+            }
+            None => self.trace(g, view, i, hits),
+        };
+        let hints = Hints::default().width(Some(traced.width)).hit_distance(Some(traced.hit_distance));
         let noisy = DenoiseIn {
             signal: Signal { image: traced.radiance, content: Content::Radiance },
             surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
-            hints: Hints::default().width(Some(traced.width)),
+            hints: hints.weighted(self.reconstruction.is_some()),
         };
         let denoised = self.denoiser.add(g, view, noisy, "");
         LightingOut::radiance(self.resolve(g, view, i, denoised)).with_hit_distance(traced.hit_distance)
+    }
+}
+
+/// What both ways to launch rays share.
+#[derive(Clone, Copy)]
+struct Launch {
+    kernel: RayKernel,
+    view: Handle<Buffer>,
+    samples: u32,
+    cell: [u32; 2],
+    bounces: u32,
+    greatest: f32,
+}
+
+/// What a pass that launches rays reads.
+#[derive(Clone, Copy)]
+struct Declared {
+    view: BufferToken,
+    scene: SceneToken,
+    hits: HitShadingToken,
+    gbuffer: GBufferToken,
+}
+
+impl Launch {
+    fn declare(self, p: &mut PassBuilder<'_>, i: LightingIn, hits: HitShading) -> Declared {
+        let gbuffer = i.gbuffer.read(p, &[RAY_START, MATERIAL].concat());
+        Declared { view: p.read(self.view), scene: i.scene.trace(p), hits: hits.read(p), gbuffer }
+    }
+
+    /// The parameters but for the images that are written.
+    fn params(self, c: &Record<'_>, declared: Declared) -> TraceParams {
+        TraceParams {
+            view: c.id(declared.view),
+            scene: c.id(declared.scene.root),
+            rays: c.rays(),
+            gbuffer: declared.gbuffer.images(c),
+            hits: declared.hits.params(c),
+            samples: self.samples,
+            cell: self.cell,
+            bounces: self.bounces,
+            greatest: self.greatest,
+            ..TraceParams::default()
+        }
     }
 }

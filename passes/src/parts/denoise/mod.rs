@@ -1,9 +1,10 @@
-//! Denoisers for effects that trace few rays: `svgf`, `bilateral` or `none`.
+//! Denoisers for effects that trace few rays: `svgf`, `pica-pica`, `bilateral` or `none`.
 //!
 //! A [`Denoiser`] takes a [`Signal`], the visible [`Surfaces`], and [`Hints`] about the noise. An effect may have several denoisers, each with
 //! its own [`Options`]. Effects divide radiance by the albedo before denoising and multiply by it afterwards.
 mod bilateral;
 mod options;
+mod pica_pica;
 mod signal;
 mod svgf;
 
@@ -12,6 +13,7 @@ use bilateral::Bilateral;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 pub use options::{Method, Options, adaptive, is_adaptive, precision, settings};
+use pica_pica::PicaPica;
 pub use signal::{Content, Precision, Signal};
 use svgf::Svgf;
 
@@ -36,6 +38,11 @@ pub struct Hints {
     pub width: Option<Handle<Image>>,
     /// A bit for each channel whose contents move across static surfaces, as the shadows of a moving light do. Bit 0 is red.
     pub moved: u32,
+    /// Distance from each surface to what it reflects, metres. The denoiser `pica-pica` also looks for the history where the reflected thing
+    /// was.
+    pub hit_distance: Option<Handle<Image>>,
+    /// Of radiance: alpha of the signal is the weight of the sample in a mean over frames, 0 to 1, for `pica-pica`. Else all weights are 1.
+    pub weighted: bool,
 }
 
 impl Hints {
@@ -52,6 +59,16 @@ impl Hints {
     /// Sets [`Hints::moved`].
     pub fn moved(self, moved: u32) -> Self {
         Self { moved, ..self }
+    }
+
+    /// Sets [`Hints::hit_distance`].
+    pub fn hit_distance(self, hit_distance: Option<Handle<Image>>) -> Self {
+        Self { hit_distance, ..self }
+    }
+
+    /// Sets [`Hints::weighted`].
+    pub fn weighted(self, weighted: bool) -> Self {
+        Self { weighted, ..self }
     }
 }
 
@@ -79,6 +96,7 @@ pub struct Denoiser(Kind);
 enum Kind {
     None,
     Bilateral(Bilateral),
+    PicaPica(PicaPica),
     Svgf(Box<Svgf>),
 }
 
@@ -90,6 +108,7 @@ impl Denoiser {
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         Ok(Self(match options.method {
             Method::Svgf => Kind::Svgf(Box::new(Svgf::new(build, effect, options)?)),
+            Method::PicaPica => Kind::PicaPica(PicaPica::new(build, effect, options)?),
             Method::Bilateral => Kind::Bilateral(Bilateral::new(build, effect, options)?),
             Method::None => Kind::None,
         }))
@@ -102,6 +121,7 @@ impl Denoiser {
         match &self.0 {
             Kind::None => i.signal.image,
             Kind::Bilateral(bilateral) => bilateral.add(g, view, i, name),
+            Kind::PicaPica(pica_pica) => pica_pica.add(g, view, i, name),
             Kind::Svgf(svgf) => svgf.add(g, view, i, name),
         }
     }

@@ -9,6 +9,8 @@ pub enum Method {
     None,
     /// One edge-aware blur.
     Bilateral,
+    /// Temporal accumulation along surfaces and reflections, then a bilateral blur where noise is left.
+    PicaPica,
     /// Spatiotemporal variance-guided filtering.
     Svgf,
 }
@@ -18,21 +20,31 @@ pub enum Method {
 pub struct Options {
     /// The algorithm.
     pub method: Method,
-    /// Of `svgf`: limit of the history length, frames, 1 to 255.
+    /// Of `svgf` and `pica-pica`: limit of the history length, frames, 1 to 255.
     pub history: u32,
     /// Of `svgf`: levels of the à-trous filter, 1 to 6.
     pub levels: u32,
     /// Of `svgf`: difference in standard deviations at which the weight of a neighbour is 1/e.
     pub sigma: f32,
-    /// Of `bilateral`: radius, pixels.
+    /// Of `bilateral` and the clean-up of `pica-pica`: radius, pixels.
     pub radius: u32,
+    /// Of `pica-pica`: deviation of the mean, over the mean, above which a pixel is blurred.
+    pub clean_up: f32,
     /// Bits per channel of the denoiser's images.
     pub precision: Precision,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { method: Method::Svgf, history: 32, levels: 4, sigma: 2.0, radius: 4, precision: Precision::Sixteen }
+        Self {
+            method: Method::Svgf,
+            history: 32,
+            levels: 4,
+            sigma: 2.0,
+            radius: 4,
+            clean_up: 0.05,
+            precision: Precision::Sixteen,
+        }
     }
 }
 
@@ -44,6 +56,7 @@ impl Options {
     pub fn read(settings: &Settings) -> Result<Self, SlotError> {
         let method = match settings.choice("denoiser")? {
             "svgf" => Method::Svgf,
+            "pica-pica" => Method::PicaPica,
             "bilateral" => Method::Bilateral,
             _ => Method::None,
         };
@@ -53,6 +66,7 @@ impl Options {
             levels: settings.u32("levels")?,
             sigma: settings.f32("sigma")?,
             radius: settings.u32("radius")?,
+            clean_up: settings.f32("clean_up")?,
             precision: if settings.u32("precision")? < 32 { Precision::Sixteen } else { Precision::ThirtyTwo },
         })
     }
@@ -63,16 +77,17 @@ pub fn settings() -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
             "denoiser",
-            "`svgf`: temporal accumulation, then a spatial filter as wide as the variance asks for. `bilateral`: one edge-aware blur, \
-             cheap, which blurs penumbrae as well as noise. `none`: no denoising.",
+            "`svgf`: temporal accumulation, then a spatial filter as wide as the variance asks for. `pica-pica`: temporal accumulation along \
+             surfaces and along what they reflect, then a blur where noise is left. `bilateral`: one edge-aware blur, cheap, which blurs \
+             penumbrae as well as noise. `none`: no denoising.",
             "svgf",
-            &["svgf", "bilateral", "none"],
+            &["svgf", "pica-pica", "bilateral", "none"],
         )
         .sweep_all(),
         SettingSpec::integer(
             "history",
             "frames",
-            "Of `svgf`: greatest number of frames that are averaged. Higher: less noise, but changes of light show later.",
+            "Of `svgf` and `pica-pica`: greatest number of frames that are averaged. Higher: less noise, but changes of light show later.",
             32,
             1..=255,
         ),
@@ -91,7 +106,15 @@ pub fn settings() -> Vec<SettingSpec> {
             2.0,
             0.1..=16.0,
         ),
-        SettingSpec::integer("radius", "pixels", "Of `bilateral`: radius of the blur.", 4, 1..=16),
+        SettingSpec::integer("radius", "pixels", "Of `bilateral` and `pica-pica`: radius of the blur.", 4, 1..=16),
+        SettingSpec::float(
+            "clean_up",
+            "",
+            "Of `pica-pica`: noise that is left after the mean over frames, as a share of the mean, from which on a pixel is blurred. \
+             Higher: sharper, noisier.",
+            0.05,
+            0.0..=10.0,
+        ),
     ]
 }
 

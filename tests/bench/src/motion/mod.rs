@@ -1,5 +1,4 @@
-//! Effects in motion, `magpie bench motion`: error of each frame against that frame's ground truth, for one ray per pixel, denoised, and
-//! denoised without temporal gradients.
+//! Effects in motion, `magpie bench motion`: error of each frame against that frame's ground truth, for raw rays and for each denoiser.
 mod paths;
 mod report;
 
@@ -46,17 +45,23 @@ pub struct Contestant {
     changes: &'static [(&'static str, &'static str)],
 }
 
-const NOISY: &[(&str, &str)] = &[("rays", "1"), ("denoiser", "none")];
-const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
+const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none"), ("reconstruct", "false")];
 
-/// The variants to compare. The last is skipped if the effect has no temporal gradients.
-pub const CONTESTANTS: [Contestant; 3] = [
-    Contestant { label: "one ray", changes: NOISY },
-    Contestant { label: "denoised", changes: &[("rays", "1"), ("denoiser", "svgf")] },
-    Contestant {
-        label: "denoised, fixed history",
-        changes: &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")],
-    },
+impl Contestant {
+    const fn new(label: &'static str, changes: &'static [(&'static str, &'static str)]) -> Self {
+        Self { label, changes }
+    }
+}
+
+/// The variants to compare, the raw one first. What an effect has no settings for is skipped.
+pub const CONTESTANTS: [Contestant; 7] = [
+    Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none"), ("reconstruct", "false")]),
+    Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
+    Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
+    Contestant::new("svgf, own rays only", &[("rays", "1"), ("denoiser", "svgf"), ("reconstruct", "false")]),
+    Contestant::new("pica-pica", &[("rays", "1"), ("denoiser", "pica-pica")]),
+    Contestant::new("pica-pica, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")]),
+    Contestant::new("eight rays", TRUE),
 ];
 
 /// Results of one contestant on one path.
@@ -68,6 +73,8 @@ pub struct Course {
     pub label: &'static str,
     /// Root mean square error of each frame.
     pub errors: Vec<f64>,
+    /// Root mean square change of the error since the frame before, of each frame but the first: flicker.
+    pub flicker: Vec<f64>,
     /// Mean value of each frame's image.
     pub means: Vec<f64>,
     /// Mean value of each frame's ground truth.
@@ -120,7 +127,11 @@ impl Bench {
         let none = || FrameBenchError::NoImage { path: path.name, slot: self.slot.clone() };
         let image = image.ok_or_else(none)?;
         let channels = image.format.channels() as usize;
-        Ok(image.values().iter().flat_map(|v| v[..channels].iter().map(|x| f64::from(*x))).collect())
+        // Alpha of radiance says nothing, and single bright pixels must not decide.
+        let is_radiance = self.slot == "reflections";
+        let channels = if is_radiance { 3 } else { channels };
+        let shown = |x: f64| if is_radiance { x / (1.0 + x) } else { x };
+        Ok(image.values().iter().flat_map(|v| v[..channels].iter().map(|x| shown(f64::from(*x)))).collect())
     }
 }
 
@@ -155,6 +166,11 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>
     Ok(truths)
 }
 
+fn root_mean_square(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len() as f64;
+    (values.map(|value| value * value).sum::<f64>() / count).sqrt()
+}
+
 /// Renders one path with every contestant.
 ///
 /// # Errors
@@ -177,14 +193,17 @@ pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Cours
                 bench.frame(path, before)?;
             }
         }
-        let (mut errors, mut means) = (Vec::new(), Vec::new());
+        let (mut errors, mut flicker, mut means) = (Vec::new(), Vec::new(), Vec::new());
+        let mut before: Option<Values> = None;
         for (moment, truth) in path.moments.iter().zip(&truths) {
             let seen = bench.frame(path, moment)?;
-            let squares: Values = seen.iter().zip(truth).map(|(a, b)| (a - b).powi(2)).collect();
-            errors.push(mean(&squares).sqrt());
+            let apart: Values = seen.iter().zip(truth).map(|(a, b)| a - b).collect();
+            errors.push(root_mean_square(apart.iter().copied()));
+            flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
+            before = Some(apart);
             means.push(mean(&seen));
         }
-        courses.push(Course { path: path.name, label, errors, means, true_means: true_means.clone() });
+        courses.push(Course { path: path.name, label, errors, flicker, means, true_means: true_means.clone() });
     }
     Ok(courses)
 }

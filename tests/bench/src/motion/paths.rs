@@ -58,7 +58,7 @@ pub fn around(camera: &Camera, frames: u32) -> Vec<Camera> {
     (0..frames).map(|frame| camera.turned(centre, CAMERA_TURN * f64::from(frame))).collect()
 }
 
-/// The paths of a scene: the camera orbits, the lights turn, animations play, and the lights are switched on.
+/// The paths of a scene: nothing moves from the first frame on, the camera orbits, the lights turn, animations play, and the lights are switched on.
 #[must_use]
 pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let Some(camera) = scene.cameras.first() else { return Vec::new() };
@@ -66,7 +66,9 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let all = |moment: &dyn Fn(u32) -> Moment| (0..frames).map(moment).collect::<Vec<_>>();
     let at = |frame: u32| FRAME * f64::from(frame);
     let moments = around(camera, frames).into_iter().map(|camera| Moment { camera, ..still(0.0) }).collect();
-    let mut paths = vec![Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments }];
+    let still_moments = all(&|_| still(0.0));
+    let mut paths = vec![Path { name: "still", scene: scene.clone(), before: None, moments: still_moments }];
+    paths.push(Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments });
     if !scene.animations.is_empty() {
         let moments = all(&|frame| still(at(frame)));
         paths.push(Path { name: "things", scene: scene.clone(), before: Some(still(0.0)), moments });
@@ -148,8 +150,8 @@ mod tests {
     fn scenes_have_the_paths_that_they_can_have() {
         let names = |scene: &Scene| paths(scene, 4).iter().map(|p| p.name).collect::<Vec<_>>();
         let scene = magpie::scene::builtin("courtyard").unwrap();
-        assert_eq!(names(&scene), ["camera", "lights", "switch"]);
-        assert_eq!(names(&Scene { lights: Vec::new(), ..scene }), ["camera"]);
-        assert_eq!(names(&magpie::scene::builtin("carousel").unwrap())[1], "things");
+        assert_eq!(names(&scene), ["still", "camera", "lights", "switch"]);
+        assert_eq!(names(&Scene { lights: Vec::new(), ..scene }), ["still", "camera"]);
+        assert_eq!(names(&magpie::scene::builtin("carousel").unwrap())[2], "things");
     }
 }

@@ -70,16 +70,20 @@ impl MotionReport {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!("{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
-        let _ =
-            writeln!(text, "{:<8} {:<24} {:>8} {:>8} {:>8} {:>8}", "path", "", "frame 1", "frame 4", "mean", "last");
+        let _ = writeln!(
+            text,
+            "{:<8} {:<24} {:>8} {:>8} {:>8} {:>8} {:>8}",
+            "path", "", "frame 1", "frame 8", "mean", "last", "flicker"
+        );
         for course in &self.courses {
             let errors = &course.errors;
-            let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+            let mean_of = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+            let (mean, flicker) = (mean_of(errors), mean_of(&course.flicker));
             let at = |k: usize| errors.get(k).copied().unwrap_or(f64::NAN);
-            let (first, fourth, last) = (at(0), at(3), at(errors.len() - 1));
+            let (first, eighth, last) = (at(0), at(7), at(errors.len() - 1));
             let _ = write!(
                 text,
-                "{:<8} {:<24} {first:>8.4} {fourth:>8.4} {mean:>8.4} {last:>8.4}",
+                "{:<8} {:<24} {first:>8.4} {eighth:>8.4} {mean:>8.4} {last:>8.4} {flicker:>8.4}",
                 course.path, course.label
             );
             if course.path == "switch" {
@@ -98,7 +102,7 @@ impl MotionReport {
     pub fn charts(&self) -> Result<Vec<(String, String)>, ChartError> {
         let mut charts = Vec::new();
         let mut add = |name: &str, y, title: String, pick: &dyn Fn(&Course) -> Vec<f64>, path: &str| {
-            let colours = [Colour::PURPLE, Colour::BLUE, Colour::VERMILION];
+            let colours = [Colour::PURPLE, Colour::BLUE, Colour::VERMILION, Colour::GREEN].into_iter().cycle();
             let line = |(course, colour): (&Course, Colour)| Line {
                 label: course.label.to_owned(),
                 colour,
@@ -114,6 +118,7 @@ impl MotionReport {
         };
         for path in self.paths() {
             let when = match path {
+                "still" => "while nothing moves",
                 "camera" => "while the camera moves",
                 "switch" => "after a switch",
                 "lights" => "while lights move",

@@ -1,0 +1,125 @@
+//! The denoiser `pica-pica`: the temporal half of the chain that PICA PICA has for reflections (Barré-Brisebois et al. 2019, "Hybrid Rendering
+//! for Real-Time Ray Tracing", Ray Tracing Gems, chapter 25, section 25.3.2).
+//!
+//! The passes are `accumulate` → `clean_up`. What accumulates is the history of the next frame, so that the blur of the clean-up does not add up.
+use super::signal::Packed;
+use super::{DenoiseIn, Options};
+use crate::contracts::Channel;
+use magpie::gpu::Kernel;
+use magpie::graph::{History, HistoryScope};
+use magpie::prelude::*;
+use magpie::slot::{Build, SlotError};
+use magpie_shaders::denoise::{CleanUpParams, DualSourceParams, NO_IMAGE};
+use magpie_shaders::{DENOISE_CLEAN_UP_COMP, DENOISE_DUAL_SOURCE_COMP};
+
+/// Format of history lengths: samples count by fractions.
+const FRAMES: Format = Format::R16Float;
+
+/// The denoiser `pica-pica`.
+pub struct PicaPica {
+    effect: &'static str,
+    scope: HistoryScope,
+    accumulate: Kernel,
+    clean_up: Kernel,
+    options: Options,
+}
+
+/// The temporal mean with the deviation of the samples, and the history length.
+#[derive(Clone, Copy)]
+struct Accumulated {
+    signal: Packed,
+    frames: Handle<Image>,
+}
+
+impl PicaPica {
+    /// Creates the pipelines.
+    pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
+        let (accumulate, clean_up) = (build.kernel(&DENOISE_DUAL_SOURCE_COMP)?, build.kernel(&DENOISE_CLEAN_UP_COMP)?);
+        Ok(Self { effect, scope: HistoryScope::new(), accumulate, clean_up, options })
+    }
+
+    /// Adds the passes. `name` is appended to their names and to those of the histories.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Handle<Image> {
+        let accumulated = self.accumulate(g, view, i, name);
+        self.clean_up(g, view, i, accumulated, name)
+    }
+
+    fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Accumulated {
+        let (kernel, block, longest, noisy) =
+            (self.accumulate, view.block, self.options.history as f32, i.signal.image);
+        let packing = i.signal.content.packing(self.options.precision);
+        let (previous, next) = packing.history(g, &self.scope, &format!("accumulated{name}"), noisy);
+        let History { previous: previous_frames, next: next_frames, .. } =
+            g.history(&self.scope, format!("frames{name}"), ImageDesc::like(FRAMES, noisy));
+        g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
+            let block = p.read(block);
+            let gbuffer = i.surfaces.gbuffer.read(p, &[Channel::Depth, Channel::Normal, Channel::Motion]);
+            let reprojected = i.surfaces.reprojected;
+            let (taps, guide) = (p.sample(reprojected.taps), p.sample(reprojected.guide));
+            let previous_guide = p.sample(reprojected.previous_guide);
+            let (noise_width, hit_distance) =
+                (i.hints.width.map(|h| p.sample(h)), i.hints.hit_distance.map(|h| p.sample(h)));
+            let (previous, previous_frames) = (previous.sample(p), p.sample(previous_frames));
+            let (signal, target) = next.write(p);
+            let (counted, frames) = p.write(next_frames);
+            let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
+            (Accumulated { signal, frames: counted.read() }, move |c: &mut Record<'_>| {
+                let (accumulated, accumulated_deviation) = target.ids(c);
+                let (previous, previous_deviation) = previous.ids(c);
+                let params = DualSourceParams {
+                    view: c.id(block),
+                    not_finite: c.not_finite(),
+                    gbuffer: gbuffer.images(c),
+                    noisy: c.id(noisy),
+                    guide: c.id(guide),
+                    previous_guide: c.id(previous_guide),
+                    taps: c.id(taps),
+                    previous,
+                    previous_deviation,
+                    previous_frames: c.id(previous_frames),
+                    hit_distance: hit_distance.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    accumulated,
+                    accumulated_deviation,
+                    frames: c.id(frames),
+                    longest,
+                    packing: packing.layout,
+                    weighted: i.hints.weighted.into(),
+                    greatest: packing.values.greatest(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+
+    fn clean_up(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, from: Accumulated, name: &str) -> Handle<Image> {
+        let (kernel, block, options) = (self.clean_up, view.block, self.options);
+        let packing = i.signal.content.packing(options.precision);
+        let format = i.signal.content.result(options.precision);
+        g.pass(&format!("{}.clean_up{name}", self.effect), Queue::AsyncCompute, |p| {
+            let (block, guide) = (p.read(block), p.sample(i.surfaces.reprojected.guide));
+            let (noise_width, normals) = (i.hints.width.map(|h| p.sample(h)), i.normals().map(|h| p.sample(h)));
+            let (signal, frames) = (from.signal.sample(p), p.sample(from.frames));
+            let (result, target) = p.create("result", ImageDesc::like(format, i.signal.image));
+            let extent = p.extent(i.signal.image);
+            (result.read(), move |c: &mut Record<'_>| {
+                let (accumulated, accumulated_deviation) = signal.ids(c);
+                let params = CleanUpParams {
+                    view: c.id(block),
+                    guide: c.id(guide),
+                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    accumulated,
+                    accumulated_deviation,
+                    frames: c.id(frames),
+                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    result: c.id(target),
+                    threshold: options.clean_up,
+                    radius: options.radius as f32,
+                    packing: packing.layout,
+                    greatest: format.greatest(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        })
+    }
+}
