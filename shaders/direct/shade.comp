@@ -41,7 +41,7 @@ vec3 share_of_those_above(Seen seen, float above) {
 // Reflected radiance of one light.
 vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, Seen visible) {
     vec3 seen = visible.share;
-    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
+    Bsdf b = bsdf_of(s);
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
     // Seen from the side a specular lobe is flattened, and so narrower.
@@ -80,8 +80,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
 
     vec3 radiance = load(params.gbuffer.emission, pixel).rgb;
     if (params.emitters != NO_EMITTERS) {
-        float n_v = max(dot(s.normal, s.to_eye), 0.0);
-        radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, s.fresnel, n_v);
+        radiance += load(params.emitters, pixel).rgb * reflectance(bsdf_of(s), eye_cosine(s));
     }
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
         Light light = lights.at[i];

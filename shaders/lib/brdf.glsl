@@ -1,6 +1,8 @@
 #ifndef LIB_BRDF_GLSL
 #define LIB_BRDF_GLSL
+#include "lib/bindless.glsl"
 #include "lib/vector.glsl"
+#include "shared/lobe_albedo.glsl"
 // The surface model: GGX over coupled Lambert. Materials and specular part are those of glTF 2.0, appendix B:
 //   f = D V F + diffuse,   F0 = mix(dielectric F0, base_colour, metalness)
 // glTF's diffuse part, (1 - F(v·h)) base_colour / pi, is not used: at grazing angles the sum reflects up to 1.7 times the incident light.
@@ -142,21 +144,40 @@ vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, floa
     return diffuse + schlick_f(f, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
 }
 
-// Directional albedo of the specular lobe under uniform light: the integral of D V F n·l over the hemisphere.
-// Analytic fit by Karis 2014, "Physically Based Shading on Mobile". Against this model it is within 0.04 for f0 = 0.04 (0.08 at
-// grazing angles) and up to 0.16 too dark for f0 = 1 at roughness 0.3 to 0.6. It dips to -0.003 at roughness 1 and f0 = 0: hence the max.
-vec3 environment_brdf(Fresnel f, float roughness, float n_v) {
-    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    float a = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
-    vec2 scale_bias = vec2(-1.04, 1.04) * a + r.zw;
-    return non_negative(f.f0 * scale_bias.x + f.f90 * scale_bias.y);
+// Directional albedo of the specular lobe: the integral of D V F n·l over the hemisphere is f0 a + f90 b, as Schlick's F is linear in both
+// (Karis 2013, "Real Shading in Unreal Engine 4", the "split sum").
+struct SplitSum {
+    float a;
+    float b;
+};
+
+// For lobes whose albedo is not asked for.
+const SplitSum NO_SPLIT_SUM = SplitSum(0.0, 0.0);
+
+// From the table at the address `table`, `lobe_albedo` of the view and of the scene's root: blended between the four nearest of its entries,
+// which are evenly spaced over the square root of the cosine `n_v`, 0 to 1, and over roughness.
+SplitSum split_sum(uvec2 table, float roughness, float n_v) {
+    vec2 at = vec2(sqrt(n_v), roughness) * float(LOBE_ALBEDO_SIZE - 1u);
+    uvec2 low = min(uvec2(at), uvec2(LOBE_ALBEDO_SIZE - 2u));
+    vec2 part = at - vec2(low);
+    LobeAlbedoBuffer entries = LobeAlbedoBuffer(table);
+    uint first = low.y * LOBE_ALBEDO_SIZE + low.x;
+    LobeAlbedo near_smooth = entries.at[first], far_smooth = entries.at[first + 1u];
+    LobeAlbedo near_rough = entries.at[first + LOBE_ALBEDO_SIZE], far_rough = entries.at[first + LOBE_ALBEDO_SIZE + 1u];
+    vec2 smooth_side = mix(vec2(near_smooth.a, near_smooth.b), vec2(far_smooth.a, far_smooth.b), part.x);
+    vec2 rough_side = mix(vec2(near_rough.a, near_rough.b), vec2(far_rough.a, far_rough.b), part.x);
+    vec2 both = mix(smooth_side, rough_side, part.y);
+    return SplitSum(both.x, both.y);
 }
 
-// Approximate albedo, above 0. Light is divided by it before denoising and multiplied afterwards (demodulation).
-vec3 reflectance(vec3 base_colour, float metalness, float roughness, Fresnel f, float n_v) {
-    // Surfaces that reflect less have no visible noise.
-    const float LEAST = 1e-3;
-    return max(diffuse_albedo(f, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f, roughness, n_v), vec3(LEAST));
+// Directional albedo of the specular lobe towards a viewer.
+vec3 environment_brdf(Fresnel f, SplitSum lobe) {
+    return f.f0 * lobe.a + f.f90 * lobe.b;
+}
+
+// The same from the table.
+vec3 environment_brdf(uvec2 table, Fresnel f, float roughness, float n_v) {
+    return environment_brdf(f, split_sum(table, roughness, n_v));
 }
 
 #endif

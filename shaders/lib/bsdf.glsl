@@ -22,6 +22,7 @@ struct Bsdf {
     float coat;          // strength of the coat, 0 to 1
     float coat_alpha;
     Dielectric less;     // what KHR_materials_specular takes off the Fresnel reflectance of glass, negative where it adds
+    SplitSum lobe;       // albedo of the specular lobe towards the viewer
 };
 
 // For glass whose reflectance follows from its index of refraction alone.
@@ -29,12 +30,18 @@ const Dielectric NO_LESS = Dielectric(vec3(0.0), 0.0);
 
 // An opaque material.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness, Fresnel f) {
-    return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS);
+    return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS, NO_SPLIT_SUM);
 }
 
 // An opaque material of index 1.5.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness) {
     return opaque_bsdf(base_colour, metalness, roughness, fresnel_of(PLAIN_DIELECTRIC, base_colour, metalness));
+}
+
+// The same surface with the albedo of its lobe towards a viewer at the cosine `n_v`, from the table at this address (`split_sum`).
+Bsdf towards_viewer(uvec2 table, Bsdf b, float n_v) {
+    b.lobe = split_sum(table, sqrt(b.alpha), n_v);
+    return b;
 }
 
 // Unpolarised Fresnel reflectance of a dielectric, by the cosine on this side and the relative index `eta`; 1 for total internal
@@ -231,6 +238,19 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);
     l = reflect(-v, h);
     return l.z > 0.0;
+}
+
+// Albedo of the specular lobe of an opaque surface towards the viewer for whom it was made (`towards_viewer`).
+vec3 specular_albedo(Bsdf b) {
+    return environment_brdf(b.fresnel, b.lobe);
+}
+
+// Albedo of an opaque surface towards that viewer, at the cosine `n_v`, above 0. Light is divided by it before denoising and multiplied
+// afterwards (demodulation).
+vec3 reflectance(Bsdf b, float n_v) {
+    // Surfaces that reflect less have no visible noise.
+    const float LEAST = 1e-3;
+    return max(diffuse_albedo(b.fresnel, (1.0 - b.metalness) * b.base_colour, n_v) + specular_albedo(b), vec3(LEAST));
 }
 
 #endif

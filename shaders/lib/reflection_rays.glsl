@@ -28,8 +28,7 @@ vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, Su
     if (s.bsdf.alpha < NARROW_ALPHA) {
         lobes &= ~LOBE_SPECULAR;
         if (view.at[0].has_sky != 0u) {
-            float n_v = max(dot(s.normal, to_viewer), 1e-4);
-            light = environment_brdf(s.bsdf.fresnel, sqrt(s.bsdf.alpha), n_v) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
+            light = specular_albedo(s.bsdf) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
         }
     }
     return light + direct_light_at(view, scene, lights, s, to_viewer, lobes, false, random, reflections_traced);
@@ -140,11 +139,10 @@ Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
     SceneBuffer scene = SceneBuffer(params.scene);
     uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
     RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
-    Bsdf bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
+    Bsdf bsdf = bsdf_of(surface);
     mat3 around = frame_of(surface.normal);
     vec3 v = surface.to_eye * around;
-    // A viewer on or below the horizon is treated as grazing.
-    v.z = max(v.z, 1e-4);
+    v.z = eye_cosine(surface);
     uint seed = view.at[0].seed;
     for (uint i = 0u; i < params.samples; i++) {
         uint index = view.at[0].frame * params.samples + i;

@@ -119,6 +119,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         material.emission_texture.image = NO_TEXTURE;
         read_material(scene, material, at, vec4(1.0), hit.front, false, p);
         p.normal = turn_to_viewer(p.start.normal, towards);
+        p.bsdf = towards_viewer(scene.at[0].lobe_albedo, p.bsdf, dot(p.normal, towards));
         return p;
     }
 
@@ -161,6 +162,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         shading = apply_normal_map(normal, vec4(tangents * w, turn), texel, material.normal_scale);
     }
     p.normal = turn_to_viewer(side * shading, towards);
+    p.bsdf = towards_viewer(scene.at[0].lobe_albedo, p.bsdf, dot(p.normal, towards));
     return p;
 }
 

@@ -66,7 +66,7 @@ Bsdf bsdf_of(uint kind, float roughness) {
         return opaque_bsdf(white, 0.0, roughness, fresnel_of(d, white, 0.0));
     }
     float eta = kind == 4u ? 1.0 / 1.5 : 1.5;
-    return Bsdf(white, 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), alpha, 1.0, eta, kind == 5u, 0.0, 1.0, NO_LESS);
+    return Bsdf(white, 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), alpha, 1.0, eta, kind == 5u, 0.0, 1.0, NO_LESS, NO_SPLIT_SUM);
 }
 
 void main() {

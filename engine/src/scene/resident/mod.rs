@@ -4,6 +4,7 @@ mod deform;
 mod detail;
 mod driver;
 mod handles;
+mod lobe_albedo;
 mod policy;
 mod rounding;
 mod sampled_lights;
@@ -111,6 +112,7 @@ impl Default for ResidentOptions {
 /// A scene on the device.
 pub struct ResidentScene {
     tables: Arc<Buffer>,
+    lobe_albedo: Arc<Buffer>,
     vertices: Arc<Buffer>,
     indices: Arc<Buffer>,
     /// Those of materials, then that of the environment.
@@ -293,7 +295,9 @@ impl ResidentScene {
             Shape { bounds: s.1, deviation }
         };
         let shapes = shown.iter().zip(&scene.instances).map(shape).collect();
+        let lobe_albedo = lobe_albedo::lobe_albedo(gpu, &mut executor)?;
         let root = shared::Scene {
+            lobe_albedo: lobe_albedo.address(),
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
             layers: if layers.is_empty() { Address::default() } else { tables.address().offset(layer_table) },
@@ -308,6 +312,7 @@ impl ResidentScene {
         let mut made = Self {
             state: State::new(gpu, animator, fixed, shapes, root)?,
             tables,
+            lobe_albedo,
             deformation,
             acceleration,
             report,
@@ -495,6 +500,11 @@ impl ResidentScene {
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.
     pub fn sky(&self) -> Option<Sky> {
         self.sky
+    }
+
+    /// The table of the specular lobe's albedo, [`LobeAlbedo`](magpie_shaders::lobe_albedo::LobeAlbedo), on the device.
+    pub fn lobe_albedo(&self) -> &Arc<Buffer> {
+        &self.lobe_albedo
     }
 
     /// Where everything is in the moment that was gone to.

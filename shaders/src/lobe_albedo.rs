@@ -1,0 +1,27 @@
+//! The table of the specular lobe's directional albedo, which `lib/brdf.glsl` reads.
+use super::types::Address;
+use bytemuck::{Pod, Zeroable};
+
+/// Entries along each axis: square root of the cosine towards the viewer (rows are filled with it), and perceptual roughness. The first and
+/// last entries lie at 0 and 1.
+pub const LOBE_ALBEDO_SIZE: u32 = 64;
+/// Samples of the lobe per entry.
+pub const LOBE_ALBEDO_SAMPLES: u32 = 1024;
+
+/// Directional albedo of the specular lobe, `f0 * a + f90 * b`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LobeAlbedo {
+    /// Factor of the reflectance at normal incidence.
+    pub a: f32,
+    /// Factor of the reflectance at grazing incidence.
+    pub b: f32,
+}
+
+/// Push constants of `shaders/lobe_albedo/tabulate.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TabulateParams {
+    /// Output: table of [`LobeAlbedo`].
+    pub table: Address,
+}
