@@ -28,7 +28,7 @@ vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, Su
     if (s.bsdf.alpha < NARROW_ALPHA) {
         lobes &= ~LOBE_SPECULAR;
         if (view.at[0].has_sky != 0u) {
-            light = specular_albedo(s.bsdf) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
+            light = specular_albedo(s.bsdf, max(dot(s.normal, to_viewer), 1e-4)) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
         }
     }
     return light + direct_light_at(view, scene, lights, s, to_viewer, lobes, false, random, reflections_traced);

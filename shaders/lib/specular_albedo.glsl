@@ -6,7 +6,7 @@
 vec3 specular_albedo(Surface s) {
     // Surfaces that reflect less have no visible noise.
     const float LEAST = 1e-3;
-    return max(specular_albedo(bsdf_of(s)), vec3(LEAST));
+    return max(specular_albedo(bsdf_of(s), eye_cosine(s)), vec3(LEAST));
 }
 
 #endif

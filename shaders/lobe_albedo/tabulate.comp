@@ -3,8 +3,8 @@
 #include "lib/bindless.glsl"
 #include "lib/bsdf.glsl"
 #include "shared/lobe_albedo.glsl"
-// Fills the table of the specular lobe's directional albedo: the integrals of D V n.l (1 - c) and D V n.l c over the directions of light,
-// c = (1 - v.h)^5, by sampling of visible normals (Karis 2013, "Real Shading in Unreal Engine 4", equation 8, for this project's lobe).
+// Fills the tables of the specular lobe's directional albedo: the integrals of D V n.l (1 - c) and D V n.l c over the directions of light,
+// c = (1 - v.h)^5, by sampling of visible normals (Karis 2013, "Real Shading in Unreal Engine 4", for this project's lobe).
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { TabulateParams params; };
 
@@ -33,5 +33,7 @@ void main() {
         sum += weight * vec2(1.0 - grazing, grazing);
     }
     sum /= float(LOBE_ALBEDO_SAMPLES);
-    LobeAlbedoBufferWrite(params.table).at[entry.y * LOBE_ALBEDO_SIZE + entry.x] = LobeAlbedo(sum.x, sum.y);
+    uint index = entry.y * LOBE_ALBEDO_SIZE + entry.x;
+    LobeAlbedoBufferWrite(params.table).at[index] = LobeAlbedo(sum.x, sum.y, 1.0);
+    LobeAlbedoBufferWrite(params.table).at[index + LOBE_ALBEDO_SIZE * LOBE_ALBEDO_SIZE] = LobeAlbedo(sum.x, sum.y, 0.0);
 }

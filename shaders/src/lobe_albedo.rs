@@ -16,12 +16,14 @@ pub struct LobeAlbedo {
     pub a: f32,
     /// Factor of the reflectance at grazing incidence.
     pub b: f32,
+    /// Share of the light lost by single scattering that is given back: 1, or 0 with the single-scattering model.
+    pub given_back: f32,
 }
 
 /// Push constants of `shaders/lobe_albedo/tabulate.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct TabulateParams {
-    /// Output: table of [`LobeAlbedo`].
+    /// Output: two tables of [`LobeAlbedo`], one after the other. The second one gives nothing back.
     pub table: Address,
 }

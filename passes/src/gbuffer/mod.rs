@@ -3,7 +3,8 @@ use crate::contracts::{GBuffer, GBufferIn};
 use magpie::gpu::{Blend, RasterDesc, RasterKernel};
 use magpie::graph::DrawClass;
 use magpie::prelude::*;
-use magpie::slot::{Build, SettingSpec, Settings, Slot, SlotError};
+use magpie::scene::SceneFacts;
+use magpie::slot::{Build, Needs, SettingSpec, Settings, Slot, SlotError};
 use magpie_shaders::gbuffer::DrawParams;
 use magpie_shaders::{GBUFFER_DRAW_FRAG, GBUFFER_DRAW_VERT, GBUFFER_SPHERE_FRAG, GBUFFER_SPHERE_VERT};
 
@@ -46,7 +47,7 @@ pub fn slot() -> Slot<GBufferIn, GBuffer> {
     Slot::new("gbuffer").about("Depth, normals, material, emission, motion and ids of what each pixel sees.").with(
         "raster",
         "Triangles and spheres drawn with reversed infinite depth.",
-        &[precision()],
+        &[precision(), multiple_scattering()],
         |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
     )
 }
@@ -57,6 +58,12 @@ fn precision() -> SettingSpec {
     SettingSpec::choice("precision", about, "compact", &["compact", "full"]).sweep_all()
 }
 
+fn multiple_scattering() -> SettingSpec {
+    let about = "Light that scatters more than once between the microfacets of rough surfaces counts, in every effect and in the reference. \
+                 Off: it is lost, and rough metals are up to 69 % darker.";
+    SettingSpec::switch("multiple_scattering", about, true)
+}
+
 /// Index of the material among the attachments.
 const MATERIAL: usize = 3;
 
@@ -64,6 +71,7 @@ const MATERIAL: usize = 3;
 struct Raster {
     /// Indexed by whether materials set the specular reflectance of their dielectric part, then by whether anything emits.
     drawings: [[Drawing; 2]; 2],
+    single_scattering: bool,
 }
 
 /// Attachments, and the pipelines that draw into them.
@@ -83,7 +91,8 @@ impl Raster {
         let of = |colours: Colours| -> Result<[Drawing; 2], SlotError> {
             Ok([Drawing::new(build, colours, false)?, Drawing::new(build, colours, true)?])
         };
-        Ok(Self { drawings: [of(plain)?, of(with_specular)?] })
+        let single_scattering = !settings.switch("multiple_scattering")?;
+        Ok(Self { drawings: [of(plain)?, of(with_specular)?], single_scattering })
     }
 }
 
@@ -122,6 +131,10 @@ impl Drawing {
 impl Effect for Raster {
     type In = GBufferIn;
     type Out = GBuffer;
+
+    fn needs(&self, _: &SceneFacts) -> Needs {
+        Needs { single_scattering: self.single_scattering, ..Needs::default() }
+    }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
         let (specular, emits) = (view.facts.has_own_specular, view.facts.shows_emission);

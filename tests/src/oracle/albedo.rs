@@ -1,7 +1,9 @@
-//! Directional albedo of the specular lobe by numerical integration.
+//! Directional albedo of the specular lobe by numerical integration, and the light that scatters more than once.
 use super::shading::{smith_g2, smith_lambda};
 use glam::DVec3;
+use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
 
 /// The integrals of `D V n.l (1 - c)` and `D V n.l c` with `c = (1 - v.h)^5` over all directions of light, for a viewer at the cosine `n_v`,
 /// above 0. They are summed over a regular grid of `grid` by `grid` visible normals (Heitz 2018, "Sampling the GGX Distribution of Visible
@@ -32,4 +34,34 @@ pub fn split_sum(n_v: f64, alpha: f64, grid: u32) -> [f64; 2] {
         }
     }
     sums.map(|sum| sum / f64::from(grid * grid))
+}
+
+/// Entries of [`AGAIN`] along the root of the cosine and along the root of alpha.
+const COLUMNS: usize = 193;
+const ROWS: usize = 129;
+
+/// `1 / E - 1` at even steps of both roots, from 0 to 1.
+static AGAIN: LazyLock<Vec<f64>> = LazyLock::new(|| {
+    let one = |at: usize| {
+        let [x, y] = [at % COLUMNS, at / COLUMNS].map(|k| k as f64);
+        let (root, rough) = (x / (COLUMNS - 1) as f64, y / (ROWS - 1) as f64);
+        let [a, b] = split_sum((root * root).max(1e-6), (rough * rough).max(super::shading::MIN_ALPHA), 64);
+        1.0 / (a + b) - 1.0
+    };
+    (0..COLUMNS * ROWS).into_par_iter().map(one).collect()
+});
+
+/// Light that scatters more than once between microfacets that reflect all of it, over the light that scatters once: `1 / E - 1`.
+pub fn again(n_v: f64, alpha: f64) -> f64 {
+    let place = |x: f64, count: usize| {
+        let x = x.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
+        let low = (x as usize).min(count - 2);
+        (low, x - low as f64)
+    };
+    let ((column, right), (row, up)) = (place(n_v, COLUMNS), place(alpha, ROWS));
+    let along = |row: usize| {
+        let first = row * COLUMNS + column;
+        AGAIN[first] * (1.0 - right) + AGAIN[first + 1] * right
+    };
+    along(row) * (1.0 - up) + along(row + 1) * up
 }

@@ -113,6 +113,7 @@ impl Default for ResidentOptions {
 pub struct ResidentScene {
     tables: Arc<Buffer>,
     lobe_albedo: Arc<Buffer>,
+    single_scattering: bool,
     vertices: Arc<Buffer>,
     indices: Arc<Buffer>,
     /// Those of materials, then that of the environment.
@@ -297,7 +298,7 @@ impl ResidentScene {
         let shapes = shown.iter().zip(&scene.instances).map(shape).collect();
         let lobe_albedo = lobe_albedo::lobe_albedo(gpu, &mut executor)?;
         let root = shared::Scene {
-            lobe_albedo: lobe_albedo.address(),
+            lobe_albedo: lobe_albedo::address_in(&lobe_albedo, false),
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
             layers: if layers.is_empty() { Address::default() } else { tables.address().offset(layer_table) },
@@ -313,6 +314,7 @@ impl ResidentScene {
             state: State::new(gpu, animator, fixed, shapes, root)?,
             tables,
             lobe_albedo,
+            single_scattering: false,
             deformation,
             acceleration,
             report,
@@ -502,9 +504,20 @@ impl ResidentScene {
         self.sky
     }
 
-    /// The table of the specular lobe's albedo, [`LobeAlbedo`](magpie_shaders::lobe_albedo::LobeAlbedo), on the device.
+    /// From the next frame on, the surface model leaves out light that scatters more than once between microfacets, or has it again.
+    pub fn set_single_scattering(&mut self, single: bool) {
+        self.single_scattering = single;
+        self.state.set_lobe_albedo(self.lobe_albedo_address());
+    }
+
+    /// The tables of the specular lobe's albedo, [`LobeAlbedo`](magpie_shaders::lobe_albedo::LobeAlbedo), on the device.
     pub fn lobe_albedo(&self) -> &Arc<Buffer> {
         &self.lobe_albedo
+    }
+
+    /// The address of the one that is in use.
+    pub fn lobe_albedo_address(&self) -> Address {
+        lobe_albedo::address_in(&self.lobe_albedo, self.single_scattering)
     }
 
     /// Where everything is in the moment that was gone to.
