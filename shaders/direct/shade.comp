@@ -48,7 +48,7 @@ vec3 reflected(
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
     // Seen from the side a specular lobe is flattened, and so narrower.
     bool is_small = angle <= SMALL_LAMP;
-    bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
+    bool is_small_in_lobe = angle <= SMALL_IN_LOBE * narrowest_alpha(b) * dot(s.to_eye, half_vector);
     if (is_small && is_small_in_lobe) {
         return l.z > 0.0 ? bsdf_cosine(b, v, l, LOBE_DIFFUSE | LOBE_SPECULAR) * centre.irradiance * seen : vec3(0.0);
     }

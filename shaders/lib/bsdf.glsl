@@ -119,15 +119,24 @@ float coat_scattered_again(Bsdf b) {
     return scattered_again(vec3(DIELECTRIC_F0), b.coat_lobe).x;
 }
 
-// Albedo of the coat's lobe: its share times E, and what scatters again. With the single-scattering model it counts as the share alone, so
-// that what a rough coat loses is lost.
+// Albedo of the coat's lobe: its share times E, and what scatters again.
 float coat_albedo(Bsdf b, vec3 v) {
-    return coat_share(b, v) * coat_scattered_again(b) / (1.0 + b.coat_lobe.again);
+    return coat_share(b, v) * (b.coat_lobe.a + b.coat_lobe.b) * coat_scattered_again(b);
 }
 
-// Share of light that reaches what is below the coat, and comes back from there.
+// Share of light that reaches what is below the coat, and comes back from there: all that the coat does not reflect. With the
+// single-scattering model the coat's share is missing there whatever its lobe returns.
 float below_coat(Bsdf b, vec3 v) {
-    return 1.0 - coat_albedo(b, v);
+    return 1.0 - coat_share(b, v) * coat_scattered_again(b) / (1.0 + b.coat_lobe.again);
+}
+
+// Alpha of the narrower and of the wider of the specular lobes of base and coat.
+float narrowest_alpha(Bsdf b) {
+    return b.coat > 0.0 ? min(b.alpha, b.coat_alpha) : b.alpha;
+}
+
+float widest_alpha(Bsdf b) {
+    return b.coat > 0.0 ? max(b.alpha, b.coat_alpha) : b.alpha;
 }
 
 // Transmission times |n·l|. Radiance scales with the square of the index across an interface; a path that goes in and out again gets it
@@ -262,6 +271,17 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     bool on_coat = choice >= probabilities.x + probabilities.z + probabilities.y && probabilities.w > 0.0;
     vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);
     l = reflect(-v, h);
+    return l.z > 0.0;
+}
+
+// Samples a direction of the specular lobes of an opaque surface, base and coat, from two numbers: its pdf is that of `bsdf_sample` with
+// LOBE_SPECULAR. False if the sample is lost below the horizon.
+bool sample_specular(Bsdf b, vec3 v, vec2 u, out vec3 l) {
+    vec4 probabilities = lobe_probabilities(b, v, LOBE_SPECULAR);
+    bool on_coat = probabilities.w > 0.0 && u.x >= probabilities.y;
+    // The rest of the number is uniform again.
+    u.x = on_coat ? (u.x - probabilities.y) / probabilities.w : u.x / max(probabilities.y, 1e-6);
+    l = reflect(-v, sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u));
     return l.z > 0.0;
 }
 

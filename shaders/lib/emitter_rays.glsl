@@ -31,9 +31,10 @@ vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit
 
 // A sample along the lobe. Surfaces in between that transmit light attenuate and tint what lies behind them, and emit by their coverage.
 vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
-    vec3 l = reflect(-s.v, sample_visible_normal(s.v, s.bsdf.alpha, u));
+    vec3 l;
+    bool above = sample_specular(s.bsdf, s.v, u, l);
     vec3 direction = s.around * l;
-    if (l.z <= 0.0 || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
+    if (!above || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
     Ray ray = surface_ray(s.start, direction, UNBOUNDED);
 #ifdef TINTED
     // First ray to the nearest opaque surface, then on through all transmitting ones before it.
@@ -97,7 +98,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     if (!surface.exists) return vec3(0.0);
     Seen s;
     s.bsdf = bsdf_of(surface);
-    bool has_lobe = has_reflection(surface.fresnel);
+    bool has_lobe = reflects(surface);
     // Black, as unlit surfaces are: a metal with a black base colour.
     if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(params.scene);
@@ -106,7 +107,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     s.around = frame_of(surface.normal);
     s.v = surface.to_eye * s.around;
     s.v.z = eye_cosine(surface);
-    s.lobe_probability = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
+    s.lobe_probability = has_lobe ? 0.5 * (1.0 - sqrt(narrowest_alpha(s.bsdf))) : 0.0;
     uint seed = view.at[0].seed;
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < params.samples; i++) {

@@ -29,8 +29,12 @@ struct Surface {
     float roughness;
     // Of base colour, metalness and the dielectric part's reflectance.
     Fresnel fresnel;
-    // Albedo of the specular lobe towards the eye.
+    // Strength of the clear coat, 0 to 1, and its roughness, perceptual.
+    float coat;
+    float coat_roughness;
+    // Albedo of the specular lobes of base and coat towards the eye.
     SplitSum lobe;
+    SplitSum coat_lobe;
 };
 
 // Direction of the ray through a pixel's centre, not normalised: the point at reversed depth d is eye + ray / (d w) with w =
@@ -68,7 +72,10 @@ Surface no_surface() {
     s.metalness = 0.0;
     s.roughness = 1.0;
     s.fresnel = Fresnel(vec3(0.0), 0.0, vec3(0.0), 1.0);
+    s.coat = 0.0;
+    s.coat_roughness = 0.0;
     s.lobe = NO_SPLIT_SUM;
+    s.coat_lobe = NO_SPLIT_SUM;
     return s;
 }
 
@@ -100,6 +107,17 @@ void load_material(ViewBuffer view, inout Surface s, ivec2 pixel, GBufferImages 
     s.roughness = material.g;
     s.fresnel = fresnel_of(decode_dielectric(material.ba), s.base_colour, s.metalness);
     s.lobe = split_sum(view.at[0].lobe_albedo, s.roughness, eye_cosine(s));
+    // In scenes without clear coats the image is the black placeholder.
+    if (gbuffer.coat == 0u) return;
+    vec2 coat = load(gbuffer.coat, pixel).rg;
+    s.coat = coat.r;
+    s.coat_roughness = coat.g;
+    s.coat_lobe = split_sum(view.at[0].lobe_albedo, s.coat_roughness, eye_cosine(s));
+}
+
+// Whether the surface reflects anything specularly.
+bool reflects(Surface s) {
+    return s.coat > 0.0 || has_reflection(s.fresnel);
 }
 
 // Position, normals and material.
@@ -125,6 +143,9 @@ Surface load_receiver(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
 Bsdf bsdf_of(Surface s) {
     Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
     b.lobe = s.lobe;
+    b.coat = s.coat;
+    b.coat_alpha = alpha_of_roughness(s.coat_roughness);
+    b.coat_lobe = s.coat_lobe;
     return b;
 }
 

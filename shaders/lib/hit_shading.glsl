@@ -104,7 +104,7 @@ bool previous_light_at(
     ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, uint instance, vec3 to_viewer, out vec3 light
 ) {
     light = vec3(0.0);
-    if (p.previous_radiance == NO_IMAGE || s.bsdf.alpha < LEAST_REUSED_ALPHA) return false;
+    if (p.previous_radiance == NO_IMAGE || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
     vec3 was = position_before(InstanceBuffer(scene.at[0].instances).at[instance], s.start.position);
     vec4 clip = view.at[0].previous_clip_from_world * vec4(was, 1.0);
     if (!(clip.w > 0.0)) return false;

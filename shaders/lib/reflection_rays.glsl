@@ -25,7 +25,7 @@ const float SKY_DISTANCE = 65504.0;
 // Light that the last surface of a path sends back: lights sampled, and the sky in place of further bounces of a narrow lobe.
 vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, inout Random random) {
     vec3 light = vec3(0.0);
-    if (s.bsdf.alpha < NARROW_ALPHA) {
+    if (widest_alpha(s.bsdf) < NARROW_ALPHA) {
         lobes &= ~LOBE_SPECULAR;
         if (view.at[0].has_sky != 0u) {
             light = specular_albedo(s.bsdf, max(dot(s.normal, to_viewer), 1e-4)) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
@@ -135,7 +135,7 @@ float lobe_width(ViewBuffer view, Surface s, float alpha, float hit_distance) {
 Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
     Reflected found = Reflected(vec3(0.0), SKY_DISTANCE, 0.0);
     Surface surface = load_surface(view, pixel, params.gbuffer);
-    if (!surface.exists || !has_reflection(surface.fresnel)) return found;
+    if (!surface.exists || !reflects(surface)) return found;
     SceneBuffer scene = SceneBuffer(params.scene);
     uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
     RayStart start = seen_start(scene, ids, view.at[0].eye, pixel_ray(view, pixel), surface.position);
@@ -146,9 +146,10 @@ Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
     uint seed = view.at[0].seed;
     for (uint i = 0u; i < params.samples; i++) {
         uint index = view.at[0].frame * params.samples + i;
-        vec3 l = reflect(-v, sample_visible_normal(v, bsdf.alpha, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed)));
+        vec3 l;
+        bool above = sample_specular(bsdf, v, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed), l);
         vec3 direction = around * l;
-        if (l.z <= 0.0 || dot(direction, start.normal) <= 0.0) continue;
+        if (!above || dot(direction, start.normal) <= 0.0) continue;
         float pdf = bsdf_pdf(bsdf, v, l, LOBE_SPECULAR);
         if (!(pdf > 0.0)) continue;
         vec3 share = bsdf_cosine(bsdf, v, l, LOBE_SPECULAR) / pdf;
@@ -158,7 +159,7 @@ Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
         found.distance = min(found.distance, distance);
     }
     found.radiance /= float(params.samples) * specular_albedo(surface);
-    found.width = lobe_width(view, surface, bsdf.alpha, found.distance);
+    found.width = lobe_width(view, surface, narrowest_alpha(bsdf), found.distance);
     return found;
 }
 

@@ -13,7 +13,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_receiver(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
     float openness = params.openness == NO_IMAGE ? 1.0 : load(params.openness, pixel).r;
-    return specular_albedo(bsdf_of(s), eye_cosine(s)) * sky_in_lobe(view, s, openness);
+    return sky_reflected(view, s, openness);
 }
 
 void main() {

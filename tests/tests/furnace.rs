@@ -34,7 +34,7 @@ const KINDS: [&str; 9] = [
 const IOR: f64 = 1.5;
 /// Samples per sum, and sums per case.
 const SUMS: u32 = 2048;
-const SAMPLES: u32 = 128;
+const SAMPLES: u32 = 256;
 /// Tolerance above the incident light.
 const ABOVE: f64 = 1e-3;
 
@@ -250,8 +250,8 @@ fn no_surface_returns_more_than_it_gets() -> Result<()> {
 
 /// Compares sums with the closed forms.
 fn check_sums(sums: &[f32], again: bool) -> Result<()> {
-    // Error of the table of albedos.
-    let off = if again { 2e-3 } else { 5e-4 };
+    // Error of the table of albedos. What is given back is multiplied, and its noise with it.
+    let (off, noise) = if again { (2e-3, 2.5e-3) } else { (5e-4, 1e-3) };
     for (kind, name) in KINDS.iter().enumerate() {
         let (mut most, mut apart, mut least) = (0.0_f64, 0.0_f64, f64::MAX);
         for (r, roughness) in ROUGHNESS.iter().enumerate() {
@@ -273,7 +273,7 @@ fn check_sums(sums: &[f32], again: bool) -> Result<()> {
                 ensure!(!white || (mean - 1.0).abs() < 0.01, "{what}: not white");
                 let loses = !again && *name == "metal" && *roughness == 1.0 && *angle == 0.0;
                 ensure!(!loses || mean < 0.8, "{what}: single scattering loses more");
-                ensure!(error < 1e-3, "{what}: too noisy to tell");
+                ensure!(error < noise, "{what}: too noisy to tell");
                 most = most.max(wanted);
                 least = least.min(wanted);
                 apart = apart.max((mean - wanted).abs());

@@ -55,9 +55,10 @@ fn looked_up(gpu: &Gpu, pairs: &[[f32; 2]]) -> Result<Vec<[f32; 2]>> {
     let mut read = None;
     bench.run(Extent::new(1, 1), &[], |g, imports| {
         let table = resident.lobe_albedo();
-        let (table_key, wanted_key) = (imports.borrow_mut().buffer(table), imports.borrow_mut().buffer(&wanted));
-        let table = g.import_buffer("table", BufferDesc::new(table.bytes()), Access::BufferRead, table_key).read();
-        let wanted = g.import_buffer("wanted", BufferDesc::new(bytes), Access::BufferRead, wanted_key).read();
+        let key = imports.borrow_mut().buffer(table);
+        let table = g.import_buffer("table", BufferDesc::new(table.bytes()), Access::BufferRead, key).read();
+        let key = imports.borrow_mut().buffer(&wanted);
+        let wanted = g.import_buffer("wanted", BufferDesc::new(bytes), Access::BufferRead, key).read();
         let (found, buffer) = results(gpu, g, imports, "found", bytes)?;
         let found = g.pass("test.look_up", Queue::Graphics, |p| {
             let (table, wanted) = (p.read(table), p.read(wanted));

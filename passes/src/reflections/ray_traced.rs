@@ -16,7 +16,7 @@ const DISTANCE: Format = Format::R16Float;
 /// Format of the width of the lobe.
 const WIDTH: Format = Format::R8Unorm;
 /// Channels with the material.
-const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material];
+const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
 
 /// Reflections by rays.
 pub struct RayTraced {
