@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 use magpie::gpu::{Gpu, GpuOptions};
 use magpie::scene::ResidentError;
 use magpie_passes::Slots;
-use magpie_passes::reference::{Estimate, EstimateFileError, Reference, ReferenceError, ReferenceOptions};
+use magpie_passes::reference::{
+    Estimate, EstimateFileError, Reference, ReferenceError, ReferenceOptions, single_scattering,
+};
 
 use crate::{
     args::{Loudness, ReferenceArguments},
@@ -54,6 +56,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
         ao_range: arguments.ao_range,
         time: f64::from(arguments.time),
         check: arguments.check,
+        single_scattering: single_scattering(&config),
         ..ReferenceOptions::default()
     };
     let subject = options.subject(&scene, &camera);

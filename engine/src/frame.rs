@@ -178,6 +178,7 @@ impl ViewDesc<'_> {
             seed: self.seed,
             shadow_light_count: shadow_lights.len() as u32,
             shadow_lights: std::array::from_fn(|k| shadow_lights.get(k).map_or(NO_LIGHT, |l| l.light)),
+            lobe_albedo: scene.lobe_albedo_address(),
             has_sky: u32::from(scene.sky().is_some()),
             sky: scene.sky().unwrap_or(Sky { environment: SampledImage::NONE, ..Sky::default() }),
         };

@@ -9,6 +9,8 @@ pub const SCALAR: &[Format] = &[Format::R8Unorm, Format::R16Unorm, Format::R16Fl
 /// Formats of metalness and roughness; those with four channels also hold the specular reflectance of the dielectric part.
 pub const MATERIAL: &[Format] =
     &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float, Format::Rgba16Snorm, Format::Rgba32Float];
+/// Formats of the clear coat's strength and roughness.
+pub const COAT: &[Format] = &[Format::Rg8Unorm, Format::Rg16Float, Format::Rg32Float];
 /// Formats of the visibility of one, two or up to four lights.
 pub const VISIBILITY: &[Format] = &[
     Format::R8Unorm,

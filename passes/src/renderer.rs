@@ -312,6 +312,7 @@ impl Renderer {
         let needs = self.needs();
         let all = merged(&needs);
         self.scene.borrow_mut().want_light_tables(&self.gpu, all.emitters, all.light_tables)?;
+        self.scene.borrow_mut().set_single_scattering(all.single_scattering);
         let sampling = Sampling::of(&all);
         let (extent, jitter) = (sampling.extent(output), sampling.jitter(self.frame));
         let mut g = self.executor.begin(extent);

@@ -10,9 +10,10 @@ use magpie_shaders::Shader;
 use magpie_shaders::sky_light::{NO_IMAGE, SkyLightParams};
 
 /// Channels of the G-buffer for diffuse light.
-const DIFFUSE: &[Channel] = &[Channel::Normal, Channel::BaseColour, Channel::Material];
+const DIFFUSE: &[Channel] = &[Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Coat];
 /// Channels of the G-buffer for specular light, whose lobe may be cut off by the surface's own plane.
-const SPECULAR: &[Channel] = &[Channel::Normal, Channel::GeometricNormal, Channel::BaseColour, Channel::Material];
+const SPECULAR: &[Channel] =
+    &[Channel::Normal, Channel::GeometricNormal, Channel::BaseColour, Channel::Material, Channel::Coat];
 
 /// No indirect light.
 pub struct Off;

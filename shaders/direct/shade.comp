@@ -38,27 +38,23 @@ vec3 share_of_those_above(Seen seen, float above) {
     return seen.raw ? share : min(share, vec3(1.0));
 }
 
-// Reflected radiance of one light.
-vec3 reflected(ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, Seen visible) {
+// Reflected radiance of one light. Columns of `around`: the frame whose third axis is the shading normal; `v`: to the eye, in that frame.
+vec3 reflected(
+    ViewBuffer view, ivec2 pixel, uint index, Light light, LightSample centre, Surface s, Bsdf b, mat3 around, vec3 v, Seen visible
+) {
     vec3 seen = visible.share;
-    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
+    vec3 l = centre.direction * around;
     float angle = params.area > 0u && has_size(light) ? half_angle(light, centre.distance) : 0.0;
     vec3 half_vector = safe_normalize(s.to_eye + centre.direction, s.normal);
     // Seen from the side a specular lobe is flattened, and so narrower.
     bool is_small = angle <= SMALL_LAMP;
-    bool is_small_in_lobe = angle <= SMALL_IN_LOBE * b.alpha * dot(s.to_eye, half_vector);
+    bool is_small_in_lobe = angle <= SMALL_IN_LOBE * narrowest_alpha(b) * dot(s.to_eye, half_vector);
     if (is_small && is_small_in_lobe) {
-        vec3 f = brdf_cosine(s.normal, s.to_eye, centre.direction, s.base_colour, s.metalness, s.roughness, s.fresnel);
-        return f * centre.irradiance * seen;
+        return l.z > 0.0 ? bsdf_cosine(b, v, l, LOBE_DIFFUSE | LOBE_SPECULAR) * centre.irradiance * seen : vec3(0.0);
     }
     float above = share_above(light, centre, s.position, s.normal);
     if (above <= 0.0) return vec3(0.0);
     seen = share_of_those_above(visible, above);
-    mat3 around = frame_of(s.normal);
-    vec3 v = s.to_eye * around;
-    // A viewer on or below the horizon is treated as grazing.
-    v.z = max(v.z, 1e-4);
-    vec3 l = centre.direction * around;
     vec3 sum = vec3(0.0);
     if (!is_small) sum += diffuse_of_lamp(light, centre, s.position, b, around, v);
     else if (l.z > 0.0) sum += bsdf_cosine(b, v, l, LOBE_DIFFUSE) * centre.irradiance;
@@ -78,18 +74,19 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     SceneBuffer scene = SceneBuffer(params.scene);
     LightBuffer lights = LightBuffer(scene.at[0].lights);
 
+    Bsdf b = bsdf_of(s);
+    mat3 around = frame_of(s.normal);
+    vec3 v = s.to_eye * around;
+    v.z = eye_cosine(s);
     vec3 radiance = load(params.gbuffer.emission, pixel).rgb;
-    if (params.emitters != NO_EMITTERS) {
-        float n_v = max(dot(s.normal, s.to_eye), 0.0);
-        radiance += load(params.emitters, pixel).rgb * reflectance(s.base_colour, s.metalness, s.roughness, s.fresnel, n_v);
-    }
+    if (params.emitters != NO_EMITTERS) radiance += load(params.emitters, pixel).rgb * reflectance(b, v.z);
     for (uint i = 0u; i < scene.at[0].light_count; i++) {
         Light light = lights.at[i];
         LightSample centre = sample_light(light, s.position);
         // Out of range; in a scene with many lights, that is most of them.
         if (centre.irradiance == vec3(0.0)) continue;
         Seen seen = visibility(view, i, pixel);
-        if (seen.share != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, seen);
+        if (seen.share != vec3(0.0)) radiance += reflected(view, pixel, i, light, centre, s, b, around, v, seen);
     }
     return radiance;
 }

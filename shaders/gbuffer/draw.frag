@@ -122,11 +122,18 @@ void main() {
     fragment.occlusion = occlusion;
     fragment.metalness_roughness = vec2(material.metalness * metal_rough.b, material.roughness * metal_rough.g);
     fragment.specular = NO_SPECULAR_CODE;
+    fragment.coat = vec2(0.0);
     if (material.layers != NO_LAYERS) {
         MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
         float strength = layers.specular * read(view, layers.specular_texture, vec4(1.0)).a;
         vec3 tint = layers.specular_colour * read(view, layers.specular_colour_texture, vec4(1.0)).rgb;
         fragment.specular = encode_dielectric(dielectric_of(layers.ior, strength, tint));
+        if (COATED && (front || layers.thickness == 0.0)) {
+            fragment.coat = vec2(
+                layers.clearcoat * read(view, layers.clearcoat_texture, vec4(1.0)).r,
+                layers.clearcoat_roughness * read(view, layers.clearcoat_roughness_texture, vec4(1.0)).g
+            );
+        }
     }
     fragment.emission = emission;
     fragment.motion = motion_at(view, instance, mesh, corners, hit.barycentric);

@@ -51,9 +51,11 @@ void main() {
     fragment.occlusion = 1.0;
     fragment.metalness_roughness = vec2(material.metalness, material.roughness);
     fragment.specular = NO_SPECULAR_CODE;
+    fragment.coat = vec2(0.0);
     if (material.layers != NO_LAYERS) {
         MaterialLayers layers = MaterialLayersBuffer(scene.at[0].layers).at[material.layers];
         fragment.specular = encode_dielectric(dielectric_of(layers.ior, layers.specular, layers.specular_colour));
+        if (hit.front || layers.thickness == 0.0) fragment.coat = vec2(layers.clearcoat, layers.clearcoat_roughness);
     }
     fragment.emission = material.emission;
     fragment.motion = motion_between(now.xyw, before.xyw);

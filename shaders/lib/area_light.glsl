@@ -137,7 +137,7 @@ vec3 diffuse_of_lamp(Light light, LightSample centre, vec3 position, Bsdf b, mat
     }
     if (light_in.irradiance <= 0.0) return vec3(0.0);
     vec3 reflected = diffuse_cosine(b.fresnel, (1.0 - b.metalness) * b.base_colour, v.z, light_in.cosine) / light_in.cosine;
-    return reflected * light_in.irradiance * radiance;
+    return below_coat(b, v) * reflected * light_in.irradiance * radiance;
 }
 
 // Specular reflection of the whole light by multiple importance sampling: `points` samples of the light and as many of the lobe (Veach
@@ -151,10 +151,11 @@ vec3 specular_of_lamp(Light light, vec3 position, Bsdf b, mat3 around, vec3 v, i
             float weight = l.z > 0.0 ? mis_weight(from.pdf, bsdf_pdf(b, v, l, LOBE_SPECULAR), true) : 0.0;
             if (weight > 0.0) sum += weight * bsdf_cosine(b, v, l, LOBE_SPECULAR) * from.radiance;
         }
-        vec3 l = reflect(-v, sample_visible_normal(v, b.alpha, sequence2(pixel, i, stream + 1u, seed)));
+        vec3 l;
         float distance, pdf;
         vec3 radiance;
-        if (l.z > 0.0 && meet_light(light, position, around * l, distance, radiance, pdf)) {
+        bool above = sample_specular(b, v, sequence2(pixel, i, stream + 1u, seed), l);
+        if (above && meet_light(light, position, around * l, distance, radiance, pdf)) {
             float own = bsdf_pdf(b, v, l, LOBE_SPECULAR);
             float weight = mis_weight(own, pdf, true);
             if (weight > 0.0) sum += (weight / own) * bsdf_cosine(b, v, l, LOBE_SPECULAR) * radiance;

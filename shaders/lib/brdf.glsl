@@ -1,8 +1,11 @@
 #ifndef LIB_BRDF_GLSL
 #define LIB_BRDF_GLSL
+#include "lib/bindless.glsl"
 #include "lib/vector.glsl"
+#include "shared/lobe_albedo.glsl"
 // The surface model: GGX over coupled Lambert. Materials and specular part are those of glTF 2.0, appendix B:
-//   f = D V F + diffuse,   F0 = mix(dielectric F0, base_colour, metalness)
+//   f = D V F (1 + F0 (1 - E) / E) + diffuse,   F0 = mix(dielectric F0, base_colour, metalness)
+// where the bracket gives back what scatters more than once between the microfacets (`scattered_again`).
 // glTF's diffuse part, (1 - F(v·h)) base_colour / pi, is not used: at grazing angles the sum reflects up to 1.7 times the incident light.
 
 // Reflectance of a dielectric at normal incidence: index of refraction 1.5.
@@ -24,9 +27,9 @@ struct Fresnel {
     float diffuse_share;  // factor of the diffuse part
 };
 
-// Factor that conserves energy: rough lobes reflect more than F(n·v), at most 0.15 % at roughness 0.3. It rises to 1 as the reflection gets
-// weaker, where the surface is exactly Lambertian.
-const float DIFFUSE_SHARE = 0.998;
+// Factor that conserves energy: rough lobes reflect more than F(n·v), by 0.26 % of what is not reflected at most, which is at roughness 0.38
+// and an f0 of 0. It rises to 1 as the reflection gets weaker, where the surface is exactly Lambertian.
+const float DIFFUSE_SHARE = 0.9974;
 
 // Lower limit of alpha. Point lights are infinitely small, and a perfect mirror would show them infinitely bright. At 0.002 (perceptual
 // roughness 0.045) the highlight is some 0.3 degrees wide, narrower than the disc of the sun.
@@ -35,19 +38,6 @@ const float MIN_ALPHA = 0.002;
 // alpha = roughness² (Burley 2012, "Physically-Based Shading at Disney"), at least MIN_ALPHA.
 float alpha_of_roughness(float roughness) {
     return max(roughness * roughness, MIN_ALPHA);
-}
-
-// GGX (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", equation 33), per steradian:
-//   D = a² / (pi ((n·h)² (a² - 1) + 1)²)
-// With 1 - (n·h)² = |n × h|² the bracket becomes |n × h|² + a² (n·h)², which has no cancellation near the peak.
-// Takes unit vectors; `n·h < 0` gives 0.
-float ggx_d(vec3 n, vec3 h, float alpha) {
-    float n_h = dot(n, h);
-    if (n_h <= 0.0) return 0.0;
-    vec3 c = cross(n, h);
-    float scaled = alpha * n_h;
-    float ratio = alpha / (dot(c, c) + scaled * scaled);
-    return ratio * ratio / PI;
 }
 
 // Height-correlated Smith visibility V = G2 / (4 n·l n·v) (Heitz 2014, "Understanding the Masking-Shadowing Function",
@@ -129,34 +119,49 @@ vec3 diffuse_albedo(Fresnel f, vec3 albedo, float n_v) {
     return albedo * f.diffuse_share * passed_f(f, n_v);
 }
 
-// BRDF times n·l, per steradian: the factor for incident irradiance at normal incidence. All vectors unit and away from the surface. 0 when
-// the light is below the surface; a viewer below it is treated as grazing.
-vec3 brdf_cosine(vec3 n, vec3 v, vec3 l, vec3 base_colour, float metalness, float roughness, Fresnel f) {
-    float n_l = dot(n, l);
-    if (n_l <= 0.0) return vec3(0.0);
-    float n_v = max(dot(n, v), 0.0);
-    float alpha = alpha_of_roughness(roughness);
-    // l = -v has no half vector. That needs a viewer on or below the horizon, where the normal is a fair substitute.
-    vec3 h = safe_normalize(v + l, n);
-    vec3 diffuse = diffuse_cosine(f, (1.0 - metalness) * base_colour, n_v, n_l);
-    return diffuse + schlick_f(f, dot(v, h)) * (ggx_d(n, h, alpha) * smith_v_cosine(n_l, n_v, alpha));
+// Directional albedo of the specular lobe: the integral of D V F n·l over the hemisphere is f0 a + f90 b, as Schlick's F is linear in both
+// (Karis 2013, "Real Shading in Unreal Engine 4", the "split sum"). With F = 1 it is E = a + b: the share 1 - E of the light is scattered
+// between the microfacets again.
+struct SplitSum {
+    float a;
+    float b;
+    float again;  // (1 - E) / E, or 0 with the single-scattering model
+};
+
+// For lobes that scatter once and whose albedo is not asked for.
+const SplitSum NO_SPLIT_SUM = SplitSum(0.0, 0.0, 0.0);
+
+// From the table at the address `table`, `lobe_albedo` of the view and of the scene's root: blended between the four nearest of its entries,
+// which are evenly spaced over the square root of the cosine `n_v`, 0 to 1, and over roughness.
+SplitSum split_sum(uvec2 table, float roughness, float n_v) {
+    vec2 at = vec2(sqrt(n_v), roughness) * float(LOBE_ALBEDO_SIZE - 1u);
+    uvec2 low = min(uvec2(at), uvec2(LOBE_ALBEDO_SIZE - 2u));
+    vec2 part = at - vec2(low);
+    LobeAlbedoBuffer entries = LobeAlbedoBuffer(table);
+    uint first = low.y * LOBE_ALBEDO_SIZE + low.x;
+    LobeAlbedo near_smooth = entries.at[first], far_smooth = entries.at[first + 1u];
+    LobeAlbedo near_rough = entries.at[first + LOBE_ALBEDO_SIZE], far_rough = entries.at[first + LOBE_ALBEDO_SIZE + 1u];
+    vec2 smooth_side = mix(vec2(near_smooth.a, near_smooth.b), vec2(far_smooth.a, far_smooth.b), part.x);
+    vec2 rough_side = mix(vec2(near_rough.a, near_rough.b), vec2(far_rough.a, far_rough.b), part.x);
+    vec2 both = mix(smooth_side, rough_side, part.y);
+    return SplitSum(both.x, both.y, near_smooth.given_back * (1.0 / (both.x + both.y) - 1.0));
 }
 
-// Directional albedo of the specular lobe under uniform light: the integral of D V F n·l over the hemisphere.
-// Analytic fit by Karis 2014, "Physically Based Shading on Mobile". Against this model it is within 0.04 for f0 = 0.04 (0.08 at
-// grazing angles) and up to 0.16 too dark for f0 = 1 at roughness 0.3 to 0.6. It dips to -0.003 at roughness 1 and f0 = 0: hence the max.
-vec3 environment_brdf(Fresnel f, float roughness, float n_v) {
-    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    float a = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
-    vec2 scale_bias = vec2(-1.04, 1.04) * a + r.zw;
-    return non_negative(f.f0 * scale_bias.x + f.f90 * scale_bias.y);
+// Factor of the specular lobe that gives back the light of further scatterings between microfacets, each of which takes f0 (Turquin 2019,
+// "Practical multiple scattering compensation for microfacet models"). It depends on the viewer's angle alone, so the lobe is
+// not reciprocal. As f0 a + f90 b is at most E, the albedo stays below E + f0 (1 - E), for every f90.
+vec3 scattered_again(vec3 f0, SplitSum lobe) {
+    return vec3(1.0) + f0 * lobe.again;
 }
 
-// Approximate albedo, above 0. Light is divided by it before denoising and multiplied afterwards (demodulation).
-vec3 reflectance(vec3 base_colour, float metalness, float roughness, Fresnel f, float n_v) {
-    // Surfaces that reflect less have no visible noise.
-    const float LEAST = 1e-3;
-    return max(diffuse_albedo(f, (1.0 - metalness) * base_colour, n_v) + environment_brdf(f, roughness, n_v), vec3(LEAST));
+// Directional albedo of the specular lobe towards a viewer.
+vec3 environment_brdf(Fresnel f, SplitSum lobe) {
+    return (f.f0 * lobe.a + f.f90 * lobe.b) * scattered_again(f.f0, lobe);
+}
+
+// The same from the table.
+vec3 environment_brdf(uvec2 table, Fresnel f, float roughness, float n_v) {
+    return environment_brdf(f, split_sum(table, roughness, n_v));
 }
 
 #endif

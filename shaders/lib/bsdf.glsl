@@ -4,7 +4,8 @@
 #include "lib/sampling.glsl"
 // The whole surface model, evaluated and sampled lobe by lobe. Directions are unit and local: the shading normal is +z, `v` goes
 // towards the viewer (v.z > 0), `l` towards the light. Opaque surfaces are those of lib/brdf.glsl; on top come transmission
-// (KHR_materials_transmission, _volume, _ior) and a clear coat (KHR_materials_clearcoat).
+// (KHR_materials_transmission, _volume, _ior) and a clear coat (KHR_materials_clearcoat). Light that scatters more than once between
+// microfacets is given back by the opaque lobe and by the coat, not by glass: a rough interface of glass loses it.
 
 const uint LOBE_DIFFUSE = 1u;
 const uint LOBE_SPECULAR = 2u;  // includes the clear coat
@@ -22,6 +23,8 @@ struct Bsdf {
     float coat;          // strength of the coat, 0 to 1
     float coat_alpha;
     Dielectric less;     // what KHR_materials_specular takes off the Fresnel reflectance of glass, negative where it adds
+    SplitSum lobe;       // albedo of the specular lobe towards the viewer
+    SplitSum coat_lobe;  // the same of the coat's
 };
 
 // For glass whose reflectance follows from its index of refraction alone.
@@ -29,12 +32,20 @@ const Dielectric NO_LESS = Dielectric(vec3(0.0), 0.0);
 
 // An opaque material.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness, Fresnel f) {
-    return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS);
+    return Bsdf(base_colour, metalness, f, alpha_of_roughness(roughness), 0.0, 1.5, false, 0.0, 1.0, NO_LESS, NO_SPLIT_SUM, NO_SPLIT_SUM);
 }
 
 // An opaque material of index 1.5.
 Bsdf opaque_bsdf(vec3 base_colour, float metalness, float roughness) {
     return opaque_bsdf(base_colour, metalness, roughness, fresnel_of(PLAIN_DIELECTRIC, base_colour, metalness));
+}
+
+// The same surface with the albedos of its lobes towards a viewer at the cosine `n_v`, from the table at this address (`split_sum`). Without
+// them its facets scatter light once.
+Bsdf towards_viewer(uvec2 table, Bsdf b, float n_v) {
+    b.lobe = split_sum(table, sqrt(b.alpha), n_v);
+    if (b.coat > 0.0) b.coat_lobe = split_sum(table, sqrt(b.coat_alpha), n_v);
+    return b;
 }
 
 // Unpolarised Fresnel reflectance of a dielectric, by the cosine on this side and the relative index `eta`; 1 for total internal
@@ -67,7 +78,9 @@ float stopped_by_glass(Bsdf b, float cosine) {
     return max(f.r, max(f.g, f.b));
 }
 
-// GGX of a local half vector, per steradian; equals ggx_d.
+// GGX of a local half vector (Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", equation 33), per steradian:
+//   D = a² / (pi ((n·h)² (a² - 1) + 1)²)
+// With 1 - (n·h)² = |n × h|² the bracket becomes |n × h|² + a² (n·h)², which has no cancellation near the peak. `n·h < 0` gives 0.
 float local_d(vec3 h, float alpha) {
     if (h.z <= 0.0) return 0.0;
     float scaled = alpha * h.z;
@@ -96,9 +109,34 @@ vec3 mirrored(vec3 l) {
     return vec3(l.xy, -l.z);
 }
 
-// Share of light that the clear coat reflects, by the view direction alone.
+// Share of light that the facets of the clear coat reflect, by the view direction alone.
 float coat_share(Bsdf b, vec3 v) {
     return b.coat * schlick(vec3(DIELECTRIC_F0), 1.0, v.z).x;
+}
+
+// What the coat's lobe is multiplied with beside its share.
+float coat_scattered_again(Bsdf b) {
+    return scattered_again(vec3(DIELECTRIC_F0), b.coat_lobe).x;
+}
+
+// Albedo of the coat's lobe: its share times E, and what scatters again.
+float coat_albedo(Bsdf b, vec3 v) {
+    return coat_share(b, v) * (b.coat_lobe.a + b.coat_lobe.b) * coat_scattered_again(b);
+}
+
+// Share of light that reaches what is below the coat, and comes back from there: all that the coat does not reflect. With the
+// single-scattering model the coat's share is missing there whatever its lobe returns.
+float below_coat(Bsdf b, vec3 v) {
+    return 1.0 - coat_share(b, v) * coat_scattered_again(b) / (1.0 + b.coat_lobe.again);
+}
+
+// Alpha of the narrower and of the wider of the specular lobes of base and coat.
+float narrowest_alpha(Bsdf b) {
+    return b.coat > 0.0 ? min(b.alpha, b.coat_alpha) : b.alpha;
+}
+
+float widest_alpha(Bsdf b) {
+    return b.coat > 0.0 ? max(b.alpha, b.coat_alpha) : b.alpha;
 }
 
 // Transmission times |n·l|. Radiance scales with the square of the index across an interface; a path that goes in and out again gets it
@@ -125,28 +163,31 @@ vec3 transmission_cosine(Bsdf b, vec3 v, vec3 l) {
 vec3 straight_transmission(Bsdf b, float cosine) {
     if (!b.thin || b.transmission <= 0.0 || b.alpha > MIN_ALPHA) return vec3(0.0);
     float facing = min(cosine, 1.0);
-    return b.base_colour * ((1.0 - coat_share(b, vec3(0.0, 0.0, facing))) * b.transmission * (1.0 - stopped_by_glass(b, facing)));
+    return b.base_colour * (below_coat(b, vec3(0.0, 0.0, facing)) * b.transmission * (1.0 - stopped_by_glass(b, facing)));
 }
 
 // BSDF times |n·l|, per steradian, of the selected lobes.
 vec3 bsdf_cosine(Bsdf b, vec3 v, vec3 l, uint lobes) {
-    float coat = coat_share(b, v);
+    float below = below_coat(b, v);
     if (l.z <= 0.0) {
         if ((lobes & LOBE_TRANSMISSION) == 0u || b.transmission <= 0.0 || l.z == 0.0) return vec3(0.0);
-        return (1.0 - coat) * b.transmission * transmission_cosine(b, v, l);
+        return below * b.transmission * transmission_cosine(b, v, l);
     }
     vec3 sum = vec3(0.0);
     vec3 h = safe_normalize(v + l, vec3(0.0, 0.0, 1.0));
     if ((lobes & LOBE_DIFFUSE) != 0u && b.metalness < 1.0) {
         vec3 albedo = (1.0 - b.metalness) * b.base_colour;
-        sum += (1.0 - coat) * (1.0 - b.transmission) * diffuse_cosine(b.fresnel, albedo, v.z, l.z);
+        sum += below * (1.0 - b.transmission) * diffuse_cosine(b.fresnel, albedo, v.z, l.z);
     }
     if ((lobes & LOBE_SPECULAR) != 0u) {
         float v_h = max(dot(v, h), 0.0);
-        vec3 f = (1.0 - b.transmission) * schlick_f(b.fresnel, v_h);
+        vec3 f = (1.0 - b.transmission) * schlick_f(b.fresnel, v_h) * scattered_again(b.fresnel.f0, b.lobe);
         if (b.transmission > 0.0) f += b.transmission * glass_f(b, v_h);
-        sum += (1.0 - coat) * f * (local_d(h, b.alpha) * smith_v_cosine(l.z, v.z, b.alpha));
-        if (coat > 0.0) sum += coat * local_d(h, b.coat_alpha) * smith_v_cosine(l.z, v.z, b.coat_alpha);
+        sum += below * f * (local_d(h, b.alpha) * smith_v_cosine(l.z, v.z, b.alpha));
+        if (b.coat > 0.0) {
+            float coat = coat_share(b, v) * coat_scattered_again(b);
+            sum += coat * local_d(h, b.coat_alpha) * smith_v_cosine(l.z, v.z, b.coat_alpha);
+        }
     }
     return sum;
 }
@@ -231,6 +272,33 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     vec3 h = sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u);
     l = reflect(-v, h);
     return l.z > 0.0;
+}
+
+// Samples a direction of the specular lobes of an opaque surface, base and coat, from two numbers: its pdf is that of `bsdf_sample` with
+// LOBE_SPECULAR. False if the sample is lost below the horizon.
+bool sample_specular(Bsdf b, vec3 v, vec2 u, out vec3 l) {
+    vec4 probabilities = lobe_probabilities(b, v, LOBE_SPECULAR);
+    bool on_coat = probabilities.w > 0.0 && u.x >= probabilities.y;
+    // The rest of the number is uniform again.
+    u.x = on_coat ? (u.x - probabilities.y) / probabilities.w : u.x / max(probabilities.y, 1e-6);
+    l = reflect(-v, sample_visible_normal(v, on_coat ? b.coat_alpha : b.alpha, u));
+    return l.z > 0.0;
+}
+
+// Albedo of the specular lobes of an opaque surface, base and coat, towards the viewer for whom it was made (`towards_viewer`), at the cosine
+// `n_v`.
+vec3 specular_albedo(Bsdf b, float n_v) {
+    vec3 v = vec3(0.0, 0.0, n_v);
+    return below_coat(b, v) * environment_brdf(b.fresnel, b.lobe) + coat_albedo(b, v);
+}
+
+// Albedo of an opaque surface towards that viewer, at the cosine `n_v`, above 0. Light is divided by it before denoising and multiplied
+// afterwards (demodulation).
+vec3 reflectance(Bsdf b, float n_v) {
+    // Surfaces that reflect less have no visible noise.
+    const float LEAST = 1e-3;
+    vec3 diffuse = diffuse_albedo(b.fresnel, (1.0 - b.metalness) * b.base_colour, n_v);
+    return max(below_coat(b, vec3(0.0, 0.0, n_v)) * diffuse + specular_albedo(b, n_v), vec3(LEAST));
 }
 
 #endif

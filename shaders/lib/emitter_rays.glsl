@@ -31,9 +31,10 @@ vec3 found_by_lobe_at(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit
 
 // A sample along the lobe. Surfaces in between that transmit light attenuate and tint what lies behind them, and emit by their coverage.
 vec3 found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
-    vec3 l = reflect(-s.v, sample_visible_normal(s.v, s.bsdf.alpha, u));
+    vec3 l;
+    bool above = sample_specular(s.bsdf, s.v, u, l);
     vec3 direction = s.around * l;
-    if (l.z <= 0.0 || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
+    if (!above || dot(s.start.normal, direction) <= 0.0) return vec3(0.0);
     Ray ray = surface_ray(s.start, direction, UNBOUNDED);
 #ifdef TINTED
     // First ray to the nearest opaque surface, then on through all transmitting ones before it.
@@ -96,8 +97,8 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     Surface surface = load_surface(view, pixel, params.gbuffer);
     if (!surface.exists) return vec3(0.0);
     Seen s;
-    s.bsdf = opaque_bsdf(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel);
-    bool has_lobe = has_reflection(surface.fresnel);
+    s.bsdf = bsdf_of(surface);
+    bool has_lobe = reflects(surface);
     // Black, as unlit surfaces are: a metal with a black base colour.
     if (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0)) return vec3(0.0);
     SceneBuffer scene = SceneBuffer(params.scene);
@@ -105,9 +106,8 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
     s.start = seen_start(scene, load_uint(params.gbuffer.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     s.around = frame_of(surface.normal);
     s.v = surface.to_eye * s.around;
-    // A viewer on or below the horizon is treated as grazing.
-    s.v.z = max(s.v.z, 1e-4);
-    s.lobe_probability = has_lobe ? 0.5 * (1.0 - surface.roughness) : 0.0;
+    s.v.z = eye_cosine(surface);
+    s.lobe_probability = has_lobe ? 0.5 * (1.0 - sqrt(narrowest_alpha(s.bsdf))) : 0.0;
     uint seed = view.at[0].seed;
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < params.samples; i++) {
@@ -117,7 +117,7 @@ vec3 emitter_radiance(ViewBuffer view, EmitterParams params, ivec2 pixel) {
         bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_probability;
         sum += by_lobe ? found_by_lobe(scene, lights, s, u) : found_by_emitter(scene, lights, s, which, u);
     }
-    return sum / (float(params.samples) * reflectance(surface.base_colour, surface.metalness, surface.roughness, surface.fresnel, s.v.z));
+    return sum / (float(params.samples) * reflectance(s.bsdf, s.v.z));
 }
 
 #endif

@@ -24,10 +24,10 @@ FoundRay unpack_ray(vec4 packed) {
 
 // Width on the screen of what a lobe reflects at some distance, pixels: seen from the eye, the lobe's cone behind the surface is as wide
 // as this.
-float lobe_width(ViewBuffer view, Surface s, float hit_distance) {
+float lobe_width(ViewBuffer view, Surface s, float alpha, float hit_distance) {
     float eye_distance = distance(s.position, view.at[0].eye);
     float share = hit_distance / (hit_distance + eye_distance);
-    return 2.0 * alpha_of_roughness(s.roughness) * share / pixel_spread(view);
+    return 2.0 * alpha * share / pixel_spread(view);
 }
 
 #endif

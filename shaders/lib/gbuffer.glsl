@@ -1,7 +1,7 @@
 #ifndef LIB_GBUFFER_GLSL
 #define LIB_GBUFFER_GLSL
 #include "lib/bindless.glsl"
-#include "lib/brdf.glsl"
+#include "lib/bsdf.glsl"
 #include "lib/gbuffer_specular.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/vector.glsl"
@@ -29,6 +29,12 @@ struct Surface {
     float roughness;
     // Of base colour, metalness and the dielectric part's reflectance.
     Fresnel fresnel;
+    // Strength of the clear coat, 0 to 1, and its roughness, perceptual.
+    float coat;
+    float coat_roughness;
+    // Albedo of the specular lobes of base and coat towards the eye.
+    SplitSum lobe;
+    SplitSum coat_lobe;
 };
 
 // Direction of the ray through a pixel's centre, not normalised: the point at reversed depth d is eye + ray / (d w) with w =
@@ -66,6 +72,10 @@ Surface no_surface() {
     s.metalness = 0.0;
     s.roughness = 1.0;
     s.fresnel = Fresnel(vec3(0.0), 0.0, vec3(0.0), 1.0);
+    s.coat = 0.0;
+    s.coat_roughness = 0.0;
+    s.lobe = NO_SPLIT_SUM;
+    s.coat_lobe = NO_SPLIT_SUM;
     return s;
 }
 
@@ -82,7 +92,13 @@ Surface load_geometry(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     return s;
 }
 
-void load_material(inout Surface s, ivec2 pixel, GBufferImages gbuffer) {
+// Cosine of the angle at which the eye sees a surface. One on or below the horizon is treated as grazing.
+float eye_cosine(Surface s) {
+    return max(dot(s.normal, s.to_eye), 1e-4);
+}
+
+// The material; normals and the direction to the eye are there already.
+void load_material(ViewBuffer view, inout Surface s, ivec2 pixel, GBufferImages gbuffer) {
     vec4 base_colour = load(gbuffer.base_colour, pixel);
     vec4 material = load(gbuffer.material, pixel);
     s.base_colour = base_colour.rgb;
@@ -90,12 +106,24 @@ void load_material(inout Surface s, ivec2 pixel, GBufferImages gbuffer) {
     s.metalness = material.r;
     s.roughness = material.g;
     s.fresnel = fresnel_of(decode_dielectric(material.ba), s.base_colour, s.metalness);
+    s.lobe = split_sum(view.at[0].lobe_albedo, s.roughness, eye_cosine(s));
+    // In scenes without clear coats the image is the black placeholder.
+    if (gbuffer.coat == 0u) return;
+    vec2 coat = load(gbuffer.coat, pixel).rg;
+    s.coat = coat.r;
+    s.coat_roughness = coat.g;
+    s.coat_lobe = split_sum(view.at[0].lobe_albedo, s.coat_roughness, eye_cosine(s));
+}
+
+// Whether the surface reflects anything specularly.
+bool reflects(Surface s) {
+    return s.coat > 0.0 || has_reflection(s.fresnel);
 }
 
 // Position, normals and material.
 Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     Surface s = load_geometry(view, pixel, gbuffer);
-    if (s.exists) load_material(s, pixel, gbuffer);
+    if (s.exists) load_material(view, s, pixel, gbuffer);
     return s;
 }
 
@@ -103,12 +131,22 @@ Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
 // the background, and where the occlusion map is 0.
 Surface load_receiver(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     Surface s = no_surface();
-    load_material(s, pixel, gbuffer);
-    s.exists = s.occlusion > 0.0;
     s.to_eye = -normalize(pixel_ray(view, pixel));
     s.normal = octahedral_decode(load(gbuffer.normal, pixel).xy);
     s.geometric_normal = octahedral_decode(load(gbuffer.geometric_normal, pixel).xy);
+    load_material(view, s, pixel, gbuffer);
+    s.exists = s.occlusion > 0.0;
     return s;
+}
+
+// How the surface scatters light towards the eye.
+Bsdf bsdf_of(Surface s) {
+    Bsdf b = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
+    b.lobe = s.lobe;
+    b.coat = s.coat;
+    b.coat_alpha = alpha_of_roughness(s.coat_roughness);
+    b.coat_lobe = s.coat_lobe;
+    return b;
 }
 
 #endif

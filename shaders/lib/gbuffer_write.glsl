@@ -10,6 +10,9 @@
 // `--check` to find; min and clamp may not.
 layout(constant_id = 1) const float GREATEST = 65504.0;
 
+// Whether materials have clear coats, which are then in the attachment before emission.
+layout(constant_id = 2) const bool COATED = false;
+
 struct Fragment {
     vec3 to_eye;               // world, unit
     vec3 normal;               // shading normal on the visible side, unit; turned towards the viewer here if it points away
@@ -18,6 +21,7 @@ struct Fragment {
     float occlusion;           // 1 is open
     vec2 metalness_roughness;
     vec2 specular;             // see encode_dielectric
+    vec2 coat;                 // strength and roughness of the clear coat
     vec3 emission;
     vec2 motion;
     uvec2 ids;                 // instance + 1, primitive
@@ -37,8 +41,9 @@ layout(location = 2) out vec2 out_geometric_normal;
 layout(location = 3) out vec4 out_material;
 layout(location = 4) out vec2 out_motion;
 layout(location = 5) out uvec2 out_ids;
-// Last, so that scenes in which nothing emits can leave it out.
-layout(location = 6) out vec4 out_emission;
+// Last, so that scenes can leave them out: coat and emission, or emission alone.
+layout(location = 6) out vec4 out_coat_or_emission;
+layout(location = 7) out vec4 out_emission;
 
 void write_gbuffer(Fragment f, uint material_flags) {
     if ((material_flags & MATERIAL_UNLIT) != 0u) {
@@ -46,12 +51,15 @@ void write_gbuffer(Fragment f, uint material_flags) {
         f.emission = f.base_colour;
         f.base_colour = vec3(0.0);
         f.metalness_roughness = vec2(1.0);
+        f.coat = vec2(0.0);
     }
     out_base_colour = vec4(f.base_colour, f.occlusion);
     out_normal = octahedral_encode(turn_to_viewer(f.normal, f.to_eye));
     out_geometric_normal = octahedral_encode(f.geometric_normal);
     out_material = vec4(f.metalness_roughness, f.specular);
     out_emission = vec4(mix(f.emission, vec3(GREATEST), greaterThan(f.emission, vec3(GREATEST))), 1.0);
+    if (COATED) out_coat_or_emission = vec4(f.coat, 0.0, 0.0);
+    else out_coat_or_emission = out_emission;
     out_motion = f.motion;
     out_ids = f.ids;
 }

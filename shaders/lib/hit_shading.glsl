@@ -93,8 +93,9 @@ const float LEAST_COSINE = 0.9;
 const float DEPTH_SLACK = 0.01;
 
 // Albedo of a surface for light towards `to_viewer`, unit.
-vec3 albedo_towards(SurfacePoint s, vec3 to_viewer) {
-    return reflectance(s.bsdf.base_colour, s.bsdf.metalness, sqrt(s.bsdf.alpha), s.bsdf.fresnel, max(dot(s.normal, to_viewer), 1e-4));
+vec3 albedo_towards(SceneBuffer scene, SurfacePoint s, vec3 to_viewer) {
+    float n_v = max(dot(s.normal, to_viewer), 1e-4);
+    return reflectance(towards_viewer(scene.at[0].lobe_albedo, s.bsdf, n_v), n_v);
 }
 
 // All light that a surface sends towards `to_viewer`, from what it sent to the camera one frame ago, by the ratio of its albedos in both
@@ -103,7 +104,7 @@ bool previous_light_at(
     ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, uint instance, vec3 to_viewer, out vec3 light
 ) {
     light = vec3(0.0);
-    if (p.previous_radiance == NO_IMAGE || s.bsdf.alpha < LEAST_REUSED_ALPHA) return false;
+    if (p.previous_radiance == NO_IMAGE || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
     vec3 was = position_before(InstanceBuffer(scene.at[0].instances).at[instance], s.start.position);
     vec4 clip = view.at[0].previous_clip_from_world * vec4(was, 1.0);
     if (!(clip.w > 0.0)) return false;
@@ -117,7 +118,8 @@ bool previous_light_at(
     vec2 gradient = depth_gradient(view, pixel, there);
     if (abs(there.depth - clip.w) > abs(gradient.x) + abs(gradient.y) + DEPTH_SLACK * clip.w) return false;
     vec4 found = load(p.previous_radiance, pixel);
-    light = found.rgb * albedo_towards(s, to_viewer) / albedo_towards(s, safe_normalize(view.at[0].previous_eye - was, s.normal));
+    vec3 to_previous_eye = safe_normalize(view.at[0].previous_eye - was, s.normal);
+    light = found.rgb * albedo_towards(scene, s, to_viewer) / albedo_towards(scene, s, to_previous_eye);
     return found.a > 0.0;
 }
 

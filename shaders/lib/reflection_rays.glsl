@@ -25,11 +25,10 @@ const float NARROW_ALPHA = 0.05;
 // Light that the last surface of a path sends back: lights sampled, and the sky in place of further bounces of a narrow lobe.
 vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, inout Random random) {
     vec3 light = vec3(0.0);
-    if (s.bsdf.alpha < NARROW_ALPHA) {
+    if (widest_alpha(s.bsdf) < NARROW_ALPHA) {
         lobes &= ~LOBE_SPECULAR;
         if (view.at[0].has_sky != 0u) {
-            float n_v = max(dot(s.normal, to_viewer), 1e-4);
-            light = environment_brdf(s.bsdf.fresnel, sqrt(s.bsdf.alpha), n_v) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
+            light = specular_albedo(s.bsdf, max(dot(s.normal, to_viewer), 1e-4)) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
         }
     }
     return light + direct_light_at(view, scene, lights, s, to_viewer, lobes, false, random, reflections_traced);
@@ -132,15 +131,14 @@ struct Reflector {
 Reflector reflector_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
     Reflector r;
     r.surface = load_surface(view, pixel, params.gbuffer);
-    r.exists = r.surface.exists && has_reflection(r.surface.fresnel);
+    r.exists = r.surface.exists && reflects(r.surface);
     if (!r.exists) return r;
     uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
     r.start = seen_start(SceneBuffer(params.scene), ids, view.at[0].eye, pixel_ray(view, pixel), r.surface.position);
-    r.bsdf = opaque_bsdf(r.surface.base_colour, r.surface.metalness, r.surface.roughness, r.surface.fresnel);
+    r.bsdf = bsdf_of(r.surface);
     r.around = frame_of(r.surface.normal);
     r.v = r.surface.to_eye * r.around;
-    // A viewer on or below the horizon is treated as grazing.
-    r.v.z = max(r.v.z, 1e-4);
+    r.v.z = eye_cosine(r.surface);
     return r;
 }
 
@@ -158,9 +156,9 @@ struct Reflected {
 Reflected reflect_at(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector r, uint index) {
     Reflected found = Reflected(false, vec3(0.0), 0.0, vec3(0.0), vec3(0.0), SKY_DISTANCE);
     uint seed = view.at[0].seed;
-    vec3 l = reflect(-r.v, sample_visible_normal(r.v, r.bsdf.alpha, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed)));
+    vec3 l;
+    if (!sample_specular(r.bsdf, r.v, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed), l)) return found;
     found.direction = r.around * l;
-    if (l.z <= 0.0) return found;
     found.pdf = bsdf_pdf(r.bsdf, r.v, l, LOBE_SPECULAR);
     if (!(found.pdf > 0.0)) return found;
     found.exists = true;
@@ -187,7 +185,7 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
             nearest = min(nearest, found.distance);
         }
         radiance /= float(params.samples) * specular_albedo(r.surface);
-        width = lobe_width(view, r.surface, nearest);
+        width = lobe_width(view, r.surface, narrowest_alpha(r.bsdf), nearest);
     }
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
     store(params.hit_distance, pixel, vec4(nearest));

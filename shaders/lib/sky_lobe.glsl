@@ -23,4 +23,17 @@ vec3 sky_in_lobe(ViewBuffer view, Surface s, float openness) {
     return incident * (horizon * horizon * reaches);
 }
 
+// Light of sky and ground that the specular lobes of base and coat reflect towards the eye.
+vec3 sky_reflected(ViewBuffer view, Surface s, float openness) {
+    Bsdf b = bsdf_of(s);
+    vec3 v = vec3(0.0, 0.0, eye_cosine(s));
+    vec3 light = below_coat(b, v) * environment_brdf(b.fresnel, b.lobe) * sky_in_lobe(view, s, openness);
+    if (s.coat > 0.0) {
+        Surface coat = s;
+        coat.roughness = s.coat_roughness;
+        light += coat_albedo(b, v) * sky_in_lobe(view, coat, openness);
+    }
+    return light;
+}
+
 #endif

@@ -2,11 +2,11 @@
 #define LIB_SPECULAR_ALBEDO_GLSL
 #include "lib/gbuffer.glsl"
 
-// Approximate albedo of a surface's specular lobe, above 0. Reflected radiance is divided by it before denoising and multiplied afterwards.
+// Albedo of a surface's specular lobe, above 0. Reflected radiance is divided by it before denoising and multiplied afterwards.
 vec3 specular_albedo(Surface s) {
     // Surfaces that reflect less have no visible noise.
     const float LEAST = 1e-3;
-    return max(environment_brdf(s.fresnel, s.roughness, max(dot(s.normal, s.to_eye), 1e-4)), vec3(LEAST));
+    return max(specular_albedo(bsdf_of(s), eye_cosine(s)), vec3(LEAST));
 }
 
 #endif

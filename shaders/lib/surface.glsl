@@ -96,8 +96,13 @@ void read_material(SceneBuffer scene, Material material, Coordinates at, vec4 ve
     p.bsdf.thin = layers.thickness == 0.0 || abs(p.bsdf.eta - 1.0) < 1e-4;
     p.absorption = front && layers.thickness > 0.0 ? layers.absorption : vec3(0.0);
     if (front || layers.thickness == 0.0) {
-        p.bsdf.coat = layers.clearcoat * read_texture(layers.clearcoat_texture, at, vec4(1.0)).r;
-        float rough = layers.clearcoat_roughness * read_texture(layers.clearcoat_roughness_texture, at, vec4(1.0)).g;
+        float coat = layers.clearcoat;
+        float rough = layers.clearcoat_roughness;
+        if (textured) {
+            coat *= read_texture(layers.clearcoat_texture, at, vec4(1.0)).r;
+            rough *= read_texture(layers.clearcoat_roughness_texture, at, vec4(1.0)).g;
+        }
+        p.bsdf.coat = coat;
         p.bsdf.coat_alpha = alpha_of_roughness(rough);
     }
 }
@@ -119,6 +124,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         material.emission_texture.image = NO_TEXTURE;
         read_material(scene, material, at, vec4(1.0), hit.front, false, p);
         p.normal = turn_to_viewer(p.start.normal, towards);
+        p.bsdf = towards_viewer(scene.at[0].lobe_albedo, p.bsdf, dot(p.normal, towards));
         return p;
     }
 
@@ -161,6 +167,7 @@ SurfacePoint surface_at(SceneBuffer scene, Ray ray, Hit hit, Footprint footprint
         shading = apply_normal_map(normal, vec4(tangents * w, turn), texel, material.normal_scale);
     }
     p.normal = turn_to_viewer(side * shading, towards);
+    p.bsdf = towards_viewer(scene.at[0].lobe_albedo, p.bsdf, dot(p.normal, towards));
     return p;
 }
 

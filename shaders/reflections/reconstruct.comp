@@ -73,7 +73,7 @@ void main() {
     if (!inside(pixel, view.at[0].size)) return;
     Lobe lobe;
     lobe.surface = load_surface(view, pixel, params.gbuffer);
-    if (!lobe.surface.exists || !has_reflection(lobe.surface.fresnel)) {
+    if (!lobe.surface.exists || !reflects(lobe.surface)) {
         store(params.radiance, pixel, vec4(0.0));
         store(params.hit_distance, pixel, vec4(SKY_DISTANCE));
         store(params.width, pixel, vec4(0.0));
@@ -82,16 +82,16 @@ void main() {
     Surface s = lobe.surface;
     lobe.guide = load_guide(params.guide, pixel);
     lobe.gradient = depth_gradient(view, pixel, lobe.guide);
-    lobe.bsdf = opaque_bsdf(s.base_colour, s.metalness, s.roughness, s.fresnel);
+    lobe.bsdf = bsdf_of(s);
     lobe.around = frame_of(s.normal);
     lobe.v = s.to_eye * lobe.around;
-    lobe.v.z = max(lobe.v.z, 1e-4);
+    lobe.v.z = eye_cosine(s);
     lobe.albedo = luminance(specular_albedo(s));
 
     ivec2 side = ivec2(params.cell);
     ivec2 cells = ivec2((view.at[0].size + params.cell - 1u) / params.cell);
     ivec2 cell = pixel / side;
-    float width = lobe_width(view, s, distance_around(cell, cells));
+    float width = lobe_width(view, s, narrowest_alpha(lobe.bsdf), distance_around(cell, cells));
     lobe.smoothness = 1.0 - smoothstep(0.5, 2.0, width / float(side.x));
     // In cells. Where not every pixel has a ray, the nearest ones are needed at any width.
     vec2 reach = vec2(min(0.5 * width, params.radius)) / vec2(side);

@@ -13,6 +13,6 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
     Surface s = load_surface(view, pixel, params.gbuffer);
-    vec3 radiance = s.exists && has_reflection(s.fresnel) ? load(params.denoised, pixel).rgb * specular_albedo(s) : vec3(0.0);
+    vec3 radiance = s.exists && reflects(s) ? load(params.denoised, pixel).rgb * specular_albedo(s) : vec3(0.0);
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
 }

@@ -13,7 +13,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     Surface s = load_receiver(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
     float openness = params.openness == NO_IMAGE ? 1.0 : load(params.openness, pixel).r;
-    return environment_brdf(s.fresnel, s.roughness, max(dot(s.normal, s.to_eye), 0.0)) * sky_in_lobe(view, s, openness);
+    return sky_reflected(view, s, openness);
 }
 
 void main() {

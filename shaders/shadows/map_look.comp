@@ -139,7 +139,7 @@ float look(MapLight light, uint image, Surface surface, vec3 to_light, float tur
         MapSheet sheet = MapSheet(image, is_array, face, side, light, params.layers);
         float lit = filtered(light, sheet, p, turn, mixed);
         MapPoint unmoved = project(light.kind, light.size, layer, side, surface.position, surface.geometric_normal);
-        why = params.classify != 0u ? doubts(light, sheet, p, unmoved, mixed, pixel_width) : 0u;
+        why = params.unsure != 0u ? doubts(light, sheet, p, unmoved, mixed, pixel_width) : 0u;
         return lit;
     }
     float lit = 1.0;
@@ -155,7 +155,7 @@ float look(MapLight light, uint image, Surface surface, vec3 to_light, float tur
         float here = filtered(light, sheet, p, turn, mixed);
         if (weight == 1.0) {
             MapPoint unmoved = project(light.kind, light.size, layer, side, surface.position, surface.geometric_normal);
-            why = params.classify != 0u ? doubts(light, sheet, p, unmoved, mixed, pixel_width) : 0u;
+            why = params.unsure != 0u ? doubts(light, sheet, p, unmoved, mixed, pixel_width) : 0u;
             lit = here;
             weight = last ? 0.0 : clamp((border - (most - params.blend)) / max(params.blend, 1e-6), 0.0, 1.0);
         } else {
@@ -189,5 +189,5 @@ void main() {
         unsure |= why << i;
     }
     store(params.visibility, pixel, visibility);
-    if (params.classify != 0u) store_uint(params.unsure, pixel, uvec4(unsure));
+    if (params.unsure != 0u) store_uint(params.unsure, pixel, uvec4(unsure));
 }

@@ -17,6 +17,8 @@ pub struct GBufferImages {
     pub geometric_normal: SampledImage,
     /// Metalness, roughness, and the specular reflectance of the dielectric part.
     pub material: SampledImage,
+    /// Strength and roughness of the clear coat.
+    pub coat: SampledImage,
     /// Emitted radiance.
     pub emission: SampledImage,
     /// Motion vectors.

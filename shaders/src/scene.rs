@@ -63,6 +63,8 @@ pub struct Scene {
     pub tlas_nodes: Address,
     /// [`BvhInstance`] of each top-level primitive, in the order of the BVH.
     pub tlas_instances: Address,
+    /// Table of the specular lobe's albedo, [`LobeAlbedo`](super::lobe_albedo::LobeAlbedo): the one of the view.
+    pub lobe_albedo: Address,
     /// Number of instances.
     pub instance_count: u32,
     /// Number of lights.

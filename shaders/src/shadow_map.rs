@@ -99,10 +99,8 @@ pub struct MapParams {
     pub gbuffer: GBufferImages,
     /// Output, one light in each channel: 1 visible, 0 occluded.
     pub visibility: StorageImage,
-    /// Output: `UNSURE_*` bits; only with `classify`.
+    /// Output: `UNSURE_*` bits; not written if it is the default image.
     pub unsure: StorageImage,
-    /// 1 to write `unsure`.
-    pub classify: u32,
     /// `MAP_FILTER_*`.
     pub filter_kind: u32,
     /// Width of the PCF box, texels.

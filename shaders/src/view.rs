@@ -1,5 +1,5 @@
 //! Parameters of camera, frame and sky, for every pass.
-use super::types::{SampledImage, SamplerId};
+use super::types::{Address, SampledImage, SamplerId};
 use bytemuck::{Pod, Zeroable};
 
 /// Entry of a table of lights that stands for none.
@@ -44,6 +44,8 @@ pub struct View {
     pub shadow_light_count: u32,
     /// Indices of the shadow-casting lights, most important first; then [`NO_LIGHT`].
     pub shadow_lights: [u32; 8],
+    /// Table of the specular lobe's albedo, [`LobeAlbedo`](super::lobe_albedo::LobeAlbedo), for `split_sum` of `lib/brdf.glsl`.
+    pub lobe_albedo: Address,
     /// 1 if the scene has a sky.
     pub has_sky: u32,
     /// The sky; ignored without `has_sky`.

@@ -249,7 +249,7 @@ fn surface_models() -> Result<()> {
     let opaque = |metal: f32, rough: f32| format!("opaque_bsdf(vec3(0.7, 0.5, 0.3), {metal:?}, {rough:?})");
     let glass = |eta: f32, thin: bool, rough: f32| {
         format!(
-            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), {:?}, 1.0, {eta:?}, {thin}, 0.0, 1.0, NO_LESS)",
+            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.9974), {:?}, 1.0, {eta:?}, {thin}, 0.0, 1.0, NO_LESS, NO_SPLIT_SUM, NO_SPLIT_SUM)",
             rough * rough
         )
     };
@@ -262,7 +262,7 @@ fn surface_models() -> Result<()> {
         ("half metal", opaque(0.5, 0.4), "LOBE_ALL"),
         (
             "coated",
-            "Bsdf(vec3(0.7), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), 0.4, 0.0, 1.5, false, 1.0, 0.05, NO_LESS)"
+            "Bsdf(vec3(0.7), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.9974), 0.4, 0.0, 1.5, false, 1.0, 0.05, NO_LESS, NO_SPLIT_SUM, NO_SPLIT_SUM)"
                 .to_owned(),
             "LOBE_ALL",
         ),
@@ -271,7 +271,7 @@ fn surface_models() -> Result<()> {
         ("thin glass", glass(1.5, true, 0.5), "LOBE_ALL"),
         (
             "half glass, what goes through",
-            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.998), 0.3, 0.5, 1.5, false, 0.0, 1.0, NO_LESS)"
+            "Bsdf(vec3(0.9), 0.0, Fresnel(vec3(0.04), 1.0, vec3(0.04), 0.9974), 0.3, 0.5, 1.5, false, 0.0, 1.0, NO_LESS, NO_SPLIT_SUM, NO_SPLIT_SUM)"
                 .to_owned(),
             "LOBE_TRANSMISSION",
         ),

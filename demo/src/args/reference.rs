@@ -22,8 +22,8 @@ pub struct ReferenceArguments {
     /// Write the picture as a display shows it, too
     #[arg(long, value_name = "F.png")]
     pub png: Option<PathBuf>,
-    /// For --png: one value of the configuration, such as `post.exposure=1`; repeatable
-    #[arg(long, value_name = "KEY=VALUE", requires = "png")]
+    /// One value of the configuration: the settings of `post` are for --png, `gbuffer.multiple_scattering` is for all; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Begin anew in the place of --out
     #[arg(long)]

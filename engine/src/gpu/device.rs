@@ -1,4 +1,5 @@
 //! An opened device, and everything that lives as long as it does.
+use super::buffer::Buffer;
 use super::GpuError;
 use super::bindless::Bindless;
 use super::device_selection::{self, DeviceReport};
@@ -13,9 +14,10 @@ use crate::graph::Queue;
 use ash::{amd, ext, vk};
 use gpu_allocator::vulkan::{Allocation, Allocator, AllocatorCreateDesc};
 use magpie_shaders::Rays;
+use std::collections::HashMap;
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 /// Options for opening a device.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +53,8 @@ pub(super) struct Inner {
     /// Least distance between images and buffers in the same memory, bytes (`bufferImageGranularity`).
     pub granularity: u64,
     garbage: Mutex<Vec<(u64, Garbage)>>,
+    /// Buffers of [`Gpu::shared_buffer`] by name.
+    shared_buffers: Mutex<HashMap<&'static str, Weak<Buffer>>>,
     /// The placeholder images at index 0 of the bindless set.
     placeholders: Mutex<Vec<Garbage>>,
     cache: vk::PipelineCache,
@@ -217,6 +221,7 @@ impl Gpu {
             memory_types,
             granularity: properties.limits.buffer_image_granularity.max(1),
             garbage: Mutex::default(),
+            shared_buffers: Mutex::default(),
             placeholders: Mutex::default(),
             cache,
             cache_file,
@@ -286,6 +291,24 @@ impl Gpu {
     pub fn in_use(&self) -> (u64, u32) {
         let report = lock(&self.0.allocator).generate_report();
         (report.total_allocated_bytes, self.0.bindless.in_use())
+    }
+
+    /// A buffer that all who ask for this name share. The first one makes it; it is freed when the last one drops it.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn shared_buffer<E>(
+        &self,
+        name: &'static str,
+        make: impl FnOnce() -> Result<Arc<Buffer>, E>,
+    ) -> Result<Arc<Buffer>, E> {
+        let mut shared = lock(&self.0.shared_buffers);
+        if let Some(known) = shared.get(name).and_then(Weak::upgrade) {
+            return Ok(known);
+        }
+        let made = make()?;
+        shared.insert(name, Arc::downgrade(&made));
+        Ok(made)
     }
 
     pub(super) fn raw(&self) -> &ash::Device {

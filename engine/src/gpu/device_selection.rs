@@ -191,7 +191,7 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
 }
 
 /// Number of colour attachments of the G-buffer pass.
-const COLOUR_ATTACHMENTS: u32 = 6;
+const COLOUR_ATTACHMENTS: u32 = 8;
 
 /// Features that the frame needs of each format, beyond those that Vulkan guarantees.
 const NEEDED_FORMATS: &[(Format, vk::FormatFeatureFlags)] = &[

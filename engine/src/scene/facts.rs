@@ -100,6 +100,8 @@ pub struct SceneFacts {
     pub lets_light_through: bool,
     /// A material reflects otherwise than a dielectric of index 1.5 or a metal: [`Material::has_own_specular`].
     pub has_own_specular: bool,
+    /// A material has a clear coat (KHR_materials_clearcoat).
+    pub has_coat: bool,
     /// A sky or an environment map surrounds the scene, and is not black.
     pub has_sky: bool,
     /// A box around all instances in the rest pose: its lower and upper corner, metres; `None` where there are none.
@@ -130,6 +132,7 @@ impl SceneFacts {
             lets_light_through: scene.instances.iter().any(|i| lets_light_through(scene, i)),
             shows_emission: scene.instances.iter().any(|i| shows_emission(&scene.materials[i.material as usize])),
             has_own_specular: scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular()),
+            has_coat: scene.instances.iter().any(|i| scene.materials[i.material as usize].clearcoat > 0.0),
             ..Self::default()
         };
         let area: f64 = all.iter().map(|i| i.area).sum();

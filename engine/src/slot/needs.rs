@@ -28,6 +28,8 @@ pub struct Needs {
     pub light_tables: bool,
     /// The lit picture of the previous frame, before anti-aliasing and tone mapping.
     pub previous_radiance: bool,
+    /// The surface model leaves out light that scatters more than once between microfacets.
+    pub single_scattering: bool,
     /// How the scene's geometry is brought to the device; of several the first counts.
     pub geometry: Option<Geometry>,
 }
@@ -73,6 +75,7 @@ impl Default for Needs {
             emitters: false,
             light_tables: false,
             previous_radiance: false,
+            single_scattering: false,
             geometry: None,
         }
     }
@@ -105,6 +108,7 @@ impl Needs {
             emitters: self.emitters || other.emitters,
             light_tables: self.light_tables || other.light_tables,
             previous_radiance: self.previous_radiance || other.previous_radiance,
+            single_scattering: self.single_scattering || other.single_scattering,
             geometry: self.geometry.or(other.geometry),
         }
     }

@@ -1,6 +1,6 @@
 //! The G-buffer: the surface that the camera sees first in each pixel. To add a channel, add an entry to the table below, a field of the same
 //! name to the shaders' [`GBufferImages`], and code that writes it.
-use crate::outputs::{COLOUR, DEPTH, DIRECTION, Gives, IDS, MATERIAL, NORMAL, RADIANCE};
+use crate::outputs::{COAT, COLOUR, DEPTH, DIRECTION, Gives, IDS, MATERIAL, NORMAL, RADIANCE};
 use magpie::graph::{Format, Handle, Image, PassBuilder, Record, SampleToken};
 use magpie_shaders::SampledImage;
 use magpie_shaders::gbuffer::GBufferImages;
@@ -84,6 +84,8 @@ channels! {
     /// reflectance of their dielectric part, it is in blue and alpha, encoded as in `lib/gbuffer_specular.glsl`: RGBA16 snorm or RGBA32F. Images
     /// of two channels stand for an index of refraction of 1.5.
     material / Material: Handle<Image>, MATERIAL;
+    /// Clear coat: strength in red and perceptual roughness in green, 0 to 1; `None` if no material has one. RG8 unorm, RG16F or RG32F.
+    coat / Coat: Option<Handle<Image>>, COAT;
     /// Emitted radiance; `None` if no material emits. RGBA16F or RGBA32F.
     emission / Emission: Option<Handle<Image>>, RADIANCE;
     /// Motion vectors: uv in this frame minus uv in the previous one, without jitter. RG16F or RG32F.

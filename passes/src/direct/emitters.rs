@@ -11,8 +11,15 @@ use std::borrow::Cow;
 
 const RAYS: &str = "emitter_rays";
 /// Channels of the G-buffer that the rays need: surface and material.
-const CHANNELS: &[Channel] =
-    &[Channel::Depth, Channel::Normal, Channel::GeometricNormal, Channel::Ids, Channel::BaseColour, Channel::Material];
+const CHANNELS: &[Channel] = &[
+    Channel::Depth,
+    Channel::Normal,
+    Channel::GeometricNormal,
+    Channel::Ids,
+    Channel::BaseColour,
+    Channel::Material,
+    Channel::Coat,
+];
 
 /// Direct light of emissive surfaces.
 pub struct Emitters {

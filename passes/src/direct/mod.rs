@@ -11,6 +11,16 @@ use magpie::slot::{Build, Needs, Preset, SettingSpec, Settings, Slot, SlotError}
 use magpie_shaders::DIRECT_SHADE_COMP;
 use magpie_shaders::direct::{NO_EMITTERS, NO_SHADOW_LIGHT, ShadeParams};
 
+/// Channels of the G-buffer that shading reads.
+const CHANNELS: &[Channel] = &[
+    Channel::Depth,
+    Channel::Normal,
+    Channel::BaseColour,
+    Channel::Material,
+    Channel::Coat,
+    Channel::Emission,
+];
+
 /// From cheap to accurate. They differ in the number of samples of lights that have a size, and of rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "all-lights", settings: &[("area", "0"), ("emitter_rays", "0")] },
@@ -72,8 +82,7 @@ impl Effect for AllLights {
         let gbuffer = i.gbuffer;
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
             let (block, scene) = (p.read(block), i.scene.read(p));
-            let surfaces = gbuffer
-                .read(p, &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Emission]);
+            let surfaces = gbuffer.read(p, CHANNELS);
             let emitters = emitters.map(|image| p.sample(image));
             let groups = i.shadows.groups.map(|group| group.map(|group| p.sample(group.visibility)));
             let lights = i.shadows.groups.map(|group| group.map_or(0, |group| pack_shadow_lights(view, group.lights)));

@@ -10,6 +10,7 @@ pub use file::EstimateFileError;
 use crate::contracts::AO_RANGE;
 use crate::read_back::Copies;
 use glam::DVec3;
+use magpie::config::{Config, Value};
 use magpie::frame::ViewDesc;
 use magpie::gpu::{Buffer, Gpu, GpuError, RayKernel, Staging};
 use magpie::graph::execute::{ExecuteError, Executor, Imports};
@@ -108,6 +109,14 @@ pub struct ReferenceOptions {
     pub check: bool,
     /// How light is sampled, and how samples of several strategies are combined.
     pub strategy: Strategy,
+    /// Leave out light that scatters more than once between microfacets, as with `gbuffer.multiple_scattering=false` in the frame.
+    pub single_scattering: bool,
+}
+
+/// Whether a configuration leaves out light that scatters more than once between microfacets, for [`ReferenceOptions::single_scattering`].
+pub fn single_scattering(config: &Config) -> bool {
+    let setting = config.settings.get("gbuffer").and_then(|settings| settings.get("multiple_scattering"));
+    setting == Some(&Value::Bool(false))
 }
 
 /// How paths find light. All are unbiased; they differ in noise.
@@ -138,6 +147,7 @@ impl Default for ReferenceOptions {
             rays: Rays::Software,
             check: false,
             strategy: Strategy::Power,
+            single_scattering: false,
         }
     }
 }
@@ -243,6 +253,7 @@ impl Reference {
         };
         let resident = ResidentOptions { rays: options.rays, blend_cutoff: ray_cutoff, ..ResidentOptions::default() };
         let mut resident = ResidentScene::new(gpu, scene, resident)?;
+        resident.set_single_scattering(options.single_scattering);
         let origin = FloatingOrigin::default().follow(camera);
         resident.set_moment(&Moment { time: options.time, origin, cut: true });
         let (counted, first_lobes) = options.only.path();

@@ -5,18 +5,19 @@ use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hasher};
 
 /// Version of the models of lights and surfaces. Raise it when a change alters the reference picture of any scene.
-const MODEL: u32 = 3;
+const MODEL: u32 = 4;
 
 impl ReferenceOptions {
     /// The subject of estimates with these options. Two estimates of the same subject can be merged if their samples are independent.
     pub fn subject(&self, scene: &Scene, camera: &Camera) -> String {
-        let Self { width, height, depth, only, pixel, ao_range, time, .. } = *self;
+        let Self { width, height, depth, only, pixel, ao_range, time, single_scattering, .. } = *self;
         let mut fingerprint = Fingerprint::default();
         fingerprint.scene(scene);
         fingerprint.text(camera);
         let range = if only == Only::AmbientOcclusion { format!(", range {ao_range}") } else { String::new() };
+        let once = if single_scattering { ", single scattering" } else { "" };
         format!(
-            "{} of {} from {}, {width}x{height}, {pixel:?}, depth {depth}{range}, time {time}, model {MODEL}, {:016x}",
+            "{} of {} from {}, {width}x{height}, {pixel:?}, depth {depth}{range}, time {time}, model {MODEL}{once}, {:016x}",
             only.name(),
             scene.name,
             camera.name,
@@ -96,6 +97,7 @@ mod tests {
             options.subject(&scene, &near),
             ReferenceOptions { depth: 2, ..options }.subject(&scene, &camera),
             ReferenceOptions { width: 2, ..options }.subject(&scene, &camera),
+            ReferenceOptions { single_scattering: true, ..options }.subject(&scene, &camera),
         ];
         for (at, subject) in subjects.iter().enumerate() {
             assert!(*subject != base && !subjects[..at].contains(subject), "{at}: {subject}");

@@ -22,7 +22,7 @@ const WIDTH: Format = Format::R8Unorm;
 /// Format of the rays of cells.
 const RAY: Format = Format::Rgba16Float;
 /// Channels with the material.
-const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material];
+const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
 
 /// Reflections by rays.
 pub struct RayTraced {

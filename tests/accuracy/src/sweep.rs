@@ -18,7 +18,7 @@ use magpie::prelude::Rays;
 use magpie::scene::{Camera, Scene};
 use magpie_bench::motion::around;
 use magpie_passes::Slots;
-use magpie_passes::reference::{Only, ReferenceOptions};
+use magpie_passes::reference::{Only, ReferenceOptions, single_scattering};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -163,6 +163,7 @@ pub fn sweep(
         ao_range: ao_range(config),
         time,
         rays: options.rays,
+        single_scattering: single_scattering(config),
         ..ReferenceOptions::default()
     };
     let report = gpu.report();

@@ -2,6 +2,7 @@
 //!
 //! The definitions are those of `shaders/lib/README.md`; the formulas are written for clarity, in double precision.
 
+use super::albedo::again;
 use glam::DVec3;
 use magpie::scene::Light;
 use std::f64::consts::PI;
@@ -78,15 +79,22 @@ pub fn alpha(roughness: f64) -> f64 {
 }
 
 /// Factor of the diffuse part that conserves energy.
-pub const DIFFUSE_SHARE: f64 = 0.998;
+pub const DIFFUSE_SHARE: f64 = 0.9974;
 
-/// The BRDF (specular as in glTF 2.0, appendix B; diffuse by Shirley et al. 1997) from light direction `l` to viewer `v`, per steradian; 0
-/// for a light below the surface.
+/// The BRDF from light direction `l` to viewer `v`, per steradian; 0 for a light below the surface. What scatters more than once between
+/// microfacets is given back in proportion to the specular part (Turquin 2019).
 pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
+    let [diffuse, specular] = scattered_once(p, v, l);
+    let f0 = DVec3::splat(0.04).lerp(p.base_colour, p.metalness);
+    diffuse + specular * (DVec3::ONE + f0 * again(p.normal.dot(v), alpha(p.roughness)))
+}
+
+/// Its diffuse part (Shirley et al. 1997), and the specular part of light that scatters once (glTF 2.0, appendix B).
+pub fn scattered_once(p: &SurfacePoint, v: DVec3, l: DVec3) -> [DVec3; 2] {
     let n = p.normal;
     let n_l = n.dot(l);
     if n_l <= 0.0 {
-        return DVec3::ZERO;
+        return [DVec3::ZERO; 2];
     }
     let n_v = n.dot(v).max(GRAZING);
     let h = (v + l).try_normalize().unwrap_or(n);
@@ -100,7 +108,7 @@ pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let average = DVec3::ONE - (20.0 * f0 + DVec3::splat(f90)) / 21.0;
     let coupled = through(n_v) * through(n_l) / average;
     let coupled = DVec3::select(average.cmpgt(DVec3::splat(1e-12)), coupled, DVec3::ZERO);
-    DIFFUSE_SHARE * (1.0 - p.metalness) * p.base_colour / PI * coupled + specular
+    [DIFFUSE_SHARE * (1.0 - p.metalness) * p.base_colour / PI * coupled, specular]
 }
 
 /// Incident light at a point, unoccluded (KHR_lights_punctual; rectangles from their centre).

@@ -89,8 +89,8 @@ pub fn four_folders(tree: &Tree) -> Vec<String> {
         );
     }
     // `src` and `tests` are Rust, `lib` is shared by all, `check` belongs to the graph, `bench` to the benchmark, `ray` to every
-    // ray-tracing pipeline.
-    let others = BTreeSet::from(["src", "tests", "lib", "check", "bench", "ray"]);
+    // ray-tracing pipeline, `lobe_albedo` to the scene on the device.
+    let others = BTreeSet::from(["src", "tests", "lib", "check", "bench", "ray", "lobe_albedo"]);
     let parts = tree.folders("passes/src/parts");
     let is_known = |folder: &str| effects.contains(folder) || parts.contains(folder);
     for folder in tree.folders("shaders").difference(&others).filter(|folder| !is_known(folder)) {

@@ -4,6 +4,7 @@ mod deform;
 mod detail;
 mod driver;
 mod handles;
+mod lobe_albedo;
 mod policy;
 mod rounding;
 mod sampled_lights;
@@ -111,6 +112,8 @@ impl Default for ResidentOptions {
 /// A scene on the device.
 pub struct ResidentScene {
     tables: Arc<Buffer>,
+    lobe_albedo: Arc<Buffer>,
+    single_scattering: bool,
     vertices: Arc<Buffer>,
     indices: Arc<Buffer>,
     /// Those of materials, then that of the environment.
@@ -293,7 +296,9 @@ impl ResidentScene {
             Shape { bounds: s.1, deviation }
         };
         let shapes = shown.iter().zip(&scene.instances).map(shape).collect();
+        let lobe_albedo = lobe_albedo::lobe_albedo(gpu, &mut executor)?;
         let root = shared::Scene {
+            lobe_albedo: lobe_albedo::address_in(&lobe_albedo, false),
             meshes: tables.address().offset(mesh_table),
             materials: tables.address().offset(material_table),
             layers: if layers.is_empty() { Address::default() } else { tables.address().offset(layer_table) },
@@ -308,6 +313,8 @@ impl ResidentScene {
         let mut made = Self {
             state: State::new(gpu, animator, fixed, shapes, root)?,
             tables,
+            lobe_albedo,
+            single_scattering: false,
             deformation,
             acceleration,
             report,
@@ -495,6 +502,22 @@ impl ResidentScene {
     /// The sky, if the scene has one: that of its environment map, else that of its daylight.
     pub fn sky(&self) -> Option<Sky> {
         self.sky
+    }
+
+    /// From the next frame on, the surface model leaves out light that scatters more than once between microfacets, or has it again.
+    pub fn set_single_scattering(&mut self, single: bool) {
+        self.single_scattering = single;
+        self.state.set_lobe_albedo(self.lobe_albedo_address());
+    }
+
+    /// The tables of the specular lobe's albedo, [`LobeAlbedo`](magpie_shaders::lobe_albedo::LobeAlbedo), on the device.
+    pub fn lobe_albedo(&self) -> &Arc<Buffer> {
+        &self.lobe_albedo
+    }
+
+    /// The address of the one that is in use.
+    pub fn lobe_albedo_address(&self) -> Address {
+        lobe_albedo::address_in(&self.lobe_albedo, self.single_scattering)
     }
 
     /// Where everything is in the moment that was gone to.

@@ -146,6 +146,12 @@ impl State {
         }
     }
 
+    /// Sets the table of the specular lobe's albedo, from the next frame on.
+    pub fn set_lobe_albedo(&mut self, table: Address) {
+        self.stale |= self.root.lobe_albedo != table;
+        self.root.lobe_albedo = table;
+    }
+
     /// Discards the state of the device: the next frame writes the tables.
     pub fn forget(&mut self) {
         self.stale = true;

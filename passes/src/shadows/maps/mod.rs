@@ -228,7 +228,6 @@ impl MapShadows {
                     gbuffer: gbuffer.images(c),
                     visibility: c.id(target),
                     unsure: mask.map_or(StorageImage::default(), |m| c.id(m)),
-                    classify: mask.is_some().into(),
                     filter_kind: options.filter,
                     kernel: options.kernel,
                     taps: options.taps,

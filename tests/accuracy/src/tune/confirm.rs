@@ -11,7 +11,7 @@ use crate::sweep::Subject;
 use crate::truth::{PathTracer, Truth, TruthSource};
 use magpie::config::Config;
 use magpie::prelude::Rays;
-use magpie_passes::reference::{Only, ReferenceOptions};
+use magpie_passes::reference::{Only, ReferenceOptions, single_scattering};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -59,8 +59,10 @@ impl<'a> Confirmer<'a> {
     ) -> Result<Self, AccuracyError> {
         let run = &report.run;
         let [width, height] = run.size;
+        let single_scattering = run.plan.default_setup().is_some_and(|setup| single_scattering(&setup.config));
+        let (seed, time) = (run.seed, run.time);
         let options =
-            ReferenceOptions { width, height, seed: run.seed, time: run.time, rays, ..ReferenceOptions::default() };
+            ReferenceOptions { width, height, seed, time, rays, single_scattering, ..ReferenceOptions::default() };
         let tracer = PathTracer::new(subject.gpu, subject.scene, subject.camera, options);
         let (got, wanted) = (run.subject.clone(), tracer.subject(Only::All));
         if got != wanted {

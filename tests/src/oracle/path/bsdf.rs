@@ -3,12 +3,13 @@
 //! Written from the formulas, independently of the shaders. Diffuse directions are cosine-weighted, and half vectors are sampled by
 //! spherical caps (Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps").
 use super::random::{Random, frame, from_polar};
+use crate::oracle::albedo::again;
 use crate::oracle::shading::{ggx_d, smith_g2, smith_lambda};
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
 /// Loss of the diffuse part below a surface that reflects fully at grazing incidence, so that a white surface conserves energy.
-const DIFFUSE_LOSS: f64 = 0.002;
+const DIFFUSE_LOSS: f64 = 0.0026;
 /// Reflectance of a clear coat at normal incidence (KHR_materials_clearcoat).
 const COAT_F0: f64 = 0.04;
 /// Least sampling probability of a lobe that contributes.
@@ -119,6 +120,8 @@ pub struct Layers {
     pub coat: f64,
     /// Alpha of GGX of the coat.
     pub coat_alpha: f64,
+    /// Whether what scatters more than once between microfacets counts.
+    pub scatters_again: bool,
 }
 
 /// A surface point that scatters light.
@@ -149,19 +152,24 @@ impl Scatterer {
         let Self { normal: n, plane, to_viewer: v, layers: m } = *self;
         let (n_v, n_l, p_l) = (n.dot(v), n.dot(l), plane.dot(l));
         let glass = (1.0 - m.metalness) * m.transmission;
-        let under = 1.0 - self.coat_share();
         let mut lobes = Lobes::default();
         if n_v <= 0.0 {
             return lobes;
         }
+        // Scattered again between microfacets: COAT_F0 and f0 of it per scattering. The coat's albedo is missing below it.
+        let again = |alpha| if m.scatters_again { again(n_v, alpha) } else { 0.0 };
+        let coat_again = again(m.coat_alpha);
+        let coat = self.coat_share() * (1.0 + COAT_F0 * coat_again);
+        let under = 1.0 - coat / (1.0 + coat_again);
         if n_l > 0.0 && p_l > 0.0 {
             let h = (v + l).normalize();
             let v_h = v.dot(h);
             let surface = self.schlick();
             let microfacets = |alpha| ggx_d(n.dot(h), alpha) * smith_g2(n_v, n_l, alpha) / (4.0 * n_v);
-            let reflected = surface.at(v_h) * (1.0 - glass) + glass * self.glass(v_h);
+            let opaque = surface.at(v_h) * (DVec3::ONE + surface.f0 * again(m.alpha));
+            let reflected = opaque * (1.0 - glass) + glass * self.glass(v_h);
             lobes.specular = under * reflected * microfacets(m.alpha);
-            lobes.coat = DVec3::splat((1.0 - under) * microfacets(m.coat_alpha));
+            lobes.coat = DVec3::splat(coat * microfacets(m.coat_alpha));
             let above = surface.seen_from_below();
             let lost = DVec3::ONE - above.mean();
             let coupled = (DVec3::ONE - above.at(n_v)) * (DVec3::ONE - above.at(n_l));

@@ -153,6 +153,7 @@ impl Materials {
             inside: volume.is_some() && !hit.front,
             coat: f64::from(m.clearcoat) * self.read(&m.clearcoat_texture, &at.uv).x,
             coat_alpha: alpha_of_roughness(coat_roughness),
+            scatters_again: true,
         };
         let scatterer = Scatterer { normal, plane: hit.outward * side, to_viewer, layers };
         Surface {

@@ -1,0 +1,29 @@
+//! The table of the specular lobe's directional albedo, which `lib/brdf.glsl` reads.
+use super::types::Address;
+use bytemuck::{Pod, Zeroable};
+
+/// Entries along each axis: square root of the cosine towards the viewer (rows are filled with it), and perceptual roughness. The first and
+/// last entries lie at 0 and 1.
+pub const LOBE_ALBEDO_SIZE: u32 = 64;
+/// Samples of the lobe per entry.
+pub const LOBE_ALBEDO_SAMPLES: u32 = 1024;
+
+/// Directional albedo of the specular lobe, `f0 * a + f90 * b`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LobeAlbedo {
+    /// Factor of the reflectance at normal incidence.
+    pub a: f32,
+    /// Factor of the reflectance at grazing incidence.
+    pub b: f32,
+    /// Share of the light lost by single scattering that is given back: 1, or 0 with the single-scattering model.
+    pub given_back: f32,
+}
+
+/// Push constants of `shaders/lobe_albedo/tabulate.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TabulateParams {
+    /// Output: two tables of [`LobeAlbedo`], one after the other. The second one gives nothing back.
+    pub table: Address,
+}
