@@ -48,9 +48,9 @@ void main() {
             float edges = edge_weight(here, gradient, load_guide(params.guide, params.normals, at), vec2(offset));
             if (!(edges > 0.0)) continue;
             Signal there = load_signal(params.accumulated, params.accumulated_deviation, at, params.packing);
-            // Differences below the noise of both are noise.
+            // Differences below the noise of both are noise. That of a bright outlier beside this pixel would let it spread.
             vec4 off = abs(compared(there.value, params.packing) - compared(signal.value, params.packing));
-            vec4 unlike = off / (deviation + sqrt(there.variance) + vec4(1e-6));
+            vec4 unlike = off / (deviation + min(deviation, sqrt(there.variance)) + vec4(1e-6));
             float worst = max(max(unlike.x, unlike.y), max(unlike.z, unlike.w));
             float weight = edges * exp(-worst) * load(params.frames, at).r;
             if (!(weight > 0.0)) continue;

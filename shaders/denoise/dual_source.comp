@@ -69,7 +69,8 @@ Past past_at(ivec2 first, vec4 shares) {
 }
 
 // How well a history agrees with the samples around: 1 at their mean, 1/2 at the farthest that is let pass.
-float agreement(Past past, Samples samples, vec4 deviation) {
+float agreement(Past past, Samples samples, vec4 spatial) {
+    vec4 deviation = sqrt(spatial + past.variance / max(past.frames, 1.0));
     vec4 off = abs(compared(past.value, params.packing) - compared(samples.mean, params.packing));
     vec4 far = off / max(FARTHEST * deviation, vec4(1e-6) + 1e-3 * abs(samples.mean));
     float farthest = max(max(far.x, far.y), max(far.z, far.w));
@@ -122,17 +123,15 @@ void main() {
     }
     vec4 value = now, variance = spatial;
     float frames = counts;
-    vec4 deviation_of_surface = sqrt(spatial + surface.variance), deviation_of_image = sqrt(spatial + image.variance);
-    float surface_counts = surface.weight * surface.frames * agreement(surface, samples, deviation_of_surface);
-    float image_counts = image.weight * image.frames * agreement(image, samples, deviation_of_image);
+    float surface_counts = surface.weight * surface.frames * agreement(surface, samples, spatial);
+    float image_counts = image.weight * image.frames * agreement(image, samples, spatial);
     float sum = surface_counts + image_counts;
     if (sum > 0.0) {
         float share = image_counts / sum;
         vec4 before = mix(surface.value, image.value, share);
         vec4 spread = mix(surface.variance, image.variance, share);
         float past = mix(surface.frames, image.frames, share);
-        // Both the samples around and those of earlier frames tell how far a mean may be off.
-        vec4 reach = FARTHEST * sqrt(params.packing == SIGNAL_RADIANCE ? samples.variance + spread : spatial + spread);
+        vec4 reach = FARTHEST * sqrt(samples.variance + spread / max(past, 1.0));
         vec4 near = clamp(before, samples.mean - reach, samples.mean + reach);
         // The history is shortened by as much as clamping has moved it.
         vec4 moved = abs(near - before) / max(reach, vec4(1e-6) + 1e-3 * abs(samples.mean));

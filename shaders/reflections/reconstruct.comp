@@ -98,6 +98,8 @@ void main() {
     reach = max(reach, vec2(greaterThan(side, ivec2(1))));
 
     vec4 lights[MOST_TAPS];
+    ivec2 places[MOST_TAPS];
+    uint count = 0u;
     float brightest = 0.0;
     uint brightest_at = 0u;
     vec2 light_sum = vec2(0.0);
@@ -105,42 +107,44 @@ void main() {
     Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), view.at[0].frame, view.at[0].seed);
     float turn = 2.0 * PI * random4(random).x;
     for (uint i = 0u; i < params.taps; i++) {
-        lights[i] = vec4(0.0);
         // Vogel's spiral (Vogel 1979, "A Better Way to Construct the Sunflower Head"): even over a disc for any number of points.
         float angle = 2.39996323 * float(i) + turn;
         vec2 offset = sqrt(float(i) / float(params.taps)) * vec2(cos(angle), sin(angle)) * reach;
         ivec2 at = ivec2(floor((vec2(pixel) + 0.5) / vec2(side) + offset));
-        if (i > 0u && (at == cell || !inside(at, uvec2(cells)))) continue;
+        bool known = !inside(at, uvec2(cells));
+        for (uint k = 0u; k < count; k++) known = known || places[k] == at;
+        if (known) continue;
         vec4 found = load(params.found, at);
         if (found.a == 0.0) continue;
         if (i == 0u ? !is_taken(params.not_finite, found) : !is_finite(found)) continue;
         FoundRay ray;
         float weight = weight_of(view, pixel, at, side, lobe, found, ray);
         if (!(weight > 0.0)) continue;
-        lights[i] = vec4(found.rgb, weight);
+        lights[count] = vec4(found.rgb, weight);
+        places[count] = at;
         float light = luminance(found.rgb);
         light_sum += weight * vec2(1.0, light);
         nearness += weight / ray.distance;
         if (light > brightest) {
             brightest = light;
-            brightest_at = i;
+            brightest_at = count;
         }
+        count++;
     }
     // A single bright ray among dark ones is limited: it stands for more than it found.
-    vec2 rest = light_sum - lights[brightest_at].a * vec2(1.0, brightest);
-    if (rest.x > 0.0 && lobe.smoothness < 1.0) {
-        float most = params.firefly_limit * rest.y / rest.x;
+    if (count > 1u && lobe.smoothness < 1.0) {
+        vec2 rest = light_sum - lights[brightest_at].a * vec2(1.0, brightest);
+        float most = params.firefly_limit * rest.y / max(rest.x, 1e-6);
         if (brightest > most) lights[brightest_at].rgb *= mix(most / brightest, 1.0, lobe.smoothness);
     }
     vec3 sum = vec3(0.0);
     float weights = 0.0;
-    for (uint i = 0u; i < params.taps; i++) {
-        if (lights[i].a == 0.0) continue;
+    for (uint i = 0u; i < count; i++) {
         weights += lights[i].a;
         // A running mean: of equal values it is exactly that value.
         sum += (lights[i].a / weights) * (lights[i].rgb - sum);
     }
-    bool own = ray_pixel(view, cell, side) == pixel && lights[0].a > 0.0;
+    bool own = count > 0u && places[0] == cell && ray_pixel(view, cell, side) == pixel;
     float counts = weights > SAME_SURFACE ? mix(1.0, own ? 1.0 : BORROWED, lobe.smoothness) : weights > 0.0 ? BORROWED : 0.0;
     store(params.radiance, pixel, vec4(representable(sum, params.greatest), counts));
     store(params.hit_distance, pixel, vec4(weights > 0.0 ? min(weights / nearness, SKY_DISTANCE) : SKY_DISTANCE));

@@ -1,0 +1,213 @@
+//! The chain of reflections by rays: fewer rays than pixels, reconstruction, accumulation with two sources of history, clean-up.
+use anyhow::{Context, Result, ensure};
+use glam::{Affine3A, DVec3, Quat, Vec3};
+use magpie::gpu::Gpu;
+use magpie::graph::Extent;
+use magpie::scene::{Camera, Light, ResidentOptions, ResidentScene, Scene, SharedScene};
+use magpie_tests::against::{Shown, mean_of};
+use magpie_tests::bench::{Bench, Ran, Shot};
+use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene, sun};
+use magpie_tests::harness::{config, gpu};
+use std::cell::RefCell;
+use std::rc::Rc;
+
+const CHAIN: [&str; 4] =
+    ["stages.reflections=ray-traced", "reflections.denoiser=pica-pica", "reflections.precision=32", "stages.gi=off"];
+
+/// Stands a plane up at `z`, its front towards +z or -z.
+fn upright(z: f32, towards: f32) -> Affine3A {
+    let turn = Quat::from_rotation_x(towards * std::f32::consts::FRAC_PI_2);
+    Affine3A::from_rotation_translation(turn, Vec3::new(0.0, 0.0, z))
+}
+
+/// An upright wall of metal that fills the picture, and a red block behind the camera.
+fn wall(roughness: f32) -> Scene {
+    let mut s = scene("wall", camera([0.0, 0.0, 2.0], [0.0, 0.0, 0.0]));
+    add(&mut s, plane(8.0), material([1.0; 3], 1.0, roughness), upright(0.0, 1.0));
+    add(
+        &mut s,
+        block(Vec3::splat(0.4)),
+        material([0.8, 0.1, 0.1], 0.0, 1.0),
+        Affine3A::from_rotation_translation(Quat::IDENTITY, Vec3::new(0.3, 0.0, 4.0)),
+    );
+    s.environment = Some(environment());
+    s
+}
+
+/// The last of some frames from cameras in turn, the last camera again and again.
+fn frames(
+    gpu: &Gpu,
+    scene: &Scene,
+    size: [u32; 2],
+    changes: &[&str],
+    cameras: &[Camera],
+    count: usize,
+    wanted: &[&str],
+) -> Result<Ran> {
+    let config = config(&[&CHAIN[..], changes].concat())?;
+    let resident: SharedScene = Rc::new(RefCell::new(ResidentScene::new(gpu, scene, ResidentOptions::default())?));
+    let mut bench = Bench::new(gpu)?;
+    let mut last = None;
+    for frame in 0..count {
+        let camera = &cameras[frame.min(cameras.len() - 1)];
+        let shot = Shot { scene: &resident, camera, extent: Extent::new(size[0], size[1]) };
+        last = Some(bench.frame(shot, &config, wanted)?.clean()?);
+    }
+    last.context("no frame")
+}
+
+/// The radiance of the last frame.
+fn radiance(gpu: &Gpu, scene: &Scene, size: [u32; 2], changes: &[&str], count: usize) -> Result<Vec<DVec3>> {
+    let wanted = "reflections.resolve:radiance";
+    let ran = frames(gpu, scene, size, changes, &scene.cameras[..1], count, &[wanted])?;
+    Ok(ran.values(wanted)?.iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect())
+}
+
+fn error(found: &[DVec3], truth: &[DVec3]) -> f64 {
+    let square: f64 = found.iter().zip(truth).map(|(a, b)| (*a - *b).length_squared()).sum();
+    (square / truth.len() as f64).sqrt()
+}
+
+/// One ray for 2x2 pixels is exactly that, and each that hits something sends at most one shadow ray.
+#[test]
+fn quarter_rays_are_a_quarter() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = wall(0.3);
+    scene.lights.push(sun(Vec3::new(0.2, 1.0, 0.5)));
+    for (pixels_per_ray, cells) in [(1, 49 * 35), (2, 25 * 35), (4, 25 * 18)] {
+        let sparse = format!("reflections.pixels_per_ray={pixels_per_ray}");
+        let changes = ["reflections.bounces=1", "reflections.reuse=false", &sparse];
+        let ran = frames(&gpu, &scene, [49, 35], &changes, &scene.cameras, 1, &[])?;
+        let [closest, any] = ran.rays("reflections.trace")?;
+        println!("{pixels_per_ray} pixels per ray: {closest} rays, {any} shadow rays");
+        ensure!(
+            closest == cells && any <= closest && any > 0,
+            "{closest} rays and {any} shadow rays for {cells} cells"
+        );
+    }
+    Ok(())
+}
+
+/// Reconstruction, accumulation, clean-up, anti-aliasing follow each other; what does not ask for them has none of them.
+#[test]
+fn the_chain_has_its_order() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = wall(0.3);
+    let ran = frames(&gpu, &scene, [32, 24], &["post.anti_aliasing=taa"], &scene.cameras, 1, &[])?;
+    let names: Vec<&str> = ran.executed.sample.passes.iter().map(|p| p.name.as_str()).collect();
+    let at = |name: &str| names.iter().position(|n| *n == name).with_context(|| format!("no {name} in {names:?}"));
+    let chain = ["trace", "reconstruct", "accumulate", "clean_up", "resolve"].map(|step| format!("reflections.{step}"));
+    let mut places = chain.iter().map(|name| at(name)).collect::<Result<Vec<_>>>()?;
+    places.push(at("post.taa")?);
+    ensure!(places.is_sorted(), "{names:?}");
+    Ok(())
+}
+
+/// The clean-up changes only pixels that are noisier than its threshold; all others stay as they are, to the last bit.
+#[test]
+fn the_clean_up_leaves_quiet_pixels_alone() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = wall(0.3);
+    let threshold = 0.05;
+    let wanted = ["reflections.accumulate:accumulated", "reflections.accumulate:frames", "reflections.clean_up:result"];
+    let ran = frames(&gpu, &scene, [48, 40], &["reflections.clean_up=0.05"], &scene.cameras, 4, &wanted)?;
+    let (mean, counts) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
+    let (mut quiet, mut blurred) = (0, 0);
+    for ((mean, count), result) in mean.iter().zip(&counts).zip(ran.values(wanted[2])?) {
+        let luminance = 0.2126 * mean[0] + 0.7152 * mean[1] + 0.0722 * mean[2];
+        let noise = mean[3] / count[0].max(1.0).sqrt() / luminance.max(1e-3);
+        let same = mean[..3] == result[..3];
+        blurred += u32::from(!same);
+        // Rounding of the threshold itself.
+        if noise < threshold * 0.999 {
+            quiet += 1;
+            ensure!(same, "{mean:?} with noise {noise} became {result:?}");
+        }
+    }
+    println!("{quiet} quiet pixels, {blurred} blurred");
+    ensure!(quiet > 100 && blurred > 100, "{quiet} quiet pixels, {blurred} blurred");
+    Ok(())
+}
+
+/// What phases of the chain leave of the error, on rough metal that reflects a block under the sky.
+#[test]
+fn each_phase_lowers_the_error() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = wall(0.3);
+    let shown = Shown { size: [64, 48], time: 0.0 };
+    let raw = ["reflections.denoiser=none", "reflections.reconstruct=false", "reflections.reuse=false"];
+    let (truth, _) = mean_of("reflections", &gpu, &scene, &[&CHAIN[..], &raw].concat(), shown, 256)?;
+    let error = |changes: &[&str], count: usize| -> Result<f64> {
+        let changes = [&["reflections.reuse=false"], changes].concat();
+        Ok(error(&radiance(&gpu, &scene, shown.size, &changes, count)?, &truth))
+    };
+    let raw_error = error(&raw, 1)?;
+    let reconstructed = error(&["reflections.denoiser=none"], 1)?;
+    let accumulated = error(&["reflections.clean_up=10"], 8)?;
+    let cleaned = error(&[], 8)?;
+    let late = error(&[], 32)?;
+    println!(
+        "raw {raw_error:.4}, reconstructed {reconstructed:.4}, accumulated {accumulated:.4}, cleaned up {cleaned:.4}, \
+         in frame 32 {late:.4}"
+    );
+    ensure!(
+        raw_error > reconstructed && reconstructed > accumulated && accumulated > cleaned && cleaned > late,
+        "raw {raw_error}, reconstructed {reconstructed}, accumulated {accumulated}, cleaned up {cleaned}, then {late}"
+    );
+    let quarter = error(&["reflections.pixels_per_ray=4"], 32)?;
+    let eight = error(&[&raw[..], &["reflections.rays=8"]].concat(), 1)?;
+    println!("a denoised quarter ray {quarter:.4}, eight raw rays {eight:.4}");
+    ensure!(quarter < eight, "a denoised quarter ray {quarter}, eight raw rays {eight}");
+    Ok(())
+}
+
+/// Every pixel of a mirror shows what its own ray found, even where only a quarter of them have one per frame.
+#[test]
+fn mirrors_stay_sharp() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = wall(0.0);
+    let last = |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], changes, count);
+    let raw = last(&["reflections.denoiser=none", "reflections.reconstruct=false"], 1)?;
+    let first = last(&[], 1)?;
+    let changed = raw.iter().zip(&first).filter(|(a, b)| a.distance(**b) > 2e-3 * a.length()).count();
+    // After some frames the edges of the block are as sharp as with a ray for each pixel.
+    let settled = last(&["reflections.pixels_per_ray=4"], 24)?;
+    let size = raw.iter().map(|v| v.length()).sum::<f64>();
+    let error = raw.iter().zip(&settled).map(|(a, b)| a.distance(*b)).sum::<f64>() / size;
+    println!("{changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light");
+    ensure!(changed == 0, "{changed} pixels of a mirror are filtered");
+    ensure!(error < 0.02, "with quarter rays the error is {error} of the light");
+    Ok(())
+}
+
+/// While the camera goes sideways before a mirror, the history follows what the mirror shows, not its surface.
+#[test]
+fn history_follows_the_reflection() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    // Which of six lamps a hit is lit by is random: all the noise that a mirror has.
+    let mut scene = wall(0.0);
+    scene.environment = None;
+    add(&mut scene, plane(8.0), material([0.8; 3], 0.0, 1.0), upright(6.0, -1.0));
+    for k in 0..6_u8 {
+        let position = DVec3::new(f64::from(k) - 2.5, 1.5, 4.5 - f64::from(k % 3));
+        scene.lights.push(Light::Point { position, intensity: Vec3::splat(4.0), range: None });
+    }
+    let size = [64, 48];
+    let cameras: Vec<Camera> = (0..24_u8).map(|k| camera([0.04 * f64::from(k), 0.0, 2.0], [0.0, 0.0, 0.0])).collect();
+    let still = Scene { cameras: vec![cameras[23].clone()], ..scene.clone() };
+    let raw = ["reflections.denoiser=none", "reflections.reconstruct=false", "reflections.reuse=false"];
+    let shown = Shown { size, time: 0.0 };
+    let (truth, _) = mean_of("reflections", &gpu, &still, &[&CHAIN[..], &raw].concat(), shown, 256)?;
+    let wanted = "reflections.resolve:radiance";
+    let moving = |denoiser: &str| -> Result<f64> {
+        let changes = ["reflections.reuse=false", denoiser];
+        let ran = frames(&gpu, &scene, size, &changes, &cameras, cameras.len(), &[wanted])?;
+        let values: Vec<DVec3> = ran.values(wanted)?.iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect();
+        Ok(error(&values, &truth))
+    };
+    let (raw, surface) = (moving("reflections.denoiser=none")?, moving("reflections.denoiser=svgf")?);
+    let image = moving("reflections.denoiser=pica-pica")?;
+    println!("raw {raw:.4}, history of the surface {surface:.4}, of surface and image {image:.4}");
+    ensure!(image < 0.6 * surface && image < 0.6 * raw, "raw {raw}, surface {surface}, image {image}");
+    Ok(())
+}
