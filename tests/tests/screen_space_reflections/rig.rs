@@ -2,6 +2,7 @@
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec2, DVec3, Quat, Vec3};
+use magpie::config::Config;
 use magpie::gpu::{Gpu, Kernel};
 use magpie::prelude::*;
 use magpie::scene::{Camera, Material, Scene, SceneFacts};

@@ -33,7 +33,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float("roughness_limit", "", limit, 0.6, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
         SettingSpec::choice("lobe", lobe, "stochastic", &["stochastic", "cone"]).sweep_all(),
         SettingSpec::choice("blur", blur, "bilateral", &["bilateral", "gaussian"]),
-        SettingSpec::float("xi", "", xi, 0.8, 0.0..=0.999),
+        SettingSpec::float("xi", "", xi, 0.5, 0.0..=0.999),
         SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all(),
     ];
     settings.extend(denoise::settings());
