@@ -24,9 +24,11 @@ ivec2 full_pixel(ivec2 coarse) {
 // Weights of the half-resolution texels around a full-resolution pixel with a surface, which sum to 1: the one above and to the left of it,
 // right of that, below, and below right. Pixels that have a texel of their own use it; others blend the two or four around by distance, by
 // distance from the pixel's plane, and by the angle between normals.
-vec4 upsampling_weights(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer) {
+// `alike` is false where no texel lies on the pixel's surface.
+vec4 upsampling_weights(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, out bool alike) {
     ivec2 first = pixel / 2;
     vec4 weights = vec4(1.0, 0.0, 0.0, 0.0);
+    alike = true;
     if (pixel == full_pixel(first)) return weights;
 
     ivec2 odd = pixel & 1;
@@ -51,7 +53,8 @@ vec4 upsampling_weights(ViewBuffer view, ivec2 pixel, Surface here, GBufferImage
         weights[k] = surface_weight(here, there, width);
         sum += weights[k];
     }
-    return sum > 1e-4 ? weights / sum : nearest;
+    alike = sum > 1e-4;
+    return alike ? weights / sum : nearest;
 }
 
 // The mean of those texels of an image. Texels without weight are not read.
@@ -66,7 +69,8 @@ vec4 weighted_texels(uint coarse_image, ivec2 pixel, vec4 weights) {
 
 // The value of `coarse_image` at a full-resolution pixel with a surface.
 vec4 joint_bilateral(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, uint coarse_image) {
-    return weighted_texels(coarse_image, pixel, upsampling_weights(view, pixel, here, gbuffer));
+    bool alike;
+    return weighted_texels(coarse_image, pixel, upsampling_weights(view, pixel, here, gbuffer, alike));
 }
 
 #endif

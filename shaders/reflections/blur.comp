@@ -7,7 +7,8 @@
 #include "lib/reflection_blur.glsl"
 #include "shared/screen_reflections.glsl"
 // One axis of a level of the blurred reflection: a Gaussian that halves the size. Radiance is multiplied with confidence before, and divided
-// by its mean after all levels, so that pixels in which nothing was found add nothing. With a guide, taps on other surfaces have no weight.
+// by its mean after all levels, so that pixels in which nothing was found add nothing. Pixels without a ray do not count at all. With a guide,
+// neither do taps on other surfaces.
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { BlurParams params; };
 
@@ -39,11 +40,11 @@ void main() {
             weight *= edge_weight(here, gradient, load_guide(params.guide, there), vec2(there - centre));
         }
         vec4 value = load_mip(params.source, at, int(params.source_mip));
-        if (params.confidence != NO_IMAGE) value.a = MOST_CONFIDENCE * load(params.confidence, at).r;
-        if (weight == 0.0 || !is_taken(params.not_finite, value)) continue;
+        if (params.confidence != NO_IMAGE) value.a = value.a == 0.0 ? -1.0 : MOST_CONFIDENCE * load(params.confidence, at).r;
+        if (weight == 0.0 || !is_taken(params.not_finite, value) || value.a < 0.0) continue;
         sum += weight * value;
         weights += weight;
     }
-    vec4 mean = weights > 0.0 ? sum / weights : vec4(0.0);
+    vec4 mean = weights > 0.0 ? sum / weights : vec4(vec3(0.0), -1.0);
     store(params.blurred, target, vec4(representable(mean.rgb, params.greatest), mean.a));
 }

@@ -14,7 +14,7 @@ vec4 sharp_at(ivec2 pixel) {
     return vec4(load(params.sharp, pixel).rgb, MOST_CONFIDENCE * load(params.confidence, pixel).r);
 }
 
-// Bilinear in one level, level 0 being the sharp reflection. With a guide, texels of other surfaces have no weight.
+// Bilinear in one level, level 0 being the sharp reflection. Texels without rays have no weight, and with a guide those of other surfaces.
 vec4 level_at(ViewBuffer view, ivec2 pixel, int level, Guide here, vec2 gradient) {
     if (level == 0) return sharp_at(pixel);
     ivec2 size = textureSize(images[params.blurred], level - 1);
@@ -31,7 +31,9 @@ vec4 level_at(ViewBuffer view, ivec2 pixel, int level, Guide here, vec2 gradient
             ivec2 there = stands_for(texel, ivec2(level), ivec2(view.at[0].size));
             weight *= edge_weight(here, gradient, load_guide(params.guide, there), vec2(there - pixel));
         }
-        sum += weight * load_mip(params.blurred, texel, level - 1);
+        vec4 there = load_mip(params.blurred, texel, level - 1);
+        if (there.a < 0.0) continue;
+        sum += weight * there;
         weights += weight;
     }
     // A surface narrower than the level's pixels has no texel: its own reflection is left.

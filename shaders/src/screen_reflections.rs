@@ -57,6 +57,8 @@ pub struct SpreadParams {
     pub half_size: [SampledImage; 4],
     /// The same at full size.
     pub full_size: [StorageImage; 4],
+    /// As in [`MarchParams`].
+    pub roughness_limit: f32,
     /// Greatest number in the format of radiance.
     pub greatest: f32,
 }
@@ -71,11 +73,11 @@ pub struct BlurParams {
     pub not_finite: Address,
     /// Guide of the surfaces, for a blur that stays on them; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub guide: u32,
-    /// Radiance times confidence in red to blue, confidence in alpha.
+    /// Radiance times confidence in red to blue; in alpha confidence, below 0 where no ray was marched.
     pub source: SampledImage,
     /// Mip of `source`.
     pub source_mip: u32,
-    /// Confidence over [`MOST_CONFIDENCE`], where alpha of `source` is something else; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    /// Confidence over [`MOST_CONFIDENCE`], where `source` has steps in alpha; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub confidence: u32,
     /// Width and height of `source`, pixels.
     pub source_size: [u32; 2],

@@ -62,6 +62,8 @@ fn few() -> Vec<Case> {
     let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa", "shadows.precision=32", "ao.precision=32"];
     vec![
         case(&svgf, false),
+        case(&["stages.reflections=screen-space"], true),
+        case(&["stages.reflections=screen-space", "reflections.lobe=cone", "reflections.resolution=half"], true),
         case(&["stages.ao=ray-traced", "shadows.tinted=false", "post.resolution_scale=0.67", svgf[1]], true),
         case(
             &[

@@ -143,6 +143,9 @@ fn two_axes_make_the_gaussian() -> Result<()> {
                     continue;
                 }
                 let at = (sy * width + sx) as usize;
+                if sharp[at][3] == 0.0 {
+                    continue; // no ray
+                }
                 let w = weight(dx) * weight(dy);
                 for c in 0..3 {
                     total[c] += w * f64::from(sharp[at][c]);
@@ -150,6 +153,10 @@ fn two_axes_make_the_gaussian() -> Result<()> {
                 total[3] += w * 4.0 * f64::from(confidence[at][0]);
                 weights += w;
             }
+        }
+        if weights == 0.0 {
+            ensure!(found[3] == -1.0, "{x}, {y}: {found:?} where there is no ray");
+            continue;
         }
         for c in 0..4 {
             worst = worst.max((f64::from(found[c]) - total[c] / weights).abs());
@@ -225,6 +232,6 @@ fn the_cone_is_as_wide_as_the_lobe() -> Result<()> {
     }
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
     println!("squared errors of xi {values:?}: {errors:.3?}");
-    ensure!(errors[DEFAULT] <= 1.02 * least && errors[0] > 1.15 * least, "{errors:.3?}");
+    ensure!(errors[DEFAULT] <= 1.05 * least && errors[0] > 1.15 * least, "{errors:.3?}");
     Ok(())
 }

@@ -4,7 +4,7 @@ mod cone;
 mod settings;
 
 use super::idle_reason;
-use crate::contracts::{Channel, LightingIn, LightingOut};
+use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Precision, Signal, Surfaces};
 use crate::parts::pyramid::{self, Pyramid};
 use crate::precision;
@@ -188,10 +188,11 @@ impl ScreenSpace {
 
     /// Brings what rays of half resolution found to all pixels, along surfaces.
     fn spread(&self, g: &mut FrameGraph, view: &View, i: LightingIn, half: Marched) -> Marched {
-        let (kernel, block, format, images) = (self.spread, view.block, self.format, self.images());
+        let (kernel, block, images) = (self.spread, view.block, self.images());
+        let Self { format, roughness_limit, .. } = *self;
         g.pass("reflections.spread", Queue::AsyncCompute, |p| {
             let block = p.read(block);
-            let gbuffer = i.gbuffer.read(p, crate::contracts::GEOMETRY);
+            let gbuffer = i.gbuffer.read(p, &[GEOMETRY, &[Channel::Material]].concat());
             let Marched { radiance, confidence, hit_distance, width } = half;
             let sources = [radiance, confidence, hit_distance, width].map(|image| p.sample(image));
             let made = images.map(|(name, format)| p.create(name, ImageDesc::like(format, i.gbuffer.depth)));
@@ -205,6 +206,7 @@ impl ScreenSpace {
                     gbuffer: gbuffer.images(c),
                     half_size: sources.map(|source| c.id(source)),
                     full_size: targets.map(|target| c.id(target)),
+                    roughness_limit,
                     greatest: format.greatest(),
                 };
                 c.dispatch(kernel, &params, extent);
