@@ -59,7 +59,8 @@ fn without_confidence_it_is_the_sky() -> Result<()> {
         }
         let raw = ["stages.reflections=screen-space", "reflections.denoiser=none"];
         let third = image(&raw, 3)?;
-        let confidence = shown(&gpu, &scene, &[ao.as_str(), raw[1], SHARP[1]], SIZE, 3, ("reflections.march", "confidence"))?;
+        let confidence =
+            shown(&gpu, &scene, &[ao.as_str(), raw[1], SHARP[1]], SIZE, 3, ("reflections.march", "confidence"))?;
         let (mut same, mut found) = (0, 0);
         for ((own, sky), confidence) in third.iter().zip(&sky).zip(&confidence[2]) {
             if confidence[0] == 0.0 {
@@ -150,7 +151,12 @@ fn a_mirror_shows_what_the_previous_frame_saw() -> Result<()> {
                     let there = seen.project(hit);
                     // Away from the edges of the red board, and where confidence is whole.
                     let off = (hit.x - 0.6).abs() - 0.4;
-                    if off.abs() < 0.15 || (hit.y - 0.5).abs() > 1.8 || there.y < 12.0 || there.x < 12.0 || there.x > 84.0 {
+                    if off.abs() < 0.15
+                        || (hit.y - 0.5).abs() > 1.8
+                        || there.y < 12.0
+                        || there.x < 12.0
+                        || there.x > 84.0
+                    {
                         continue;
                     }
                     let wanted = if off < 0.0 { [0.9, 0.1, 0.1] } else { [0.5; 3] };
@@ -177,8 +183,14 @@ fn a_mirror_follows_the_camera() -> Result<()> {
         pillar(&mut scene, Vec3::new(0.2, 3.0, 0.02), Vec3::new(x, 0.5, -2.9), unlit([0.9, 0.1, 0.1]));
     }
     for march in ["reflections.march=pyramid", "reflections.march=linear"] {
-        let changes =
-            ["stages.reflections=screen-space", "stages.gi=off", "stages.ao=off", "reflections.lobe=cone", SHARP[1], march];
+        let changes = [
+            "stages.reflections=screen-space",
+            "stages.gi=off",
+            "stages.ao=off",
+            "reflections.lobe=cone",
+            SHARP[1],
+            march,
+        ];
         let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&changes)?, options)?;
         let (mut compared, mut wrong) = (0, 0);
@@ -203,7 +215,12 @@ fn a_mirror_follows_the_camera() -> Result<()> {
                     let there = seen.project(hit);
                     let across = (hit.x + 3.2).rem_euclid(0.8);
                     let off = across.min(0.8 - across) - 0.2;
-                    if start.z < -2.5 || hit.x.abs() > 2.0 || off.abs() < 0.08 || there.y < 12.0 || !(14.0..82.0).contains(&there.x) {
+                    if start.z < -2.5
+                        || hit.x.abs() > 2.0
+                        || off.abs() < 0.08
+                        || there.y < 12.0
+                        || !(14.0..82.0).contains(&there.x)
+                    {
                         continue;
                     }
                     let green = if off < 0.0 { 0.1 } else { 0.5 };
@@ -300,7 +317,9 @@ fn a_lamp_has_one_highlight() -> Result<()> {
     let direct = of(&emitter, "direct", screen, 24)?;
     let reflected = of(&emitter, "reflections", screen, 24)?;
     let shown = of(&shining, "reflections", screen, 24)?;
-    println!("around the highlight: direct light {direct:.2}, reflected on the screen {reflected:.4}; an unlit ball {shown:.2}");
+    println!(
+        "around the highlight: direct light {direct:.2}, reflected on the screen {reflected:.4}; an unlit ball {shown:.2}"
+    );
     ensure!(direct > 20.0 && reflected < 0.02 * direct, "direct {direct}, reflected {reflected}");
     // One that lights nothing is seen as a reflection instead.
     ensure!(shown > 0.3 * direct, "an unlit ball {shown}, direct light of one that emits {direct}");
@@ -317,12 +336,22 @@ fn light_of_a_wall_agrees_with_the_reference() -> Result<()> {
     let mut s = scene("lit", camera([0.0, 1.2, 5.0], [0.0, 0.7, 0.0]));
     add(&mut s, plane(3.0), material([0.9; 3], 1.0, 0.2), Affine3A::IDENTITY);
     add(&mut s, plane(3.0), material([0.8, 0.3, 0.2], 0.0, 1.0), upright(-2.0, 0.0));
-    s.lights.push(Light::Directional { direction: Vec3::new(-0.2, -0.5, -1.0).normalize(), illuminance: Vec3::splat(4.0), angular_radius: 0.0 });
+    s.lights.push(Light::Directional {
+        direction: Vec3::new(-0.2, -0.5, -1.0).normalize(),
+        illuminance: Vec3::splat(4.0),
+        angular_radius: 0.0,
+    });
     s.light_nodes.resize(1, None);
     let shown = Shown { size: SIZE, time: 0.0 };
     let options = ReferenceOptions { only: Only::Reflections, depth: 2, ..ReferenceOptions::default() };
     let truth = truth_of(options, &gpu, &s, shown, 64)?;
-    let changes = ["stages.reflections=screen-space", "stages.gi=off", "stages.ao=off", "reflections.denoiser=none", "reflections.edge=0.02"];
+    let changes = [
+        "stages.reflections=screen-space",
+        "stages.gi=off",
+        "stages.ao=off",
+        "reflections.denoiser=none",
+        "reflections.edge=0.02",
+    ];
     let (found, _) = mean_of("reflections", &gpu, &s, &changes, shown, 48)?;
     let seen = Seen::new(&s.cameras[0], SIZE);
     // The middle of the floor, whose lobes stay within the picture.

@@ -143,7 +143,12 @@ fn scene_of_plane(lean: f32) -> Scene {
     floor(&mut s, material([0.5; 3], 0.0, 0.5));
     if lean != 0.0 {
         let turned = Quat::from_rotation_x(std::f32::consts::FRAC_PI_2 - lean);
-        add(&mut s, plane(12.0), material([0.5; 3], 0.0, 0.5), Affine3A::from_rotation_translation(turned, Vec3::new(0.0, 0.0, -2.0)));
+        add(
+            &mut s,
+            plane(12.0),
+            material([0.5; 3], 0.0, 0.5),
+            Affine3A::from_rotation_translation(turned, Vec3::new(0.0, 0.0, -2.0)),
+        );
     }
     s
 }
@@ -165,7 +170,8 @@ fn hits_are_found_to_below_a_pixel() -> Result<()> {
                 let place = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
                 let start = seen.on_plane(place, DVec3::ZERO, DVec3::Y);
                 // Of the floor only, as far as it is seen, and well before the other plane.
-                if (start - scene.cameras[0].eye()).dot(seen.direction(place)) < 0.0 || start.z < -1.6 || start.z > 5.0 {
+                if (start - scene.cameras[0].eye()).dot(seen.direction(place)) < 0.0 || start.z < -1.6 || start.z > 5.0
+                {
                     continue;
                 }
                 let start = start + DVec3::Y * 0.75 * seen.width_at(start);
@@ -229,7 +235,9 @@ fn jitter_turns_bands_into_noise() -> Result<()> {
     };
     let (once, again) = (hits(moving, 1)?, hits(moving, 1)?);
     let (still, over_frames) = (found(&hits(coarse, 32)?), found(&hits(moving, 32)?));
-    println!("found, deviation from pixel to pixel, rays: with one start {still:.3?}, over 32 starts {over_frames:.3?}");
+    println!(
+        "found, deviation from pixel to pixel, rays: with one start {still:.3?}, over 32 starts {over_frames:.3?}"
+    );
     ensure!(once == again && once != hits(coarse, 1)?, "jitter is not that of the frame");
     ensure!(still.2 > 300 && still.0 > 0.2 && over_frames.0 > 0.1, "{still:?}, {over_frames:?}");
     ensure!(over_frames.1 < 0.4 * still.1, "{still:?}, {over_frames:?}");

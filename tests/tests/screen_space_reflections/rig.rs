@@ -182,7 +182,9 @@ fn images(
     output: &str,
 ) -> Result<Vec<Vec<[f32; 4]>>> {
     let mut slots = Slots::default();
-    slots.reflections.register("marcher", "Rays of a test.", &[], move |build, _| Ok(Box::new(Marcher::new(build, rays)?)));
+    slots
+        .reflections
+        .register("marcher", "Rays of a test.", &[], move |build, _| Ok(Box::new(Marcher::new(build, rays)?)));
     let mut config = Config::default();
     config.set("stages.reflections=marcher")?;
     config.set("gbuffer.precision=full")?;

@@ -43,7 +43,8 @@ fn work_falls_with_what_is_asked_for() -> Result<()> {
     let share = half[0] as f64 / whole[0] as f64;
     ensure!((share - 0.25).abs() < 0.02 && half[1] * 3 < whole[1], "{share} of the rays: {half:?}");
 
-    let limits = ["0.1", "0.3", "0.6", "0.8", "1"].map(|limit| work(&gpu, &scene, &[&format!("reflections.roughness_limit={limit}")]));
+    let limits = ["0.1", "0.3", "0.6", "0.8", "1"]
+        .map(|limit| work(&gpu, &scene, &[&format!("reflections.roughness_limit={limit}")]));
     let limits: Vec<[u64; 2]> = limits.into_iter().collect::<Result<_>>()?;
     println!("limits of 0.1, 0.3, 0.6, 0.8, 1: {limits:?}");
     ensure!(limits.windows(2).all(|w| w[0][0] <= w[1][0] && w[0][1] <= w[1][1]), "{limits:?}");
@@ -58,7 +59,12 @@ fn rough_surfaces_take_no_ray() -> Result<()> {
     let tiles = |left: f32, right: f32| {
         let mut s = scene("tiles", camera([0.0, 6.0, 0.01], [0.0, 0.0, 0.0]));
         for (x, roughness) in [(-20.0, left), (20.0, right)] {
-            add(&mut s, plane(20.0), material([0.8; 3], 1.0, roughness), Affine3A::from_translation(Vec3::new(x, 0.0, 0.0)));
+            add(
+                &mut s,
+                plane(20.0),
+                material([0.8; 3], 1.0, roughness),
+                Affine3A::from_translation(Vec3::new(x, 0.0, 0.0)),
+            );
         }
         s.environment = Some(environment());
         s

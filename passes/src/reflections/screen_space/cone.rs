@@ -83,13 +83,7 @@ impl Cone {
     }
 
     /// Adds a level: one pass across, one down.
-    fn halve(
-        &self,
-        g: &mut FrameGraph,
-        of: Frame<'_>,
-        source: Level,
-        target: Target,
-    ) -> WriteHandle<Image> {
+    fn halve(&self, g: &mut FrameGraph, of: Frame<'_>, source: Level, target: Target) -> WriteHandle<Image> {
         let number = source.halved[0];
         let mip = match &target {
             Target::New(desc) => g.extent_of(*desc),
@@ -104,14 +98,7 @@ impl Cone {
     }
 
     /// Adds one axis of a level.
-    fn blur(
-        &self,
-        g: &mut FrameGraph,
-        of: Frame<'_>,
-        name: &str,
-        source: Level,
-        target: Target,
-    ) -> WriteHandle<Image> {
+    fn blur(&self, g: &mut FrameGraph, of: Frame<'_>, name: &str, source: Level, target: Target) -> WriteHandle<Image> {
         let (kernel, block, format) = (self.blur, of.view.block, self.format);
         let guide = self.is_guided.then_some(of.i.reprojected.guide);
         // Across first.

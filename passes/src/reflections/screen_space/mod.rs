@@ -15,9 +15,7 @@ use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::denoise::NO_IMAGE;
 use magpie_shaders::screen_march::{ScreenLight, ScreenMarch};
-use magpie_shaders::screen_reflections::{
-    BlendParams, MARCH_HALF, MARCH_MIRROR, MarchParams, SpreadParams,
-};
+use magpie_shaders::screen_reflections::{BlendParams, MARCH_HALF, MARCH_MIRROR, MarchParams, SpreadParams};
 use magpie_shaders::{REFLECTIONS_BLEND_COMP, REFLECTIONS_MARCH_COMP, REFLECTIONS_SPREAD_COMP, SampledImage};
 pub use settings::settings;
 
@@ -98,9 +96,7 @@ impl ScreenSpace {
             march: build.kernel(&REFLECTIONS_MARCH_COMP)?,
             spread: build.kernel(&REFLECTIONS_SPREAD_COMP)?,
             blend: build.kernel(&REFLECTIONS_BLEND_COMP)?,
-            pyramid: (!is_linear)
-                .then(|| Pyramid::new(build, "reflections", pyramid::Content::MinMax))
-                .transpose()?,
+            pyramid: (!is_linear).then(|| Pyramid::new(build, "reflections", pyramid::Content::MinMax)).transpose()?,
             lobe,
             is_half: settings.choice("resolution")? == "half",
             steps: settings.u32("steps")?,
@@ -215,13 +211,7 @@ impl ScreenSpace {
     }
 
     /// Adds the pass that puts what was found over the fallback, and multiplies with the albedo of the lobe.
-    fn blend(
-        &self,
-        g: &mut FrameGraph,
-        view: &View,
-        i: LightingIn,
-        found: Option<[Handle<Image>; 2]>,
-    ) -> LightingOut {
+    fn blend(&self, g: &mut FrameGraph, view: &View, i: LightingIn, found: Option<[Handle<Image>; 2]>) -> LightingOut {
         let (kernel, format, block) = (self.blend, self.format, view.block);
         g.pass("reflections.blend", Queue::AsyncCompute, |p| {
             let block = p.read(block);

@@ -8,7 +8,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let march = "`pyramid`: steps over areas in which nothing can be hit, found in a pyramid of depths. `linear`: steps of equal length on the \
                  screen, which may miss things thinner than `stride`.";
     let steps = "Greatest number of steps of a ray. Higher: rays get farther. With `linear` a ray ends after `steps` times `stride` pixels.";
-    let stride = "Of `linear`: distance of steps on the screen for mirrors. Higher: less time, and thin things are missed.";
+    let stride =
+        "Of `linear`: distance of steps on the screen for mirrors. Higher: less time, and thin things are missed.";
     let rough_stride = "Of `linear`: distance of steps at `roughness_limit`; in between it grows with roughness. Never below `stride`.";
     let thickness = "Assumed thickness of what the camera sees, at least two pixels' width. Higher: fewer rays pass behind things unseen, \
                      but reflections of thin things are smeared downwards.";
