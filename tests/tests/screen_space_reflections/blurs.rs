@@ -173,7 +173,10 @@ fn two_axes_make_the_gaussian() -> Result<()> {
         sum += light(found);
         whole += 1;
     }
-    println!("{whole} pixels of {:.3}, {empty} without a ray, difference from 64 taps {worst:.2e}", sum / f64::from(whole));
+    println!(
+        "{whole} pixels of {:.3}, {empty} without a ray, difference from 64 taps {worst:.2e}",
+        sum / f64::from(whole)
+    );
     ensure!(whole > 400 && empty > 100 && sum > f64::from(whole) && worst < 2e-6, "light {sum}, difference {worst}");
     Ok(())
 }
@@ -183,7 +186,7 @@ fn two_axes_make_the_gaussian() -> Result<()> {
 #[test]
 fn a_blur_along_surfaces_does_not_bleed() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let with = |floor_roughness: f32, blur: &str| -> Result<(Vec<[f32; 4]>, Vec<[f32; 4]>)> {
+    let with = |floor_roughness: f32, blur: &str| -> Result<[Vec<[f32; 4]>; 2]> {
         let mut s = scene("bleed", camera([0.0, 1.6, 5.0], [0.0, 0.6, 0.0]));
         floor(&mut s, material([1.0; 3], 1.0, floor_roughness));
         add(&mut s, plane(20.0), unlit([4.0; 3]), upright(-3.0, 0.0));
@@ -191,10 +194,10 @@ fn a_blur_along_surfaces_does_not_bleed() -> Result<()> {
         let changes = [CONE[0], CONE[1], blur];
         let image = shown(&gpu, &s, &changes, SIZE, 2, ("reflections.cone", "radiance"))?.swap_remove(1);
         let ids = shown(&gpu, &s, &changes, SIZE, 1, ("gbuffer.draw", "ids"))?.swap_remove(0);
-        Ok((image, ids))
+        Ok([image, ids])
     };
     let leak = |blur: &str| -> Result<[f64; 2]> {
-        let ((bright, ids), (dark, _)) = (with(0.3, blur)?, with(0.9, blur)?);
+        let ([bright, ids], [dark, _]) = (with(0.3, blur)?, with(0.9, blur)?);
         // The pillar is the third instance. Its front reflects what is behind the camera, its top the wall above.
         let front: Vec<usize> = (0..ids.len()).filter(|&i| ids[i][0] == 3.0 && i / 96 > 30).collect();
         let sum = |image: &[[f32; 4]]| front.iter().map(|&i| light(&image[i])).sum::<f64>() / front.len() as f64;
