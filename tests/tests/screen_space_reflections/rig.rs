@@ -216,7 +216,6 @@ pub fn shown(
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&all)?, options)?;
     (0..frames)
         .map(|frame| {
-            // Nothing is marched before there is a previous frame whose radiance is kept, and so the first has no such pass to show.
             let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: Some(view), read_back: true };
             let result = renderer.frame(request)?.context("no frame")?;
             ensure!(result.findings.is_empty(), "frame {frame}: {}", result.findings[0]);
