@@ -1,10 +1,9 @@
 #ifndef LIB_HIT_SHADING_GLSL
 #define LIB_HIT_SHADING_GLSL
-#include "lib/guide.glsl"
 #include "lib/light_sampling.glsl"
+#include "lib/previous_light.glsl"
 #include "lib/random.glsl"
 #include "lib/ray.glsl"
-#include "lib/reprojection.glsl"
 #include "lib/surface.glsl"
 #ifdef TINTED
 #include "lib/tinted.glsl"
@@ -88,9 +87,6 @@ vec3 direct_light_at(
 
 // Surfaces smoother than this alpha reflect too differently to the camera and to another viewer.
 const float LEAST_REUSED_ALPHA = 0.25;
-// The previous frame's pixel must show the hit itself: as in reproject.comp.
-const float LEAST_COSINE = 0.9;
-const float DEPTH_SLACK = 0.01;
 
 // Albedo of a surface for light towards `to_viewer`, unit.
 vec3 albedo_towards(SceneBuffer scene, SurfacePoint s, vec3 to_viewer) {
@@ -105,20 +101,12 @@ bool previous_light_at(
 ) {
     light = vec3(0.0);
     if (p.previous_radiance == NO_IMAGE || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
-    vec3 was = position_before(InstanceBuffer(scene.at[0].instances).at[instance], s.start.position);
-    vec4 clip = view.at[0].previous_clip_from_world * vec4(was, 1.0);
-    if (!(clip.w > 0.0)) return false;
-    vec2 uv = clip.xy / clip.w * 0.5 + 0.5;
-    if (!on_screen(uv)) return false;
-    // The pixel whose sample lay next to it.
-    ivec2 pixel = ivec2(floor(uv * vec2(view.at[0].size) - view.at[0].previous_jitter));
-    if (!inside(pixel, view.at[0].size)) return false;
-    Guide there = load_guide(p.previous_guide, pixel);
-    if (!is_surface(there) || there.instance != ((instance + 1u) & 0xffu) || dot(there.plane, s.start.normal) < LEAST_COSINE) return false;
-    vec2 gradient = depth_gradient(view, pixel, there);
-    if (abs(there.depth - clip.w) > abs(gradient.x) + abs(gradient.y) + DEPTH_SLACK * clip.w) return false;
+    PlaceBefore before;
+    if (!place_before(view, scene, instance, s.start.position, before)) return false;
+    ivec2 pixel = ivec2(floor(before.pixels));
+    if (!showed(view, p.previous_guide, pixel, instance, s.start.normal, before.depth)) return false;
     vec4 found = load(p.previous_radiance, pixel);
-    vec3 to_previous_eye = safe_normalize(view.at[0].previous_eye - was, s.normal);
+    vec3 to_previous_eye = safe_normalize(view.at[0].previous_eye - before.position, s.normal);
     light = found.rgb * albedo_towards(scene, s, to_viewer) / albedo_towards(scene, s, to_previous_eye);
     return found.a > 0.0;
 }

@@ -21,38 +21,56 @@ ivec2 full_pixel(ivec2 coarse) {
     return 2 * coarse;
 }
 
-// The value of `coarse_image` at a full-resolution pixel with a surface. Pixels that have a half-resolution sample of their own use it;
-// others blend the two or four around by distance, by distance from the pixel's plane, and by the angle between normals.
-vec4 joint_bilateral(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, uint coarse_image) {
+// Weights of the half-resolution texels around a full-resolution pixel with a surface, which sum to 1: the one above and to the left of it,
+// right of that, below, and below right. Pixels that have a texel of their own use it; others blend the two or four around by distance, by
+// distance from the pixel's plane, and by the angle between normals.
+// `alike` is false where no texel lies on the pixel's surface.
+vec4 upsampling_weights(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, out bool alike) {
     ivec2 first = pixel / 2;
-    if (pixel == full_pixel(first)) return load(coarse_image, first);
+    vec4 weights = vec4(1.0, 0.0, 0.0, 0.0);
+    alike = true;
+    if (pixel == full_pixel(first)) return weights;
 
     ivec2 odd = pixel & 1;
     float width = pixel_spread(view) * distance(here.position, view.at[0].eye);
-    vec4 sum = vec4(0.0);
-    float weights = 0.0;
-    // If no neighbour lies on the pixel's surface, the one nearest to its plane is used.
+    weights = vec4(0.0);
+    float sum = 0.0;
+    // If no neighbour lies on the pixel's surface, the one nearest to its plane is used; if none has a surface, none is.
     vec4 nearest = vec4(0.0);
     float nearest_off = 3.4e38;
-    for (int y = 0; y <= odd.y; y++) {
-        for (int x = 0; x <= odd.x; x++) {
-            ivec2 coarse = first + ivec2(x, y);
-            if (!inside(full_pixel(coarse), view.at[0].size)) continue;
-            Surface there = load_geometry(view, full_pixel(coarse), gbuffer);
-            if (!there.exists) continue;
-            vec4 value = load(coarse_image, coarse);
-            float off = abs(dot(here.geometric_normal, there.position - here.position));
-            if (off < nearest_off) {
-                nearest_off = off;
-                nearest = value;
-            }
-            // Those left are equally far: two in a row or column, or four in a square.
-            float weight = surface_weight(here, there, width);
-            sum += weight * value;
-            weights += weight;
+    for (int k = 0; k < 4; k++) {
+        ivec2 at = ivec2(k & 1, k >> 1);
+        if (any(greaterThan(at, odd)) || !inside(full_pixel(first + at), view.at[0].size)) continue;
+        Surface there = load_geometry(view, full_pixel(first + at), gbuffer);
+        if (!there.exists) continue;
+        float off = abs(dot(here.geometric_normal, there.position - here.position));
+        if (off < nearest_off) {
+            nearest_off = off;
+            nearest = vec4(0.0);
+            nearest[k] = 1.0;
         }
+        // Those left are equally far: two in a row or column, or four in a square.
+        weights[k] = surface_weight(here, there, width);
+        sum += weights[k];
     }
-    return weights > 1e-4 ? sum / weights : nearest;
+    alike = sum > 1e-4;
+    return alike ? weights / sum : nearest;
+}
+
+// The mean of those texels of an image. Texels without weight are not read.
+vec4 weighted_texels(uint coarse_image, ivec2 pixel, vec4 weights) {
+    ivec2 first = pixel / 2;
+    vec4 sum = vec4(0.0);
+    for (int k = 0; k < 4; k++) {
+        if (weights[k] > 0.0) sum += weights[k] * load(coarse_image, first + ivec2(k & 1, k >> 1));
+    }
+    return sum;
+}
+
+// The value of `coarse_image` at a full-resolution pixel with a surface.
+vec4 joint_bilateral(ViewBuffer view, ivec2 pixel, Surface here, GBufferImages gbuffer, uint coarse_image) {
+    bool alike;
+    return weighted_texels(coarse_image, pixel, upsampling_weights(view, pixel, here, gbuffer, alike));
 }
 
 #endif

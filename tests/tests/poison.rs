@@ -62,6 +62,8 @@ fn few() -> Vec<Case> {
     let svgf = ["stages.ao=ray-traced", "post.anti_aliasing=taa", "shadows.precision=32", "ao.precision=32"];
     vec![
         case(&svgf, false),
+        case(&["stages.reflections=screen-space"], true),
+        case(&["stages.reflections=screen-space", "reflections.lobe=cone", "reflections.resolution=half"], true),
         case(&["stages.ao=ray-traced", "shadows.tinted=false", "post.resolution_scale=0.67", svgf[1]], true),
         case(
             &[
@@ -167,9 +169,12 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
                 continue;
             }
             let writes = |u: &&magpie::graph::Use| u.resource == output.resource && u.writes == Some(output.version);
-            let layer = declaration.uses_of(pass).iter().find(writes).map_or(0, |u| u.part.layer.into());
+            let part = declaration.uses_of(pass).iter().find(writes).map(|u| u.part);
+            // Of a pyramid a pass writes some mips.
+            let (mip, layer) = part.map_or((0, 0), |part| (part.mip.into(), part.layer.into()));
+            let extent = extent.mip(mip);
             let poison = |x: u32, y: u32, value| {
-                let place = Place::Pixel { x, y, mip: 0, layer };
+                let place = Place::Pixel { x, y, mip, layer };
                 Poison { pass: declaration.pass_name(pass).to_owned(), output: output.name.clone(), place, value }
             };
             let is_map = format == Format::D32Float && declaration.pass_name(pass).contains(".map_");
@@ -180,7 +185,7 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
                 (0..64).map(|k| [k % 8, k / 8].map(|n| (2 * n + 1) * width / 16)).collect()
             } else {
                 let x = |k: u32| (7 + 23 * number + k * width / 2) % width;
-                let y = |k: u32| height - 1 - (3 + 5 * number + 11 * k) % (2 * height / 3);
+                let y = |k: u32| height - 1 - (3 + 5 * number + 11 * k) % (2 * height / 3).max(1);
                 vec![[x(0), y(0)]]
             };
             for [x, y] in places {
@@ -258,7 +263,8 @@ fn heals(gpu: &Gpu, scene: &Scene, case: &Case, full: bool, singly: bool) -> Res
         // An input limited to 0 to 1 cannot hold a bad value, nor can a history of 16 bits.
         let exact = |slot: &str| case.changes.iter().any(|c| *c == format!("{slot}.precision=32"));
         let bounded = (pass.contains(".bilateral") && !pass.starts_with("direct."))
-            || (pass.starts_with("shadows.accumulate") && !exact("shadows"));
+            || (pass.starts_with("shadows.accumulate") && !exact("shadows"))
+            || (pass == "reflections.accumulate_confidence" && !exact("reflections"));
         // One texel per pixel may miss all that are bad; the preset `low` reads no more.
         let one_texel = |c: &String| c == "shadows.filter=none" || c == "stages.shadows=low";
         let unread = pass.contains(".map_look") && case.changes.iter().any(one_texel);

@@ -1,5 +1,6 @@
 //! Specular indirect light: of the sky alone, or of whatever rays meet.
 mod ray_traced;
+mod screen_space;
 
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
@@ -8,6 +9,7 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
 use ray_traced::RayTraced;
+use screen_space::ScreenSpace;
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
@@ -26,6 +28,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
                     settings,
                 )?))
             },
+        )
+        .with(
+            "screen-space",
+            "What the camera sees, found by rays through the depth image, over the sky.",
+            &screen_space::settings(),
+            |build, settings| Ok(Box::new(ScreenSpace::new(build, settings)?)),
         )
         .with(
             "ray-traced",

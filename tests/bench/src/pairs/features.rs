@@ -36,7 +36,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 16] = [
+pub const FEATURES: [Feature; 17] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -48,6 +48,7 @@ pub const FEATURES: [Feature; 16] = [
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
     Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
+    Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
     Feature::traced("software", Rays::Software),
@@ -97,7 +98,7 @@ pub fn is_anti_aliased(config: &Config) -> bool {
     full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
 }
 
-/// Which slots that can do without rays trace them: their ground truth is another one then.
+/// Which slots that can do without rays trace them, or do as if: their ground truth is another one then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Traced {
     ao: bool,
@@ -108,8 +109,10 @@ impl Traced {
     /// What a configuration traces.
     pub fn of(config: &Config) -> Self {
         let full = Slots::default().catalogue().complete(config);
-        let is_traced = |slot| full.stages.get(slot).is_some_and(|name| name == "ray-traced");
-        Self { ao: is_traced("ao"), reflections: is_traced("reflections") }
+        let is = |slot, wanted| full.stages.get(slot).is_some_and(|name| name == wanted);
+        // What is found on the screen stands for what rays find.
+        let reflections = is("reflections", "ray-traced") || is("reflections", "screen-space");
+        Self { ao: is("ao", "ray-traced"), reflections }
     }
 }
 
