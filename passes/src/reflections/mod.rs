@@ -1,4 +1,5 @@
 //! Specular indirect light: of the sky alone, or of whatever rays meet.
+mod probe;
 mod ray_traced;
 
 use crate::contracts::{LightingIn, LightingOut};
@@ -7,6 +8,7 @@ use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
+use probe::Probes;
 use ray_traced::RayTraced;
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
@@ -26,6 +28,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
                     settings,
                 )?))
             },
+        )
+        .with(
+            "probe",
+            "Cube probes captured while frames are rendered: one that follows the camera, and those that the scene places.",
+            &probe::settings(),
+            |build, settings| Ok(Box::new(Probes::new(build, settings)?)),
         )
         .with(
             "ray-traced",
