@@ -87,6 +87,7 @@ struct ProbeHit {
     float travelled;   // along the ray, metres; infinite if unknown or the sky
     float from_probe;  // from the centre, metres
     float trust;       // 0 to 1
+    float hidden;      // how far the surface that reflects is hidden from the probe, 0 to 1
 };
 
 const float PROBE_FAR = 1e30;
@@ -112,7 +113,7 @@ float leaves_box(vec3 origin, vec3 direction, vec3 half_size) {
 
 // How far a point is behind what the probe captured: below 0 in front, in shares of the distance. `w`: weight of a homogeneous point.
 float behind_captured(ProbeParams p, ProbeTable t, uint layer, vec3 point, float w, float mip) {
-    float nearness = sample_cube_mip(p.chain, p.sampler, layer, point, float(t.side >> uint(mip)), mip).a;
+    float nearness = sample_cube_mip(p.chain, p.sampler_id, layer, point, float(t.side >> uint(mip)), mip).a;
     return largest_component(point) * nearness - w;
 }
 
@@ -126,22 +127,24 @@ const float PROBE_GAP = 0.08;
 ProbeHit march_probe(ProbeParams p, ProbeTable t, uint layer, vec3 o, vec3 r, float mip) {
     float scale = max(length(o), 1e-3);
     vec3 end = scale * r;
-    float before = behind_captured(p, t, layer, o, 1.0, mip);
+    // The surface that reflects is itself captured, a little before or behind where it is: by so much everything near it is shifted.
+    float shift = max(behind_captured(p, t, layer, o, 1.0, mip), 0.0);
+    float hidden = smoothstep(PROBE_GAP, 3.0 * PROBE_GAP, shift);
+    ProbeHit hit = ProbeHit(r, PROBE_FAR, PROBE_FAR, 1.0, hidden);
+    if (hidden >= 1.0) return hit;
+    float before = -1e-4;
     float s_before = 0.0;
-    // The surface that reflects is itself captured: a little behind it is on it.
-    bool hidden = before > PROBE_GAP;
-    float trust = hidden ? 0.5 : 1.0;
-    before = hidden ? before : min(before, -1e-4);
     float edge = -1.0;
     float found = -1.0;
     for (uint i = 1u; i <= t.steps && found < 0.0; i++) {
         float s = float(i) / float(t.steps);
-        float now = behind_captured(p, t, layer, mix(o, end, s), 1.0 - s, mip);
-        if (before < 0.0 && now >= 0.0 && !(i == t.steps && now == 0.0)) {
-            float a = s_before, b = s, f_a = before, f_b = now, at = s, f = now;
+        float now = behind_captured(p, t, layer, mix(o, end, s), 1.0 - s, mip) - shift * (1.0 - s);
+        // At the end of the ray the sky is neither before nor behind.
+        if (before < 0.0 && (now > 0.0 || (now == 0.0 && i < t.steps))) {
+            float a = s_before, b = s, f_a = before, f_b = now;
             for (int k = 0; k < 4; k++) {
-                at = mix(a, b, clamp(f_a / (f_a - f_b), 0.02, 0.98));
-                f = behind_captured(p, t, layer, mix(o, end, at), 1.0 - at, mip);
+                float at = mix(a, b, clamp(f_a / (f_a - f_b), 0.05, 0.95));
+                float f = behind_captured(p, t, layer, mix(o, end, at), 1.0 - at, mip) - shift * (1.0 - at);
                 if (f < 0.0) {
                     a = at;
                     f_a = f;
@@ -151,22 +154,24 @@ ProbeHit march_probe(ProbeParams p, ProbeTable t, uint layer, vec3 o, vec3 r, fl
                 }
             }
             // An edge stays a jump however near the ends are.
-            if (f_b - f_a < PROBE_GAP) found = at;
+            if (f_b - f_a < PROBE_GAP) found = mix(a, b, f_a / (f_a - f_b));
             else if (edge < 0.0) edge = a;
         }
         before = now;
         s_before = s;
     }
-    if (found < 0.0 && before <= 0.0) return ProbeHit(r, PROBE_FAR, PROBE_FAR, trust);
     if (found < 0.0) {
-        // Hidden from the probe to the end: what stands before it, or what lies in that direction.
-        trust *= 0.3;
-        if (edge < 0.0) return ProbeHit(r, PROBE_FAR, PROBE_FAR, trust);
+        if (before <= 0.0) return hit;
+        // Hidden to the end: what the ray passed behind, or what lies in its direction.
+        hit.trust = 0.3;
+        if (edge < 0.0) return hit;
         found = edge;
     }
-    vec3 point = mix(o, end, found);
-    float travelled = scale * found / max(1.0 - found, 1e-6);
-    return ProbeHit(point, travelled, length(point) / max(1.0 - found, 1e-6), trust);
+    float left = max(1.0 - found, 1e-6);
+    hit.direction = mix(o, end, found);
+    hit.travelled = scale * found / left;
+    hit.from_probe = length(hit.direction) / left;
+    return hit;
 }
 
 // What a probe shows along a ray, blurred to a roughness. False if the value is not finite.
@@ -174,20 +179,24 @@ bool probe_radiance(ProbeParams p, ProbeTable t, uvec2 not_finite, Probe probe, 
     out vec3 radiance, out float trust
 ) {
     vec3 o = position - centre;
-    ProbeHit hit = ProbeHit(r, PROBE_FAR, PROBE_FAR, 1.0);
+    ProbeHit hit = ProbeHit(r, PROBE_FAR, PROBE_FAR, 1.0, 0.0);
     if (t.correction == PROBE_CORRECTION_BOX && probe.half_size.x > 0.0) {
         float travelled = leaves_box(transform_point(probe.box_from_world, position), transform_vector(probe.box_from_world, r), probe.half_size);
         vec3 met = o + travelled * r;
-        hit = ProbeHit(met == vec3(0.0) ? r : met, travelled, length(met), 1.0);
+        hit = ProbeHit(met == vec3(0.0) ? r : met, travelled, length(met), 1.0, 0.0);
     } else if (t.correction == PROBE_CORRECTION_DISTANCE) {
         // Rough lobes are wide: the distances are those of the lobe's mip below.
         float mip = max(floor(roughness * float(t.mips)) - 1.0, 0.0);
         hit = march_probe(p, t, probe.layer, o, r, mip);
     }
     float narrowed = probe_roughness(t.narrowing, roughness, hit);
-    vec4 value = sample_cube(p.chain, p.sampler, probe.layer, hit.direction, t.side, t.mips, narrowed * float(t.mips));
+    vec4 value = sample_cube(p.chain, p.sampler_id, probe.layer, hit.direction, t.side, t.mips, narrowed * float(t.mips));
+    // The probe does not see what is near a surface that it does not see.
+    if (hit.hidden > 0.0 && hit.travelled < PROBE_FAR) {
+        value = mix(value, sample_cube(p.chain, p.sampler_id, probe.layer, r, t.side, t.mips, roughness * float(t.mips)), hit.hidden);
+    }
     radiance = value.rgb;
-    trust = hit.trust;
+    trust = hit.trust * (1.0 - 0.7 * hit.hidden);
     return is_taken(not_finite, value);
 }
 

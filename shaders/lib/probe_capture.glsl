@@ -11,6 +11,8 @@
 // Lamps, the sun's disc, and surfaces that emit do not show: the slot `direct` has their highlights (Paananen 2016, section 6.3: light in
 // both would count twice). Unlit surfaces do, for nothing else shows their light.
 
+layout(set = 0, binding = 1) uniform uimage2DArray storage_image_arrays_uint[];
+
 // Counters: closest-hit and any-hit rays.
 uvec2 probe_traced = uvec2(0u);
 
@@ -85,14 +87,15 @@ vec3 indirect_light(
     if (there.black) return radiance;
     if (p.indirect > 1u && there.bsdf.alpha >= LEAST_SHARED_ALPHA) {
         vec3 o = there.start.position - centre;
-        vec4 seen = sample_cube_mip(p.filtered, p.sampler, 0u, o, float(p.side >> 1u), 0.0);
+        vec4 seen = sample_cube_mip(p.filtered, p.sampler_id, 0u, o, float(p.side >> 1u), 0.0);
         if (abs(largest_component(o) * seen.a - 1.0) < PROBE_GAP && is_taken(p.not_finite, seen)) return radiance + throughput * seen.rgb;
     }
     return radiance + throughput * direct_light_at(view, scene, lights, there, -normalize(ray.direction), lobes_there, false, random, probe_traced);
 }
 
-// Radiance and reciprocal distance along the axis of the face.
-vec4 captured_light(ViewBuffer view, SceneBuffer scene, CaptureParams p, vec3 centre, vec3 along, Random random) {
+// Radiance and reciprocal distance along the axis of the face. `surface`: 24 bits that change with the triangle or sphere; 0 for the sky.
+vec4 captured_light(ViewBuffer view, SceneBuffer scene, CaptureParams p, vec3 centre, vec3 along, Random random, out uint surface) {
+    surface = 0u;
     LightTables lights = LightTablesBuffer(p.lights).at[0];
     vec3 direction = normalize(along);
     Ray ray = with_cone(make_ray(centre, 0.0, direction, UNBOUNDED), 0.0, 2.0 / float(p.side - 1u));
@@ -104,6 +107,10 @@ vec4 captured_light(ViewBuffer view, SceneBuffer scene, CaptureParams p, vec3 ce
     if (!meet_surface(scene, lights, ray, 0.0, random, throughput, radiance, hit, s, lobes)) {
         return vec4(view.at[0].has_sky != 0u ? throughput * sky_radiance(view.at[0].sky, direction) : vec3(0.0), 0.0);
     }
+    // What moves is another surface in every frame.
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
+    bool moves = instance.world_from_object != instance.previous_world_from_object;
+    surface = hash4(uvec4(hit.instance, hit.primitive, moves ? p.key : 0u, 0u)).x >> 8u;
     if (s.black) {
         radiance = s.emission;
     } else {
@@ -126,29 +133,33 @@ void capture_texel(ViewBuffer view, CaptureParams p, uint slot, ivec2 texel) {
     if (face == PROBE_FACES) return;
     ivec3 at = ivec3(texel, face);
     vec4 was = imageLoad(storage_image_arrays[p.radiance], at);
-    float count = floor(imageLoad(storage_image_arrays[p.counts], at).r * 255.0 + 0.5);
+    uint word = imageLoad(storage_image_arrays_uint[p.counts], at).r;
+    uint count = word & 255u;
     vec3 centre = probe_centre(p.centre, p.offset, 0u);
     uint index = (uint(texel.y) * p.side + uint(texel.x)) * PROBE_FACES + face;
-    vec4 now = captured_light(view, SceneBuffer(p.scene), p, centre, cube_direction(face, cube_at(texel, p.side)), random_of(index, p.key, view.at[0].seed));
-    bool is_fresh = (p.fresh & (1u << face)) != 0u || count < 1.0 || !is_taken(p.not_finite, was);
-    if (is_fresh) count = 0.0;
+    uint surface;
+    vec3 along = cube_direction(face, cube_at(texel, p.side));
+    vec4 now = captured_light(view, SceneBuffer(p.scene), p, centre, along, random_of(index, p.key, view.at[0].seed), surface);
+    bool is_fresh = (p.fresh & (1u << face)) != 0u || count == 0u || !is_taken(p.not_finite, was);
+    if (is_fresh) count = 0u;
     if (!is_taken(p.not_finite, now)) {
         // Nothing was captured: what there was stays, or there is nothing.
         if (is_fresh) {
             imageStore(storage_image_arrays[p.radiance], at, vec4(0.0));
-            imageStore(storage_image_arrays[p.counts], at, vec4(0.0));
+            imageStore(storage_image_arrays_uint[p.counts], at, uvec4(0u));
         }
         return;
     }
     // Another surface than before: what was captured is no part of a mean with it. Where light passes through surfaces by chance, that says
     // nothing.
 #ifndef TINTED
-    if (abs(now.a - was.a) > PROBE_GAP * max(now.a, was.a)) count = 0.0;
+    if (surface != word >> 8u || abs(now.a - was.a) > PROBE_GAP * max(now.a, was.a)) count = 0u;
 #endif
-    count = min(count, float(p.length) - 1.0);
-    vec4 mean = count < 1.0 ? now : was + (now - was) / (count + 1.0);
+    count = min(count, p.most - 1u);
+    // Later captures count more than the first ones, in which indirect light had not come far.
+    vec4 mean = count == 0u ? now : was + (now - was) / (0.5 * float(count) + 1.0);
     imageStore(storage_image_arrays[p.radiance], at, vec4(representable(mean.rgb, 65504.0), representable(mean.aaa, 65504.0).x));
-    imageStore(storage_image_arrays[p.counts], at, vec4((count + 1.0) / 255.0));
+    imageStore(storage_image_arrays_uint[p.counts], at, uvec4((count + 1u) | (surface << 8u), uvec3(0u)));
 }
 
 #endif

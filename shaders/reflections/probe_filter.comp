@@ -12,9 +12,6 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { FilterParams params; };
 
-// Means over this many times the solid angle of a sample: samples overlap, which hides their pattern.
-const float OVERLAP = 4.0;
-
 vec4 lobe(vec3 axis, float roughness) {
     float alpha = alpha_of_roughness(roughness);
     mat3 frame = frame_of(axis);
@@ -33,9 +30,9 @@ vec4 lobe(vec3 axis, float roughness) {
         vec3 d = frame * l;
         vec2 at;
         uint face = cube_face(d, at);
-        float ratio = OVERLAP / (float(params.samples) * pdf * cube_solid_angle(at, float(params.side)));
+        float ratio = 1.0 / (float(params.samples) * pdf * cube_solid_angle(at, float(params.side)));
         float level = params.filtered != 0u ? clamp(0.5 * log2(ratio), 0.0, float(params.mean_mips)) : 0.0;
-        vec4 value = sample_layer(params.means, params.sampler, cube_uv(at, float(params.side)), float(face), level);
+        vec4 value = sample_layer(params.means, params.sampler_id, cube_uv(at, float(params.side)), float(face), level);
         if (!is_taken(params.not_finite, value)) continue;
         // Distances are blurred as reciprocals, along the direction itself.
         sum += l.z * vec4(value.rgb, value.a * largest_component(d));

@@ -79,7 +79,7 @@ pub struct ProbeParams {
     /// Radiance, and in alpha the reciprocal of the distance along the axis of the face; RGBA16F. Six layers per probe.
     pub chain: SampledImage,
     /// Its sampler, which clamps.
-    pub sampler: SamplerId,
+    pub sampler_id: SamplerId,
 }
 
 /// Push constants of `probe_capture.ray` and `probe_tinted_capture.ray`: one probe.
@@ -104,18 +104,18 @@ pub struct CaptureParams {
     pub side: u32,
     /// Mip 0 of its six faces.
     pub radiance: StorageImage,
-    /// Captures that each texel is the mean of, over 255, R8 unorm; six layers.
+    /// Captures that each texel is the mean of, and above eight bits a number of the surface in it; R32 uint, six layers.
     pub counts: StorageImage,
     /// The other mips of its six faces.
     pub filtered: SampledImage,
     /// Their sampler.
-    pub sampler: SamplerId,
+    pub sampler_id: SamplerId,
     /// Faces to capture, a bit each.
     pub faces: u32,
     /// Those among them without earlier captures.
     pub fresh: u32,
     /// Greatest number of captures in the mean, at most 255.
-    pub length: u32,
+    pub most: u32,
     /// 1 if hits gather indirect light, 2 if `filtered` may be used for that.
     pub indirect: u32,
     /// Key of random numbers.
@@ -163,7 +163,7 @@ pub struct FilterParams {
     /// Means of its six faces, with mips.
     pub means: SampledImage,
     /// Their sampler.
-    pub sampler: SamplerId,
+    pub sampler_id: SamplerId,
     /// Mips 1 and up of the faces.
     pub mips: [StorageImage; 6],
     /// How many there are.

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3, Vec4};
 use magpie::gpu::Gpu;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{Environment, Material, Mesh, ReflectionProbe, Scene, Sphere};
+use magpie::scene::{Environment, Material, Mesh, ReflectionProbe, Scene, SceneFacts, Sphere};
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::StorageImage;
@@ -63,7 +63,7 @@ fn upright(z: f32, turn: f32) -> Affine3A {
 
 fn flat_environment(radiance: Vec3) -> Environment {
     let radiance = vec![radiance; 32];
-    Environment { name: "flat".to_owned(), width: 8, height: 4, radiance, scale: 1.0, turn: 0.0 }
+    Environment { name: "flat".to_owned(), width: 8, height: 4, radiance: radiance.into(), scale: 1.0, turn: 0.0 }
 }
 
 /// Greatest relative difference of pixels that `wanted` has.
@@ -113,15 +113,26 @@ fn filtered_samples_beat_plain_ones() -> Result<()> {
     for roughness in [0.4, 0.7, 1.0] {
         let mut s = scene("lobes", camera([0.0, 0.0, 2.0], [0.0, 0.0, 0.0]));
         add(&mut s, ball(0.6, Vec3::ZERO), material([1.0; 3], 1.0, roughness), Affine3A::IDENTITY);
-        s.environment = Some(environment());
+        // Small bright spots, which plain samples miss.
+        let texel =
+            |k: u32| if (k.wrapping_mul(2_654_435_761) >> 8) % 97 < 2 { Vec3::splat(40.0) } else { Vec3::splat(0.3) };
+        let radiance: Vec<Vec3> = (0..64 * 32).map(texel).collect();
+        let name = "spots".to_owned();
+        s.environment =
+            Some(Environment { name, width: 64, height: 32, radiance: radiance.into(), scale: 1.0, turn: 0.0 });
         let of = |more: &[&'static str]| {
-            reflected(&gpu, &s, &with(&with(&PROBE, &["reflections.correction=off", "reflections.indirect=false"]), more), 1)
+            reflected(
+                &gpu,
+                &s,
+                &with(&with(&PROBE, &["reflections.correction=off", "reflections.indirect=false"]), more),
+                1,
+            )
         };
         let many = of(&["reflections.filter_samples=1024", "reflections.filter_means=false"])?;
         let few = error(&of(&["reflections.filter_samples=32"])?, &many);
         let plain = error(&of(&["reflections.filter_samples=32", "reflections.filter_means=false"])?, &many);
         println!("roughness {roughness}: 32 samples {few:.4}, plain {plain:.4}");
-        ensure!(few < 0.1 && few < 0.7 * plain, "roughness {roughness}: {few}, plain {plain}");
+        ensure!(few < 0.2 && few < 0.7 * plain, "roughness {roughness}: {few}, plain {plain}");
     }
     Ok(())
 }
@@ -133,7 +144,12 @@ fn room(mirror: Affine3A, roughness: f32) -> Scene {
     let mut s = scene("room", camera([0.3, 0.4, 1.9], [-0.3, -0.6, -0.4]));
     let mut walls = block(ROOM);
     walls.colours = walls.positions.iter().map(|p| (*p / ROOM * 0.45 + 0.5).extend(1.0)).collect();
-    add(&mut s, walls, Material { unlit: true, double_sided: true, ..material([1.0; 3], 0.0, 1.0) }, Affine3A::IDENTITY);
+    add(
+        &mut s,
+        walls,
+        Material { unlit: true, double_sided: true, ..material([1.0; 3], 0.0, 1.0) },
+        Affine3A::IDENTITY,
+    );
     add(&mut s, plane(0.8), material([1.0; 3], 1.0, roughness), mirror);
     s
 }
@@ -222,7 +238,7 @@ void main() {
     vec2 at;
     uint face = cube_face(d, at);
     float back = distance(normalize(cube_direction(face, at)), d);
-    ProbeHit hit = ProbeHit(d, 4.0 * u.x, 2.0, 1.0);
+    ProbeHit hit = ProbeHit(d, 4.0 * u.x, 2.0, 1.0, 0.0);
     float roughness = probe_roughness(PROBE_NARROWING_ROUGHNESS, u.y, hit);
     float alpha = probe_roughness(PROBE_NARROWING_ALPHA, u.y, hit);
     // From inside of a box to its walls.
@@ -264,7 +280,10 @@ fn overlapping_probes_keep_white_white() -> Result<()> {
     add(&mut s, plane(3.0), material([1.0; 3], 1.0, 0.2), Affine3A::IDENTITY);
     s.environment = Some(flat_environment(Vec3::ONE));
     let probe = |x: f64, fade: f32| ReflectionProbe {
-        world_from_box: DAffine3::from_rotation_translation(glam::DQuat::from_rotation_y(0.3 * x), DVec3::new(x, 0.5, 0.0)),
+        world_from_box: DAffine3::from_rotation_translation(
+            glam::DQuat::from_rotation_y(0.3 * x),
+            DVec3::new(x, 0.5, 0.0),
+        ),
         half_size: Vec3::ONE,
         centre: Vec3::new(0.1, 0.2, 0.0),
         fade,
@@ -288,9 +307,9 @@ fn borders_have_no_edge() -> Result<()> {
     add(&mut s, ball(0.2, Vec3::new(0.0, -0.5, 0.0)), black, Affine3A::IDENTITY);
     let far = ReflectionProbe {
         world_from_box: DAffine3::from_translation(DVec3::ZERO),
-        half_size: Vec3::new(1.5, 1.0, 1.5),
+        half_size: Vec3::new(0.9, 1.0, 1.5),
         centre: Vec3::new(0.0, -0.5, 0.0),
-        fade: 0.8,
+        fade: 0.7,
     };
     s.environment = Some(flat_environment(Vec3::ONE));
     let step = |scene: &Scene, more: &[&'static str]| -> Result<[f64; 2]> {
@@ -309,7 +328,7 @@ fn borders_have_no_edge() -> Result<()> {
 }
 
 fn rays(result: &FrameResult) -> u64 {
-    let of = |name: &str| name.starts_with("reflections.capture_probe") && !name.contains("place");
+    let of = |name: &str| name.starts_with("reflections.capture_probe");
     result.sample.passes.iter().filter(|p| of(&p.name)).map(|p| p.rays_closest).sum()
 }
 
@@ -324,7 +343,8 @@ fn faces_are_spread_over_frames() -> Result<()> {
     let face = 16 * 16;
     for faces in [1, 2, 3, 6] {
         let changes = format!("reflections.faces={faces}");
-        let more = ["reflections.resolution=16", "reflections.indirect=false", "reflections.average=1", changes.as_str()];
+        let more =
+            ["reflections.resolution=16", "reflections.indirect=false", "reflections.average=1", changes.as_str()];
         let config = config(&with(&PROBE, &more))?;
         let options = RenderOptions { width: 16, height: 16, check: true, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &s, &Slots::default(), &config, options)?;
@@ -382,7 +402,8 @@ fn lamps_are_not_in_probes() -> Result<()> {
         let mut s = scene("lamp", camera([0.0, 0.0, 2.0], [0.0, 0.0, 0.0]));
         add(&mut s, plane(3.0), material([1.0; 3], 1.0, 0.0), upright(0.0, FRAC_PI_2));
         let lamp = Material { emission: Vec3::splat(50.0), unlit, ..material([0.8; 3], 0.0, 1.0) };
-        let lamp = Material { base_colour: if unlit { Vec4::new(50.0, 50.0, 50.0, 1.0) } else { lamp.base_colour }, ..lamp };
+        let lamp =
+            Material { base_colour: if unlit { Vec4::new(50.0, 50.0, 50.0, 1.0) } else { lamp.base_colour }, ..lamp };
         add(&mut s, ball(0.5, Vec3::new(0.0, 0.0, 4.0)), lamp, Affine3A::IDENTITY);
         Ok(reflected(&gpu, &s, &PROBE, 1)?.iter().map(|v| v.y).fold(0.0, f64::max))
     };
@@ -452,13 +473,36 @@ fn captured_light_stays_bounded() -> Result<()> {
     for material in &mut s.materials {
         (material.metalness, material.roughness) = (1.0, 0.7);
     }
+    let [min, max] = SceneFacts::new(&s).bounds.context("there is geometry")?.map(DVec3::from_array);
+    let half_size = (0.6 * (max - min)).as_vec3();
+    let centre = Vec3::Y * 0.3 * half_size.y;
+    s.probes = vec![ReflectionProbe {
+        world_from_box: DAffine3::from_translation(0.5 * (min + max)),
+        half_size,
+        centre,
+        fade: 0.0,
+    }];
     let light = |more: &[&'static str], frames: u32| -> Result<f64> {
         let changes = with(&with(&PROBE, &["reflections.faces=6", "reflections.resolution=16"]), more);
         Ok(settled(&gpu, &s, &changes, frames)?.iter().map(|v| v.element_sum()).sum())
     };
     let once = light(&["reflections.indirect=false"], 100)?;
-    let (soon, later) = (light(&[], 50)?, light(&[], 200)?);
-    println!("direct light at hits {once:.2}, with indirect light {soon:.2} after 50 frames, {later:.2} after 200");
-    ensure!(soon > 1.1 * once && soon < 6.0 * once && (later / soon - 1.0).abs() < 0.06, "{once} {soon} {later}");
+    let (soon, later) = (light(&[], 100)?, light(&[], 200)?);
+    let truth: f64 =
+        truth_of(ReferenceOptions { only: Only::Reflections, ..ReferenceOptions::default() }, &gpu, &s, SMALL, 256)?
+            .mean
+            .iter()
+            .map(|v| v.element_sum())
+            .sum();
+    println!(
+        "of the light of all bounces: direct {:.3}, {:.3} after 100 frames, {:.3} after 200",
+        once / truth,
+        soon / truth,
+        later / truth
+    );
+    ensure!(
+        soon > 1.1 * once && later < 1.2 * truth && (later / soon - 1.0).abs() < 0.06,
+        "{once} {soon} {later} of {truth}"
+    );
     Ok(())
 }

@@ -28,7 +28,10 @@ pub(super) fn probe_at(
     let wrong = |got: String, wanted: &'static str| Fault::Value { what: "magpie_probe", got, wanted };
     let got = text(&own);
     let Ok(Extras { half_size, fade, centre }) = serde_json::from_value(own) else {
-        return Err(wrong(got, "an object with half_size: three numbers, and perhaps fade: a number, centre: three numbers"));
+        return Err(wrong(
+            got,
+            "an object with half_size: three numbers, and perhaps fade: a number, centre: three numbers",
+        ));
     };
     if known == MAX_PROBES {
         let (got, limit) = (known as u64 + 1, MAX_PROBES as u64);
@@ -71,7 +74,8 @@ mod tests {
 
     #[test]
     fn a_probe_has_the_scale_of_its_node() {
-        let probe = read(r#"{"magpie_probe": {"half_size": [1, 2, 3], "centre": [0.5, 0, -1], "fade": 0.25}, "other": 1}"#);
+        let probe =
+            read(r#"{"magpie_probe": {"half_size": [1, 2, 3], "centre": [0.5, 0, -1], "fade": 0.25}, "other": 1}"#);
         let probe = probe.unwrap().unwrap();
         assert!(probe.half_size.distance(Vec3::new(2.0, 2.0, 3.0)) < 1e-6);
         assert!(probe.centre.distance(Vec3::new(1.0, 0.0, -1.0)) < 1e-6);

@@ -14,7 +14,8 @@ use magpie::prelude::*;
 use magpie::scene::{ReflectionProbe, SceneFacts, Wrap};
 use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::probe::{
-    CaptureParams, FilterParams, MeansParams, PROBE_FACES, PlaceParams, Probe, ProbeParams, ProbeShadeParams, ProbeTable,
+    CaptureParams, FilterParams, MeansParams, PROBE_FACES, PlaceParams, Probe, ProbeParams, ProbeShadeParams,
+    ProbeTable,
 };
 use magpie_shaders::{
     REFLECTIONS_PROBE_CAPTURE_RAY, REFLECTIONS_PROBE_FILTER_COMP, REFLECTIONS_PROBE_MEANS_COMP,
@@ -26,8 +27,8 @@ use settings::Options;
 
 /// Format of what is captured.
 const FORMAT: Format = Format::Rgba16Float;
-/// Format of the number of captures.
-const COUNT: Format = Format::R8Unorm;
+/// Format of the number of captures and the surface.
+const COUNT: Format = Format::R32Uint;
 /// Where nothing moves, the mean is over so many times as many captures.
 const STILL: u32 = 8;
 /// Share of the grid's spacing that the camera's probe keeps from surfaces.
@@ -86,7 +87,7 @@ impl CapturedToken {
             probes: table.offset(size_of::<ProbeTable>() as u64),
             offsets: c.id(self.offsets),
             chain: c.id(self.chain),
-            sampler: self.sampler,
+            sampler_id: self.sampler,
         }
     }
 }
@@ -139,7 +140,8 @@ impl Probes {
         }
         self.places.follow(view.camera.eye(), self.options.spacing);
         let round = (self.places.all.len() as u32 * PROBE_FACES).div_ceil(self.options.faces);
-        let is_still = view.facts.moving == 0.0 && !view.facts.lights_move && self.quiet > 2 * self.options.average * round;
+        let is_still =
+            view.facts.moving == 0.0 && !view.facts.lights_move && self.quiet > 2 * self.options.average * round;
         let length = if is_still { (STILL * self.options.average).min(255) } else { self.options.average };
         (length, is_still)
     }
@@ -167,7 +169,13 @@ impl Probes {
             if at < CAMERA && is_new {
                 kept.offsets = self.place(g, view, i, at, kept.offsets, nth);
             }
-            let mode = if !options.indirect { 0 } else if were_complete[at] && work.fresh != ALL { 2 } else { 1 };
+            let mode = if !options.indirect {
+                0
+            } else if were_complete[at] && work.fresh != ALL {
+                2
+            } else {
+                1
+            };
             kept = self.capture_faces(g, view, i, hits, at, *work, Averaged { length, mode }, kept, nth);
             // Lobes cover several faces: a probe is filtered once all are captured.
             if self.places.all[at].is_complete() {
@@ -192,7 +200,7 @@ impl Probes {
         let (kernel, clearance) = (self.place, (CLEARANCE * self.options.spacing) as f32);
         let centre = (self.places.all[at].centre - view.origin).as_vec3().to_array();
         let eye = (view.camera.eye() - view.origin).as_vec3().to_array();
-        g.pass(&named("capture_probe_place", nth), Queue::AsyncCompute, |p| {
+        g.pass(&named("place_probe", nth), Queue::AsyncCompute, |p| {
             let scene = i.scene.trace(p);
             let (offsets, token) = p.write_buffer(offsets);
             (offsets, move |c: &mut Record<'_>| {
@@ -224,7 +232,8 @@ impl Probes {
         nth: usize,
     ) -> Kept {
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.capture };
-        let (block, side, mips, sampler, key) = (view.block, self.options.side, self.options.mips(), self.sampler, view.frame);
+        let (block, side, mips, sampler, key) =
+            (view.block, self.options.side, self.options.mips(), self.sampler, view.frame);
         let centre = (self.places.all[at].centre - view.origin).as_vec3().to_array();
         g.pass(&named("capture_probe", nth), Queue::AsyncCompute, |p| {
             let (block, scene, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
@@ -246,10 +255,10 @@ impl Probes {
                     radiance: c.id(target),
                     counts: c.id(count_target),
                     filtered: c.id(filtered),
-                    sampler,
+                    sampler_id: sampler,
                     faces: work.faces,
                     fresh: work.fresh,
-                    length: averaged.length,
+                    most: averaged.length,
                     indirect: averaged.mode,
                     key,
                 };
@@ -270,7 +279,7 @@ impl Probes {
         let Options { side, samples, filtered, .. } = self.options;
         let (means_kernel, filter_kernel, sampler) = (self.means, self.filter, self.sampler);
         let (count, mean_mips) = (self.options.mips(), side.ilog2().min(6));
-        let means = g.pass(&named("filter_probe_means", nth), Queue::AsyncCompute, |p| {
+        let means = g.pass(&named("mean_probe", nth), Queue::AsyncCompute, |p| {
             let source = p.sample_part(chain.read(), part(at, 0, 1));
             let desc = ImageDesc {
                 mips: mean_mips + 1,
@@ -307,7 +316,7 @@ impl Probes {
                 let params = FilterParams {
                     not_finite: c.not_finite(),
                     means: c.id(means),
-                    sampler,
+                    sampler_id: sampler,
                     mips: std::array::from_fn(id),
                     count,
                     side,

@@ -77,7 +77,8 @@ impl Places {
 
     /// Weights of the camera's probes.
     pub fn camera_weights(&self) -> [f32; CAMERA] {
-        let other = if self.all[1 - self.shown].is_complete() && self.all[1 - self.shown].is_used { self.faded } else { 0 };
+        let other =
+            if self.all[1 - self.shown].is_complete() && self.all[1 - self.shown].is_used { self.faded } else { 0 };
         let share = other as f32 / FADE as f32;
         let share = share * share * (3.0 - 2.0 * share);
         let mut weights = [share; CAMERA];
@@ -127,11 +128,12 @@ impl Places {
             }
         }
         let faces = self.all.len() * PROBE_FACES as usize;
+        let start = self.cursor;
         for step in 0..faces {
             if left == 0 {
                 break;
             }
-            let face = (self.cursor + step) % faces;
+            let face = (start + step) % faces;
             let (place, bit) = (face / PROBE_FACES as usize, face % PROBE_FACES as usize);
             let of = &self.all[place];
             let is_open = of.is_used && of.captures[bit] > 0 && of.captures[bit] < limit;

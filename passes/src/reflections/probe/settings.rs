@@ -7,16 +7,10 @@ use magpie_shaders::probe::{
     PROBE_DIRECTION_MIRROR, PROBE_NARROWING_ALPHA, PROBE_NARROWING_OFF, PROBE_NARROWING_ROUGHNESS,
 };
 
-const CORRECTIONS: [(&str, u32); 3] = [
-    ("distance", PROBE_CORRECTION_DISTANCE),
-    ("box", PROBE_CORRECTION_BOX),
-    ("off", PROBE_CORRECTION_OFF),
-];
-const NARROWINGS: [(&str, u32); 3] = [
-    ("alpha", PROBE_NARROWING_ALPHA),
-    ("roughness", PROBE_NARROWING_ROUGHNESS),
-    ("off", PROBE_NARROWING_OFF),
-];
+const CORRECTIONS: [(&str, u32); 3] =
+    [("distance", PROBE_CORRECTION_DISTANCE), ("box", PROBE_CORRECTION_BOX), ("off", PROBE_CORRECTION_OFF)];
+const NARROWINGS: [(&str, u32); 3] =
+    [("alpha", PROBE_NARROWING_ALPHA), ("roughness", PROBE_NARROWING_ROUGHNESS), ("off", PROBE_NARROWING_OFF)];
 const DIRECTIONS: [(&str, u32); 3] =
     [("fit", PROBE_DIRECTION_FIT), ("cubic", PROBE_DIRECTION_CUBIC), ("mirror", PROBE_DIRECTION_MIRROR)];
 
@@ -63,7 +57,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let indirect = "What a probe sees gathers indirect light, by one more ray per texel, whose hit takes light from the probe itself. Off: \
                     direct light only.";
     let samples = "Samples for each texel of a blurred mip. Higher: smoother, with time proportional to the number.";
-    let filtered = "Samples of the filter read means over their solid angle. Off: single texels, which needs many more samples.";
+    let filtered =
+        "Samples of the filter read means over their solid angle. Off: single texels, which needs many more samples.";
     let correction = "Where radiance lies that a probe has captured. distance: where the captured distances say. box: on the box that the \
                       scene gives the probe, and on that around the whole scene for the camera's. off: infinitely far.";
     let narrowing = "How roughness falls with the distance of what is reflected, over its distance from the probe. alpha: its square is \
@@ -71,7 +66,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let direction = "Direction in which probes are looked up. fit: the lobe's mean by Lagarde and de Rousiers. cubic: by the cube of \
                      roughness. mirror: the mirror direction.";
     let steps = "Steps along a ray with `correction=distance`. Higher: thin things are missed less often, more time.";
-    let spacing = "Grid to which the camera's probe is snapped. Higher: it moves less often, and is farther from the camera.";
+    let spacing =
+        "Grid to which the camera's probe is snapped. Higher: it moves less often, and is farther from the camera.";
     let reach = "Distance from the camera's probe at which the sky has replaced it, beginning at half of that.";
     let occlusion = "Ambient occlusion dims what probes show, not only the sky. On: darker where surfaces meet.";
     vec![
@@ -99,7 +95,7 @@ impl Options {
     /// [`SlotError`] if one is missing.
     pub fn read(settings: &Settings) -> Result<Self, SlotError> {
         let named = |key: &str, all: &[(&str, u32)]| -> Result<u32, SlotError> {
-            let name = settings.text(key)?;
+            let name = settings.choice(key)?;
             Ok(all.iter().find(|(known, _)| *known == name).map_or(all[0].1, |(_, value)| *value))
         };
         Ok(Self {

@@ -36,7 +36,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 16] = [
+pub const FEATURES: [Feature; 17] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -47,6 +47,7 @@ pub const FEATURES: [Feature; 16] = [
     Feature::set("fixed history", &["shadows.adaptive=false"]),
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
+    Feature::set("probes", &["stages.reflections=probe"]),
     Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
@@ -108,8 +109,9 @@ impl Traced {
     /// What a configuration traces.
     pub fn of(config: &Config) -> Self {
         let full = Slots::default().catalogue().complete(config);
-        let is_traced = |slot| full.stages.get(slot).is_some_and(|name| name == "ray-traced");
-        Self { ao: is_traced("ao"), reflections: is_traced("reflections") }
+        let is = |slot, names: &[&str]| full.stages.get(slot).is_some_and(|name| names.contains(&name.as_str()));
+        // Probes show what rays would.
+        Self { ao: is("ao", &["ray-traced"]), reflections: is("reflections", &["ray-traced", "probe"]) }
     }
 }
 
