@@ -168,20 +168,25 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
                 continue;
             }
             let writes = |u: &&magpie::graph::Use| u.resource == output.resource && u.writes == Some(output.version);
-            let layer = declaration.uses_of(pass).iter().find(writes).map_or(0, |u| u.part.layer.into());
+            // Of a pass that writes several mips, the last.
+            let (mip, layer) = declaration
+                .uses_of(pass)
+                .iter()
+                .find(writes)
+                .map_or((0, 0), |u| (u.part.mip.into(), u.part.layer.into()));
             let poison = |x: u32, y: u32, value| {
-                let place = Place::Pixel { x, y, mip: 0, layer };
+                let place = Place::Pixel { x, y, mip, layer };
                 Poison { pass: declaration.pass_name(pass).to_owned(), output: output.name.clone(), place, value }
             };
             let is_map = format == Format::D32Float && declaration.pass_name(pass).contains(".map_");
             // The lower two thirds of the picture show surfaces.
             let number = found.len() as u32;
-            let (width, height) = (extent.width, extent.height);
+            let (width, height) = (extent.mip(mip).width, extent.mip(mip).height);
             let places: Vec<[u32; 2]> = if is_map {
                 (0..64).map(|k| [k % 8, k / 8].map(|n| (2 * n + 1) * width / 16)).collect()
             } else {
                 let x = |k: u32| (7 + 23 * number + k * width / 2) % width;
-                let y = |k: u32| height - 1 - (3 + 5 * number + 11 * k) % (2 * height / 3);
+                let y = |k: u32| height - 1 - (3 + 5 * number + 11 * k) % (2 * height / 3).max(1);
                 vec![[x(0), y(0)]]
             };
             for [x, y] in places {

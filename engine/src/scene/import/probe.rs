@@ -55,7 +55,8 @@ pub(super) fn probe_at(
         return Err(wrong(got, "a fade of at least 0"));
     }
     let translation = world.translation;
-    if !(translation.abs().max_element() <= limit) {
+    // Transforms that are not finite are refused before.
+    if translation.abs().max_element() > limit {
         return Err(wrong(translation.to_string(), "a place within 1e12 metres of the origin"));
     }
     let world_from_box = DAffine3 { matrix3: rotation, translation };
