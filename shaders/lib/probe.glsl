@@ -112,7 +112,7 @@ float leaves_box(vec3 origin, vec3 direction, vec3 half_size) {
 }
 
 // How far a point is behind what the probe captured: below 0 in front, in shares of the distance. `w`: weight of a homogeneous point.
-float behind_captured(ProbeParams p, ProbeTable t, uint layer, vec3 point, float w, float mip) {
+float behind_captured(ProbeImages p, ProbeTable t, uint layer, vec3 point, float w, float mip) {
     float nearness = sample_cube_mip(p.chain, p.sampler_id, layer, point, float(t.side >> uint(mip)), mip).a;
     return largest_component(point) * nearness - w;
 }
@@ -124,7 +124,7 @@ const float PROBE_GAP = 0.08;
 // Distance Impostors"): steps find where it comes to lie behind them, secants where exactly. `o`: its origin from the probe's centre.
 //
 // Points are (1 - s) o + s |o| r over 1 - s: steps of s are nearly equal angles seen from the centre, and s = 1 is infinitely far.
-ProbeHit march_probe(ProbeParams p, ProbeTable t, uint layer, vec3 o, vec3 r, float mip) {
+ProbeHit march_probe(ProbeImages p, ProbeTable t, uint layer, vec3 o, vec3 r, float mip) {
     float scale = max(length(o), 1e-3);
     vec3 end = scale * r;
     // The surface that reflects is itself captured, a little before or behind where it is: by so much everything near it is shifted.
@@ -175,7 +175,7 @@ ProbeHit march_probe(ProbeParams p, ProbeTable t, uint layer, vec3 o, vec3 r, fl
 }
 
 // What a probe shows along a ray, blurred to a roughness. False if the value is not finite.
-bool probe_radiance(ProbeParams p, ProbeTable t, uvec2 not_finite, Probe probe, vec3 centre, vec3 position, vec3 r, float roughness,
+bool probe_radiance(ProbeImages p, ProbeTable t, uvec2 not_finite, Probe probe, vec3 centre, vec3 position, vec3 r, float roughness,
     out vec3 radiance, out float trust
 ) {
     vec3 o = position - centre;
@@ -221,7 +221,7 @@ struct ProbeLight {
 //
 // Weights of boxes that overlap are divided by their sum where it is above 1; where it is below, the camera's probe has the rest, and what it
 // leaves is the sky's.
-ProbeLight probe_light(ProbeParams p, uvec2 not_finite, vec3 position, vec3 r, float roughness) {
+ProbeLight probe_light(ProbeImages p, uvec2 not_finite, vec3 position, vec3 r, float roughness) {
     ProbeTable t = ProbeTableBuffer(p.table).at[0];
     ProbeBuffer probes = ProbeBuffer(p.probes);
     ProbeLight light = ProbeLight(vec3(0.0), 0.0, 0.0);

@@ -10,7 +10,7 @@
 // (Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling"), with viewer and normal in the direction of the lobe
 // (Karis 2013, "Real Shading in Unreal Engine 4"). A thread per texel of all mips and faces.
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { FilterParams params; };
+layout(push_constant, scalar) uniform Push { ProbeFilterParams params; };
 
 vec4 lobe(vec3 axis, float roughness) {
     float alpha = alpha_of_roughness(roughness);

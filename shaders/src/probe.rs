@@ -69,7 +69,7 @@ pub struct Probe {
 /// What `lib/probe.glsl` reads, as a block for the parameters of a pass.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct ProbeParams {
+pub struct ProbeImages {
     /// The [`ProbeTable`].
     pub table: Address,
     /// The [`Probe`]s.
@@ -96,7 +96,7 @@ pub struct CaptureParams {
     pub not_finite: Address,
     /// [`LightTables`](super::light_sampling::LightTables) of every light.
     pub lights: Address,
-    /// As [`ProbeParams::offsets`], of this probe.
+    /// As [`ProbeImages::offsets`], of this probe.
     pub offset: Address,
     /// Where it captures before its offset, world, metres.
     pub centre: [f32; 3],
@@ -130,7 +130,7 @@ pub struct PlaceParams {
     pub scene: Address,
     /// Two counters, closest-hit and any-hit rays (`uint`).
     pub rays: Address,
-    /// As [`ProbeParams::offsets`], of this probe.
+    /// As [`ProbeImages::offsets`], of this probe.
     pub offset: Address,
     /// Where it would be, world, metres.
     pub centre: [f32; 3],
@@ -157,7 +157,7 @@ pub struct MeansParams {
 /// Push constants of `probe_filter.comp`: lobes of one probe.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct FilterParams {
+pub struct ProbeFilterParams {
     /// Counter of values that were left out.
     pub not_finite: Address,
     /// Means of its six faces, with mips.
@@ -193,7 +193,7 @@ pub struct ProbeShadeParams {
     /// The G-buffer.
     pub gbuffer: GBufferImages,
     /// The probes.
-    pub probes: ProbeParams,
+    pub probes: ProbeImages,
     /// Openness of ambient occlusion, or `NO_IMAGE`.
     pub openness: SampledImage,
     /// `PROBE_DIRECTION_*`.

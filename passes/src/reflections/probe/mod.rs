@@ -14,7 +14,7 @@ use magpie::prelude::*;
 use magpie::scene::{ReflectionProbe, SceneFacts, Wrap};
 use magpie::slot::{Build, Needs, Settings, SlotError};
 use magpie_shaders::probe::{
-    CaptureParams, FilterParams, MeansParams, PROBE_FACES, PlaceParams, Probe, ProbeParams, ProbeShadeParams,
+    CaptureParams, MeansParams, PROBE_FACES, PlaceParams, Probe, ProbeFilterParams, ProbeImages, ProbeShadeParams,
     ProbeTable,
 };
 use magpie_shaders::{
@@ -80,9 +80,9 @@ impl Captured {
 
 impl CapturedToken {
     /// The block for the parameters of the shader.
-    fn params(&self, c: &Record<'_>) -> ProbeParams {
+    fn params(&self, c: &Record<'_>) -> ProbeImages {
         let table = c.id(self.table);
-        ProbeParams {
+        ProbeImages {
             table,
             probes: table.offset(size_of::<ProbeTable>() as u64),
             offsets: c.id(self.offsets),
@@ -313,7 +313,7 @@ impl Probes {
             let width = 128;
             (chain, move |c: &mut Record<'_>| {
                 let id = |mip: usize| tokens.get(mip).map_or(StorageImage::default(), |token| c.id(*token));
-                let params = FilterParams {
+                let params = ProbeFilterParams {
                     not_finite: c.not_finite(),
                     means: c.id(means),
                     sampler_id: sampler,
