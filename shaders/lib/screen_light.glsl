@@ -72,7 +72,7 @@ float direction_confidence(vec3 direction, vec3 to_eye) {
 }
 
 // Albedo of a surface for light towards `to_viewer`, unit.
-vec3 surface_albedo(Surface s, vec3 to_viewer) {
+vec3 surface_albedo(ViewBuffer view, Surface s, vec3 to_viewer) {
     float n_v = max(dot(s.normal, to_viewer), 1e-4);
     return reflectance(towards_viewer(view.at[0].lobe_albedo, bsdf_of(s), n_v), n_v);
 }
@@ -105,7 +105,7 @@ ScreenFound light_on_screen(
     // What the camera saw is not what the surface sends along the ray. The share that its albedo tells is made good, as in
     // previous_light_at; what a smooth surface reflects differently to both is not.
     vec3 to_eye_before = safe_normalize(view.at[0].previous_eye - before.position, there.normal);
-    seen *= surface_albedo(there, -direction) / surface_albedo(there, to_eye_before);
+    seen *= surface_albedo(view, there, -direction) / surface_albedo(view, there, to_eye_before);
     found.radiance = seen;
     return found;
 }

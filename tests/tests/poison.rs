@@ -24,7 +24,7 @@ const SPOILT: u32 = 3;
 /// Number of frames after which nothing may be left.
 const HEALED: u32 = 30;
 /// Parts of the names of passes that keep or average values, and must count those that they reject.
-const COUNTS: [&str; 5] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map"];
+const COUNTS: [&str; 6] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map", ".filter_probe"];
 
 /// A floor with a block, a ball and a pane of coloured glass, lit by a sun, a sphere light, sky and an emissive panel.
 fn room() -> Scene {
@@ -87,6 +87,7 @@ fn few() -> Vec<Case> {
             ],
             false,
         ),
+        case(&["stages.reflections=probe", "reflections.resolution=16", "post.anti_aliasing=taa"], false),
         case(
             &["stages.shadows=hybrid", "shadows.map_size=512", "shadows.lamp_map_size=512", "post.anti_aliasing=none"],
             false,
@@ -169,10 +170,12 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
                 continue;
             }
             let writes = |u: &&magpie::graph::Use| u.resource == output.resource && u.writes == Some(output.version);
-            let part = declaration.uses_of(pass).iter().find(writes).map(|u| u.part);
-            // Of a pyramid a pass writes some mips.
-            let (mip, layer) = part.map_or((0, 0), |part| (part.mip.into(), part.layer.into()));
-            let extent = extent.mip(mip);
+            // Of a pass that writes several mips, the last.
+            let (mip, layer) = declaration
+                .uses_of(pass)
+                .iter()
+                .find(writes)
+                .map_or((0, 0), |u| (u.part.mip.into(), u.part.layer.into()));
             let poison = |x: u32, y: u32, value| {
                 let place = Place::Pixel { x, y, mip, layer };
                 Poison { pass: declaration.pass_name(pass).to_owned(), output: output.name.clone(), place, value }
@@ -180,7 +183,7 @@ fn poisons(result: &FrameResult) -> Vec<[Poison; 2]> {
             let is_map = format == Format::D32Float && declaration.pass_name(pass).contains(".map_");
             // The lower two thirds of the picture show surfaces.
             let number = found.len() as u32;
-            let (width, height) = (extent.width, extent.height);
+            let (width, height) = (extent.mip(mip).width, extent.mip(mip).height);
             let places: Vec<[u32; 2]> = if is_map {
                 (0..64).map(|k| [k % 8, k / 8].map(|n| (2 * n + 1) * width / 16)).collect()
             } else {

@@ -1,7 +1,7 @@
 //! What a scene is made of, in numbers: enough for an effect to say whether it has anything to do.
 use super::light_sampling::{is_emitter, luminance, mean_emission};
 use super::supply::{PosedInstance, posed_instances};
-use super::{AlphaMode, Animator, Instance, Light, Material, Mesh, Scene};
+use super::{AlphaMode, Animator, Instance, Light, MAX_PROBES, Material, Mesh, ReflectionProbe, Scene};
 use crate::ray::Bounds;
 use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -104,6 +104,9 @@ pub struct SceneFacts {
     pub has_coat: bool,
     /// A sky or an environment map surrounds the scene, and is not black.
     pub has_sky: bool,
+    /// The reflection probes that the scene places; their number in JSON.
+    #[serde(serialize_with = "as_number")]
+    pub probes: Vec<ReflectionProbe>,
     /// A box around all instances in the rest pose: its lower and upper corner, metres; `None` where there are none.
     pub bounds: Option<[[f64; 3]; 2]>,
     /// Instances that light others by their emission, as far as factors, alpha and areas can tell.
@@ -131,6 +134,7 @@ impl SceneFacts {
             instances: scene.instances.len() as u32,
             lets_light_through: scene.instances.iter().any(|i| lets_light_through(scene, i)),
             shows_emission: scene.instances.iter().any(|i| shows_emission(&scene.materials[i.material as usize])),
+            probes: scene.probes.iter().take(MAX_PROBES).copied().collect(),
             has_own_specular: scene.instances.iter().any(|i| scene.materials[i.material as usize].has_own_specular()),
             has_coat: scene.instances.iter().any(|i| scene.materials[i.material as usize].clearcoat > 0.0),
             ..Self::default()
@@ -209,6 +213,10 @@ impl LightFacts {
         };
         Self { kind, power: full_power, full_power, has_extent }
     }
+}
+
+fn as_number<S: serde::Serializer>(probes: &[ReflectionProbe], to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_u64(probes.len() as u64)
 }
 
 fn shows_emission(material: &Material) -> bool {

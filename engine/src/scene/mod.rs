@@ -21,6 +21,7 @@ mod mesh;
 mod origin;
 mod pose;
 mod pose_bounds;
+mod probe;
 mod resident;
 mod supply;
 mod texture;
@@ -36,6 +37,7 @@ pub use facts::{Histogram, LightFacts, LightKind, SceneFacts};
 pub use import::load;
 pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
+pub use probe::{MAX_PROBES, ReflectionProbe};
 pub use resident::{
     Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
     SceneToken, ShadowLight, SharedScene,
@@ -71,6 +73,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// The node of each light. Lights with `None`, or beyond the end of this table, do not move.
     pub light_nodes: Vec<Option<u32>>,
+    /// Reflection probes, in the rest pose; at most [`MAX_PROBES`].
+    pub probes: Vec<ReflectionProbe>,
     /// Analytic daylight, if the scene has any.
     pub daylight: Option<Daylight>,
     /// An environment map; it replaces the sky of `daylight`.

@@ -6,7 +6,7 @@ use super::SlotError;
 use crate::{
     gpu::{Gpu, GpuError, Kernel, Pipelines, RasterDesc, RasterKernel, RayKernel},
     graph::Format,
-    scene::Wrap,
+    scene::{Sampler, Wrap},
 };
 
 /// What the constructor of an effect gets. Pipelines are described here, and made when a pass first records one: describe all that the
@@ -89,6 +89,15 @@ impl<'a> Build<'a> {
     pub fn bilinear(&self, format: Format, wrap: [Wrap; 2]) -> Result<SamplerId, SlotError> {
         // A frame that does not run samples nothing.
         self.gpu.map_or(Ok(SamplerId::default()), |gpu| gpu.bilinear(format, wrap)).map_err(SlotError::other)
+    }
+
+    /// A sampler that blends texels and mips, for 16-bit floats and formats of fewer bits, which every device can blend.
+    ///
+    /// # Errors
+    /// [`SlotError::Other`] where there are too many samplers.
+    pub fn trilinear(&self, wrap: [Wrap; 2]) -> Result<SamplerId, SlotError> {
+        let sampler = Sampler { wrap, ..Sampler::default() };
+        self.gpu.map_or(Ok(SamplerId::default()), |gpu| gpu.sampler(sampler)).map_err(SlotError::other)
     }
 
     fn can_trace(&self) -> Result<(), SlotError> {

@@ -1,4 +1,5 @@
 //! Specular indirect light: of the sky alone, or of whatever rays meet.
+mod probe;
 mod ray_traced;
 mod screen_space;
 
@@ -8,6 +9,7 @@ use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::REFLECTIONS_SKY_COMP;
+use probe::Probes;
 use ray_traced::RayTraced;
 use screen_space::ScreenSpace;
 
@@ -28,6 +30,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
                     settings,
                 )?))
             },
+        )
+        .with(
+            "probe",
+            "Cube probes captured while frames are rendered: one that follows the camera, and those that the scene places.",
+            &probe::settings(),
+            |build, settings| Ok(Box::new(Probes::new(build, settings)?)),
         )
         .with(
             "screen-space",

@@ -16,6 +16,7 @@ mod images;
 mod layers;
 mod material;
 mod nodes;
+mod probe;
 mod skin;
 #[cfg(test)]
 mod tests;
@@ -165,6 +166,7 @@ fn assemble(root: &json::Root, bin: Option<Vec<u8>>, path: &Path, mut notices: V
         light_nodes: std::mem::take(&mut placed.light_nodes),
         cameras: std::mem::take(&mut placed.cameras),
         camera_nodes: std::mem::take(&mut placed.camera_nodes),
+        probes: std::mem::take(&mut placed.probes),
         animations: animation::read(&data, &placed, &mut notices)?,
         ..Scene::default()
     };

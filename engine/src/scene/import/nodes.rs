@@ -1,9 +1,10 @@
 //! Reads the node hierarchy: instances, lights and cameras, in world space.
+use super::probe::probe_at;
 use super::{Import, MAX_INSTANCES, MAX_POSED, Of, label, refer};
 use crate::scene::camera::{MIN_FOV, NEAR_RANGE};
 use crate::scene::error::Fault;
 use crate::scene::pose::good_inverse;
-use crate::scene::{Animator, Camera, Instance, Light, Local, Node, Property, Scene, single};
+use crate::scene::{Animator, Camera, Instance, Light, Local, Node, Property, ReflectionProbe, Scene, single};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json;
 use json::camera::Type as CameraType;
@@ -35,6 +36,7 @@ pub(super) struct Placed {
     pub light_nodes: Vec<Option<u32>>,
     pub cameras: Vec<Camera>,
     pub camera_nodes: Vec<Option<u32>>,
+    pub probes: Vec<ReflectionProbe>,
 }
 
 /// Visits the default scene (or else the first, or else all root nodes), parents first, in the order of the file.
@@ -101,6 +103,11 @@ pub(super) fn walk(root: &json::Root, notices: &mut Vec<String>) -> Import<Place
             let from = refer(lights, light, "light").of(element)?;
             placed.lights.push(light_at(from, &world).of(|| format!("light {light}"))?);
             placed.light_nodes.push(here);
+        }
+        if let Some(extras) = &node.extras
+            && let Some(probe) = probe_at(extras.get(), &world, placed.probes.len(), MAX_COORDINATE).of(element)?
+        {
+            placed.probes.push(probe);
         }
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|c| (c.value(), here, world, depth + 1)));

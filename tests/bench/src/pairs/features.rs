@@ -36,7 +36,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 17] = [
+pub const FEATURES: [Feature; 18] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -47,6 +47,7 @@ pub const FEATURES: [Feature; 17] = [
     Feature::set("fixed history", &["shadows.adaptive=false"]),
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
+    Feature::set("probes", &["stages.reflections=probe"]),
     Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
@@ -109,10 +110,9 @@ impl Traced {
     /// What a configuration traces.
     pub fn of(config: &Config) -> Self {
         let full = Slots::default().catalogue().complete(config);
-        let is = |slot, wanted| full.stages.get(slot).is_some_and(|name| name == wanted);
-        // What is found on the screen stands for what rays find.
-        let reflections = is("reflections", "ray-traced") || is("reflections", "screen-space");
-        Self { ao: is("ao", "ray-traced"), reflections }
+        let is = |slot, names: &[&str]| full.stages.get(slot).is_some_and(|name| names.contains(&name.as_str()));
+        // Probes and what is found on the screen stand for what rays find.
+        Self { ao: is("ao", &["ray-traced"]), reflections: is("reflections", &["ray-traced", "probe", "screen-space"]) }
     }
 }
 
