@@ -159,7 +159,7 @@ Reflected reflected_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
         found.distance = min(found.distance, distance);
     }
     found.radiance /= float(params.samples) * specular_albedo(surface);
-    found.width = lobe_width(view, surface, narrowest_alpha(bsdf), found.distance);
+    found.width = lobe_width(view, surface, strongest_alpha(bsdf, v), found.distance);
     return found;
 }
 
