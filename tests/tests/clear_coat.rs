@@ -3,9 +3,9 @@ use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
 use magpie::graph::Extent;
 use magpie::scene::{ColourSpace, Light, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse};
+use magpie_passes::Slots;
 use magpie_passes::plan::plan_frame;
 use magpie_passes::reference::{Only, ReferenceOptions};
-use magpie_passes::Slots;
 use magpie_shaders::Rays;
 use magpie_tests::against::{Shown, light_and_block_error, mean_of, relmse, truth_of};
 use magpie_tests::fixtures::{add, camera, environment, material, plane, scene, sun};
@@ -93,17 +93,21 @@ fn direct_light_is_that_of_the_reference() -> Result<()> {
         let with = found(&scene, "gbuffer.precision=full")?;
         let compact = found(&scene, "gbuffer.precision=compact")?;
         let without = found(&bare(&scene), "gbuffer.precision=full")?;
-        let [errors, compact_error, without] = [&with, &compact, &without].map(|found| relmse(found, &truth));
-        let noise = errors[1];
-        println!(
-            "{what}: relMSE {:.2e}, compact {:.2e}, of which {noise:.1e} is noise of the truth; without coats {:.2e}",
-            errors[0], compact_error[0], without[0]
-        );
+        // What the frame's closed forms for lamps are off where the horizon cuts them, coat or not.
+        let own_truth = truth_of(options, &gpu, &bare(&scene), SHOWN, samples)?;
+        let [own, own_noise] = relmse(&without, &own_truth);
+        let [error, noise] = relmse(&with, &truth);
+        let [[compact, _], [without, _]] = [relmse(&compact, &truth), relmse(&without, &truth)];
+        let [error, compact, without, own] =
+            [error - noise, compact - noise, without - noise, (own - own_noise).max(0.0)];
         let [light, _] = light_and_block_error(&with, &truth.mean, SHOWN.size[0]);
-        println!("{what}: {light:.4} of the light");
+        println!(
+            "{what}: relMSE less noise {error:.2e}, compact {compact:.2e}, coats ignored {without:.2e}, of bare surfaces {own:.2e}; {light:.4} of the light"
+        );
         ensure!((light - 1.0).abs() < 0.01, "{what}: {light} of the light");
-        ensure!(errors[0] - noise < 0.1 * (without[0] - noise), "{what}: relMSE {errors:?}, without coats {without:?}");
-        ensure!(compact_error[0] - noise < 0.2 * (without[0] - noise), "{what}: compact {compact_error:?}");
+        ensure!(error < 1.5 * own + 0.02 * without, "{what}: {error:.2e}, of bare surfaces {own:.2e}");
+        ensure!(compact < error + 0.05 * without, "{what}: {compact:.2e} in the compact G-buffer");
+        ensure!(without > 3.0 * error, "{what}: {error:.2e}, coats ignored {without:.2e}");
     }
     Ok(())
 }

@@ -8,8 +8,8 @@ use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
 use magpie::scene::{Environment, Material, ResidentOptions, ResidentScene, Scene};
 use magpie_passes::reference::{Only, Reference, ReferenceOptions};
 use magpie_shaders::Address;
-use magpie_tests::bench::{Bench, results};
 use magpie_tests::against::{Shown, mean_of, truth_of};
+use magpie_tests::bench::{Bench, results};
 use magpie_tests::fixtures::{add, camera, material, scene};
 use magpie_tests::harness::gpu;
 use rayon::prelude::*;
@@ -177,9 +177,8 @@ fn closed_form(kind: usize, roughness: f64, cosine: f64, again: bool) -> f64 {
     let alpha = (roughness * roughness).max(0.002);
     // Share of light that scatters again, over that which scatters once.
     let again = |alpha: f64| if again { 1.0 / reflected(cosine, alpha, |_| 1.0) - 1.0 } else { 0.0 };
-    let lobe = |alpha: f64, f0: f64, f: &(dyn Fn(f64) -> f64 + Sync)| {
-        reflected(cosine, alpha, f) * (1.0 + f0 * again(alpha))
-    };
+    let lobe =
+        |alpha: f64, f0: f64, f: &(dyn Fn(f64) -> f64 + Sync)| reflected(cosine, alpha, f) * (1.0 + f0 * again(alpha));
     let dielectric = |alpha: f64| lobe(alpha, 0.04, &|c| schlick(0.04, c)) + 0.9974 * (1.0 - schlick(0.04, cosine));
     let glass =
         |eta: f64, thin: bool| reflected(cosine, alpha, |c| fresnel(c, eta)) + transmitted(cosine, alpha, eta, thin);
@@ -253,7 +252,8 @@ fn check_sums(sums: &[f32], again: bool) -> Result<()> {
     // Error of the table of albedos. What is given back is multiplied, and its noise with it.
     let (off, noise) = if again { (2e-3, 2.5e-3) } else { (5e-4, 1e-3) };
     // Glass and surfaces without a reflection have nothing to give back.
-    let changes = |kind: &usize| !again || matches!(KINDS[*kind], "metal" | "dielectric" | "clear coat" | "a strong reflection");
+    let changes =
+        |kind: &usize| !again || matches!(KINDS[*kind], "metal" | "dielectric" | "clear coat" | "a strong reflection");
     for (kind, name) in KINDS.iter().enumerate().filter(|(kind, _)| changes(kind)) {
         let (mut most, mut apart, mut least) = (0.0_f64, 0.0_f64, f64::MAX);
         for (r, roughness) in ROUGHNESS.iter().enumerate() {
@@ -363,7 +363,9 @@ fn white_metal_vanishes_in_the_furnace() -> Result<()> {
         ensure!(on_ball.len() > 60, "the ball covers {} pixels", on_ball.len());
         let mean = |values: &[DVec3]| on_ball.iter().map(|at| values[*at].x).sum::<f64>() / on_ball.len() as f64;
         let (by_sky, by_rays, by_reference) = (mean(&sky), mean(&traced), mean(&truth.mean));
-        println!("roughness {roughness}, multiple scattering {multiple}: sky {by_sky:.4}, rays {by_rays:.4}, reference {by_reference:.4}");
+        println!(
+            "roughness {roughness}, multiple scattering {multiple}: sky {by_sky:.4}, rays {by_rays:.4}, reference {by_reference:.4}"
+        );
         let loses = roughness == 1.0 && !multiple;
         for (what, found) in [("sky", by_sky), ("rays", by_rays), ("reference", by_reference)] {
             if loses {
@@ -376,7 +378,11 @@ fn white_metal_vanishes_in_the_furnace() -> Result<()> {
         for at in on_ball.iter().copied().filter(|_| !loses) {
             ensure!((sky[at].x - 1.0).abs() < 0.01, "roughness {roughness}, pixel {at} of the sky: {}", sky[at]);
             let off = (truth.mean[at].x - 1.0).abs();
-            ensure!(off < 0.01 + 5.0 * errors[at].x, "roughness {roughness}, pixel {at}: {} in the reference", truth.mean[at]);
+            ensure!(
+                off < 0.01 + 5.0 * errors[at].x,
+                "roughness {roughness}, pixel {at}: {} in the reference",
+                truth.mean[at]
+            );
         }
     }
     Ok(())

@@ -140,11 +140,8 @@ fn the_table_is_the_integral_of_the_lobe() -> Result<()> {
 /// A metal ball under a sky that is equally bright everywhere.
 fn ball(roughness: f32) -> Scene {
     let mut made = scene("ball", camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO));
-    let mesh = Mesh {
-        name: "ball".to_owned(),
-        spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }],
-        ..Mesh::default()
-    };
+    let mesh =
+        Mesh { name: "ball".to_owned(), spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }], ..Mesh::default() };
     add(&mut made, mesh, material([0.7, 0.5, 0.3], 1.0, roughness), glam::Affine3A::IDENTITY);
     made.environment = Some(Environment {
         name: "white".to_owned(),
@@ -175,7 +172,10 @@ fn uniform_light_is_reflected_exactly() -> Result<()> {
         let mut seen = 0;
         for (at, ((found, wanted), error)) in found.iter().zip(&truth.mean).zip(truth.standard_error()).enumerate() {
             let slack = 0.01 * *wanted + 4.0 * error + DVec3::splat(1e-4);
-            ensure!((*found - *wanted).abs().cmple(slack).all(), "roughness {roughness}, pixel {at}: {found}, {wanted}");
+            ensure!(
+                (*found - *wanted).abs().cmple(slack).all(),
+                "roughness {roughness}, pixel {at}: {found}, {wanted}"
+            );
             seen += usize::from(wanted.x > 0.1);
         }
         ensure!(seen > 60, "the ball covers {seen} pixels");

@@ -1,7 +1,9 @@
 //! Closed forms and furnace tests of the CPU implementations of surface model and lights. No GPU.
 use glam::{DVec3, Vec3};
 use magpie::scene::Light;
-use magpie_tests::oracle::shading::{SurfacePoint, alpha, brdf, direct, ggx_d, incident, reflected, scattered_once, smith_g2};
+use magpie_tests::oracle::shading::{
+    SurfacePoint, alpha, brdf, direct, ggx_d, incident, reflected, scattered_once, smith_g2,
+};
 use std::f64::consts::PI;
 
 const ROUGHNESS: [f64; 7] = [0.0, 0.045, 0.1, 0.25, 0.5, 0.75, 1.0];
@@ -115,8 +117,8 @@ fn light_and_viewer_may_change_places() {
                 let v = at((i * 0.618_034).fract() * 1.55, i * 2.1);
                 let l = at((i * 0.754_878).fract() * 1.55, i * 3.7);
                 // What scatters more than once is given back by the viewer's angle alone, and is not reciprocal.
-                let [there, back] =
-                    [scattered_once(&p, v, l), scattered_once(&p, l, v)].map(|[diffuse, specular]| (diffuse + specular).x);
+                let [there, back] = [scattered_once(&p, v, l), scattered_once(&p, l, v)]
+                    .map(|[diffuse, specular]| (diffuse + specular).x);
                 assert!(there > 0.0);
                 close(there, back, 1e-9);
                 pairs += 1;

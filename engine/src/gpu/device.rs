@@ -1,7 +1,7 @@
 //! An opened device, and everything that lives as long as it does.
-use super::buffer::Buffer;
 use super::GpuError;
 use super::bindless::Bindless;
+use super::buffer::Buffer;
 use super::device_selection::{self, DeviceReport};
 use super::instance::Instance;
 use super::pipeline::{Pipelines, pipeline_layout};

@@ -12,14 +12,8 @@ use magpie_shaders::DIRECT_SHADE_COMP;
 use magpie_shaders::direct::{NO_EMITTERS, NO_SHADOW_LIGHT, ShadeParams};
 
 /// Channels of the G-buffer that shading reads.
-const CHANNELS: &[Channel] = &[
-    Channel::Depth,
-    Channel::Normal,
-    Channel::BaseColour,
-    Channel::Material,
-    Channel::Coat,
-    Channel::Emission,
-];
+const CHANNELS: &[Channel] =
+    &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Coat, Channel::Emission];
 
 /// From cheap to accurate. They differ in the number of samples of lights that have a size, and of rays to emissive surfaces.
 pub const PRESETS: [Preset; 4] = [

@@ -48,12 +48,14 @@ const FULL: Colours = Colours {
 };
 
 pub fn slot() -> Slot<GBufferIn, GBuffer> {
-    Slot::new("gbuffer").about("Depth, normals, material, clear coat, emission, motion and ids of what each pixel sees.").with(
-        "raster",
-        "Triangles and spheres drawn with reversed infinite depth.",
-        &[precision(), multiple_scattering()],
-        |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
-    )
+    Slot::new("gbuffer")
+        .about("Depth, normals, material, clear coat, emission, motion and ids of what each pixel sees.")
+        .with(
+            "raster",
+            "Triangles and spheres drawn with reversed infinite depth.",
+            &[precision(), multiple_scattering()],
+            |build, settings| Ok(Box::new(Raster::new(build, settings)?)),
+        )
 }
 
 fn precision() -> SettingSpec {
@@ -152,7 +154,12 @@ impl Drawing {
             emission,
             opaque: triangles("gbuffer.opaque", false)?,
             alpha_tested: triangles("gbuffer.alpha_tested", true)?,
-            spheres: kernel("gbuffer.spheres", &GBUFFER_SPHERE_VERT, &GBUFFER_SPHERE_FRAG, &[0, greatest, extras.coat.into()])?,
+            spheres: kernel(
+                "gbuffer.spheres",
+                &GBUFFER_SPHERE_VERT,
+                &GBUFFER_SPHERE_FRAG,
+                &[0, greatest, extras.coat.into()],
+            )?,
         })
     }
 }
@@ -167,8 +174,7 @@ impl Effect for Raster {
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: GBufferIn) -> GBuffer {
         let facts = &view.facts;
-        let extras =
-            Extras { specular: facts.has_own_specular, coat: facts.has_coat, emission: facts.shows_emission };
+        let extras = Extras { specular: facts.has_own_specular, coat: facts.has_coat, emission: facts.shows_emission };
         let Drawing { colours, coat, emission, opaque, alpha_tested, spheres } = self.drawings[extras.index()];
         let (block, draws) = (view.block, view.draws.clone());
         g.pass("gbuffer.draw", Queue::Graphics, |p| {
