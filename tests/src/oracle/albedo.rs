@@ -2,7 +2,6 @@
 use super::shading::{smith_g2, smith_lambda};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::cell::Cell;
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
@@ -66,19 +65,4 @@ pub fn again(n_v: f64, alpha: f64) -> f64 {
         AGAIN[first] * (1.0 - right) + AGAIN[first + 1] * right
     };
     along(row) * (1.0 - up) + along(row + 1) * up
-}
-
-/// The same by integration. The last value is kept, as a viewer stays while lights change.
-pub fn integrated_again(n_v: f64, alpha: f64) -> f64 {
-    thread_local! {
-        static LAST: Cell<[f64; 3]> = const { Cell::new([-1.0; 3]) };
-    }
-    let [cosine, width, value] = LAST.get();
-    if cosine == n_v && width == alpha {
-        return value;
-    }
-    let [a, b] = split_sum(n_v.max(1e-6), alpha, 96);
-    let value = 1.0 / (a + b) - 1.0;
-    LAST.set([n_v, alpha, value]);
-    value
 }

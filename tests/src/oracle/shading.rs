@@ -2,7 +2,7 @@
 //!
 //! The definitions are those of `shaders/lib/README.md`; the formulas are written for clarity, in double precision.
 
-use super::albedo::integrated_again;
+use super::albedo::again;
 use glam::DVec3;
 use magpie::scene::Light;
 use std::f64::consts::PI;
@@ -86,7 +86,7 @@ pub const DIFFUSE_SHARE: f64 = 0.9974;
 pub fn brdf(p: &SurfacePoint, v: DVec3, l: DVec3) -> DVec3 {
     let [diffuse, specular] = scattered_once(p, v, l);
     let f0 = DVec3::splat(0.04).lerp(p.base_colour, p.metalness);
-    diffuse + specular * (DVec3::ONE + f0 * integrated_again(p.normal.dot(v), alpha(p.roughness)))
+    diffuse + specular * (DVec3::ONE + f0 * again(p.normal.dot(v), alpha(p.roughness)))
 }
 
 /// Its diffuse part (Shirley et al. 1997), and the specular part of light that scatters once (glTF 2.0, appendix B).
