@@ -274,6 +274,12 @@ bool bsdf_sample(Bsdf b, vec3 v, uint lobes, float choice, vec2 u, out vec3 l) {
     return l.z > 0.0;
 }
 
+// Alpha of whichever specular lobe of an opaque surface reflects more, base or coat.
+float strongest_alpha(Bsdf b, vec3 v) {
+    vec4 probabilities = lobe_probabilities(b, v, LOBE_SPECULAR);
+    return probabilities.w > probabilities.y ? b.coat_alpha : b.alpha;
+}
+
 // Samples a direction of the specular lobes of an opaque surface, base and coat, from two numbers: its pdf is that of `bsdf_sample` with
 // LOBE_SPECULAR. False if the sample is lost below the horizon.
 bool sample_specular(Bsdf b, vec3 v, vec2 u, out vec3 l) {

@@ -185,7 +185,7 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
             nearest = min(nearest, found.distance);
         }
         radiance /= float(params.samples) * specular_albedo(r.surface);
-        width = lobe_width(view, r.surface, narrowest_alpha(r.bsdf), nearest);
+        width = lobe_width(view, r.surface, strongest_alpha(r.bsdf, r.v), nearest);
     }
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
     store(params.hit_distance, pixel, vec4(nearest));

@@ -20,19 +20,26 @@ void main() {
     vec3 v = vec3(sqrt(1.0 - n_v * n_v), 0.0, n_v);
     // Sampled with the pdf of `visible_normal_pdf`, D V n.l becomes the ratio of G2 = 4 n.v V n.l to G1.
     float unmasked = 4.0 * n_v / smith_g1(n_v, alpha);
-    vec2 sum = vec2(0.0);
-    for (uint i = 0u; i < LOBE_ALBEDO_SAMPLES; i++) {
-        // Hammersley's points (Pharr, Jakob and Humphreys 2016, "Physically Based Rendering", section 7.4.1).
-        vec2 u = vec2((float(i) + 0.5) / float(LOBE_ALBEDO_SAMPLES), float(bitfieldReverse(i) >> 8u) / 16777216.0);
-        vec3 h = sample_visible_normal(v, alpha, u);
-        float v_h = dot(v, h);
-        vec3 l = reflect(-v, h);
-        if (l.z <= 0.0) continue;
-        float weight = smith_v_cosine(l.z, n_v, alpha) * unmasked;
-        float grazing = schlick(vec3(0.0), 1.0, v_h).x;
-        sum += weight * vec2(1.0 - grazing, grazing);
+    float whole = 0.0, grazing = 0.0, densities = 0.0;
+    for (uint ring = 0u; ring < LOBE_ALBEDO_RINGS; ring++) {
+        // A grid, as the integrand is smooth, with the rings closest together where facets are steep: of smooth surfaces only those lose
+        // light.
+        float rest = 1.0 - (float(ring) + 0.5) / float(LOBE_ALBEDO_RINGS);
+        float density = 4.0 * rest * rest * rest;
+        densities += density;
+        for (uint turn = 0u; turn < LOBE_ALBEDO_TURNS; turn++) {
+            vec2 u = vec2(0.5 * (float(turn) + 0.5) / float(LOBE_ALBEDO_TURNS), 1.0 - rest * rest * rest * rest);
+            vec3 h = sample_visible_normal(v, alpha, u);
+            vec3 l = reflect(-v, h);
+            if (l.z <= 0.0) continue;
+            // Only rounding exceeds 1.
+            float weight = density * min(smith_v_cosine(l.z, n_v, alpha) * unmasked, 1.0);
+            whole += weight;
+            grazing += weight * schlick(vec3(0.0), 1.0, dot(v, h)).x;
+        }
     }
-    sum /= float(LOBE_ALBEDO_SAMPLES);
+    float scale = 1.0 / (densities * float(LOBE_ALBEDO_TURNS));
+    vec2 sum = vec2(min(whole * scale, 1.0) - grazing * scale, grazing * scale);
     uint index = entry.y * LOBE_ALBEDO_SIZE + entry.x;
     LobeAlbedoBufferWrite(params.table).at[index] = LobeAlbedo(sum.x, sum.y, 1.0);
     LobeAlbedoBufferWrite(params.table).at[index + LOBE_ALBEDO_SIZE * LOBE_ALBEDO_SIZE] = LobeAlbedo(sum.x, sum.y, 0.0);

@@ -64,7 +64,7 @@ Marched march(ViewBuffer view, ivec2 pixel) {
     m.radiance = confidence * share * found.radiance;
     m.confidence = confidence * (share.r + share.g + share.b) / 3.0;
     m.distance = found.distance;
-    m.width = lobe_width(view, s, narrowest_alpha(bsdf), found.distance);
+    m.width = lobe_width(view, s, strongest_alpha(bsdf, v), found.distance);
     m.steps = max(found.steps, 1u);
     return m;
 }

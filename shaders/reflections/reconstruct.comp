@@ -91,7 +91,7 @@ void main() {
     ivec2 side = ivec2(params.cell);
     ivec2 cells = ivec2((view.at[0].size + params.cell - 1u) / params.cell);
     ivec2 cell = pixel / side;
-    float width = lobe_width(view, s, narrowest_alpha(lobe.bsdf), distance_around(cell, cells));
+    float width = lobe_width(view, s, strongest_alpha(lobe.bsdf, lobe.v), distance_around(cell, cells));
     lobe.smoothness = 1.0 - smoothstep(0.5, 2.0, width / float(side.x));
     // In cells. Where not every pixel has a ray, the nearest ones are needed at any width.
     vec2 reach = vec2(min(0.5 * width, params.radius)) / vec2(side);

@@ -22,7 +22,7 @@ pub struct EmitterParams {
     pub lights: Address,
     /// The G-buffer.
     pub gbuffer: GBufferImages,
-    /// Outgoing radiance over the albedo (`reflectance` of `lib/brdf.glsl`).
+    /// Outgoing radiance over the albedo (`reflectance` of `lib/bsdf.glsl`).
     pub radiance: StorageImage,
     /// Rays per pixel.
     pub samples: u32,

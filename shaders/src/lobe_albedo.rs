@@ -4,9 +4,11 @@ use bytemuck::{Pod, Zeroable};
 
 /// Entries along each axis: square root of the cosine towards the viewer (rows are filled with it), and perceptual roughness. The first and
 /// last entries lie at 0 and 1.
-pub const LOBE_ALBEDO_SIZE: u32 = 64;
-/// Samples of the lobe per entry.
-pub const LOBE_ALBEDO_SAMPLES: u32 = 1024;
+pub const LOBE_ALBEDO_SIZE: u32 = 96;
+/// Samples of the lobe per entry: rings of visible normals.
+pub const LOBE_ALBEDO_RINGS: u32 = 96;
+/// Samples per ring, over half a turn: the lobe is symmetric.
+pub const LOBE_ALBEDO_TURNS: u32 = 24;
 
 /// Directional albedo of the specular lobe, `f0 * a + f90 * b`.
 #[repr(C)]

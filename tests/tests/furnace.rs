@@ -251,7 +251,10 @@ fn no_surface_returns_more_than_it_gets() -> Result<()> {
 fn check_sums(sums: &[f32], again: bool) -> Result<()> {
     // Error of the table of albedos. What is given back is multiplied, and its noise with it.
     let (off, noise) = if again { (2e-3, 2.5e-3) } else { (5e-4, 1e-3) };
-    for (kind, name) in KINDS.iter().enumerate() {
+    // Glass and surfaces without a reflection have nothing to give back.
+    let changes =
+        |kind: &usize| !again || matches!(KINDS[*kind], "metal" | "dielectric" | "clear coat" | "a strong reflection");
+    for (kind, name) in KINDS.iter().enumerate().filter(|(kind, _)| changes(kind)) {
         let (mut most, mut apart, mut least) = (0.0_f64, 0.0_f64, f64::MAX);
         for (r, roughness) in ROUGHNESS.iter().enumerate() {
             for (a, angle) in ANGLES.iter().enumerate() {
@@ -346,16 +349,16 @@ fn white_metal_vanishes_in_the_furnace() -> Result<()> {
     let shown = Shown { size: [16, 16], time: 0.0 };
     let rays = ["stages.reflections=ray-traced", "reflections.denoiser=none", "reflections.reuse=false"];
     for (roughness, multiple) in
-        [(0.0, true), (0.2, true), (0.4, true), (0.6, true), (0.8, true), (1.0, true), (1.0, false), (0.0, false)]
+        [(0.0, true), (0.2, true), (0.4, true), (0.6, true), (0.8, true), (1.0, true), (1.0, false)]
     {
         let scene = in_the_furnace("metal", material([1.0; 3], 1.0, roughness));
         let switch = format!("gbuffer.multiple_scattering={multiple}");
         let always = [switch.as_str(), "stages.ao=off", "gbuffer.precision=full", "reflections.precision=32"];
         let (sky, _) = mean_of("reflections", &gpu, &scene, &always, shown, 1)?;
-        let (traced, _) = mean_of("reflections", &gpu, &scene, &[&always[..], &rays].concat(), shown, 256)?;
+        let (traced, _) = mean_of("reflections", &gpu, &scene, &[&always[..], &rays].concat(), shown, 64)?;
         let options =
             ReferenceOptions { only: Only::Reflections, single_scattering: !multiple, ..ReferenceOptions::default() };
-        let truth = truth_of(options, &gpu, &scene, shown, 1024)?;
+        let truth = truth_of(options, &gpu, &scene, shown, 256)?;
         let on_ball: Vec<usize> = (0..sky.len()).filter(|at| sky[*at].x > 0.0).collect();
         ensure!(on_ball.len() > 60, "the ball covers {} pixels", on_ball.len());
         let mean = |values: &[DVec3]| on_ball.iter().map(|at| values[*at].x).sum::<f64>() / on_ball.len() as f64;

@@ -47,13 +47,15 @@ fn ggx_normals_cover_the_surface_once() {
     }
 }
 
-/// Directional albedo: integral of the BRDF times cosine, with half vectors sampled from D on a regular grid.
+/// Directional albedo: integral of the BRDF times cosine, with half vectors sampled from D on a grid that is densest where facets are steep:
+/// those are rare, but weigh much at grazing angles.
 fn specular_albedo(p: &SurfacePoint, v: DVec3) -> f64 {
     let (a, n) = (alpha(p.roughness), 300);
     let mut sum = 0.0;
     for i in 0..n {
         for j in 0..n {
-            let (x, y) = ((f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
+            let (rest, y) = (1.0 - (f64::from(i) + 0.5) / f64::from(n), (f64::from(j) + 0.5) / f64::from(n));
+            let (x, spacing) = (1.0 - rest.powi(4), 4.0 * rest.powi(3));
             // Sampling of D: Walter et al. 2007, equation 35.
             let theta = (a * (x / (1.0 - x)).sqrt()).atan();
             let h = at(theta, 2.0 * PI * y);
@@ -63,7 +65,7 @@ fn specular_albedo(p: &SurfacePoint, v: DVec3) -> f64 {
                 continue;
             }
             let density = ggx_d(h.z, a) * h.z / (4.0 * v_h);
-            sum += brdf(p, v, l).x * l.z / density;
+            sum += spacing * brdf(p, v, l).x * l.z / density;
         }
     }
     sum / f64::from(n * n)
