@@ -131,10 +131,15 @@ struct SplitSum {
 // For lobes that scatter once and whose albedo is not asked for.
 const SplitSum NO_SPLIT_SUM = SplitSum(0.0, 0.0, 0.0);
 
+// Roughness of the table's first row: below, alpha does not change.
+const float LEAST_ROUGHNESS = sqrt(MIN_ALPHA);
+
 // From the table at the address `table`, `lobe_albedo` of the view and of the scene's root: blended between the four nearest of its entries,
-// which are evenly spaced over the square root of the cosine `n_v`, 0 to 1, and over roughness.
+// which are evenly spaced over the fourth root of the cosine `n_v`, 0 to 1, since smooth surfaces lose light at cosines as small as their
+// alpha, and over roughness from LEAST_ROUGHNESS to 1.
 SplitSum split_sum(uvec2 table, float roughness, float n_v) {
-    vec2 at = vec2(sqrt(n_v), roughness) * float(LOBE_ALBEDO_SIZE - 1u);
+    float row = (max(roughness, LEAST_ROUGHNESS) - LEAST_ROUGHNESS) / (1.0 - LEAST_ROUGHNESS);
+    vec2 at = vec2(sqrt(sqrt(n_v)), row) * float(LOBE_ALBEDO_SIZE - 1u);
     uvec2 low = min(uvec2(at), uvec2(LOBE_ALBEDO_SIZE - 2u));
     vec2 part = at - vec2(low);
     LobeAlbedoBuffer entries = LobeAlbedoBuffer(table);

@@ -192,6 +192,10 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
     store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));
 }
 
+// Greatest number of directions that are drawn for one ray, and how far apart they are in the pixel's sequence.
+const uint MOST_DRAWS = 4u;
+const uint DRAW_STRIDE = 1u << 24u;
+
 // The ray of a cell, for reconstruct.comp.
 void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
     ivec2 side = ivec2(params.cell);
@@ -199,7 +203,11 @@ void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
     Reflector r = reflector_at(view, params, pixel);
     Reflected found;
     found.exists = false;
-    if (r.exists) found = reflect_at(view, params, pixel, r, ray_turns(view, side));
+    // Directions below the surface are drawn again: reconstruction does not ask how often that happened.
+    uint turn = ray_turns(view, side);
+    for (uint draw = 0u; r.exists && !found.exists && draw < MOST_DRAWS; draw++) {
+        found = reflect_at(view, params, pixel, r, turn + draw * DRAW_STRIDE);
+    }
     store(params.radiance, cell, found.exists ? vec4(representable(found.radiance, params.greatest), 1.0) : vec4(0.0));
     store(params.rays_found, cell, found.exists ? pack_ray(found.direction, found.distance, found.pdf) : vec4(0.0));
 }

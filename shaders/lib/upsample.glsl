@@ -60,11 +60,15 @@ vec4 upsampling_weights(ViewBuffer view, ivec2 pixel, Surface here, GBufferImage
 // The mean of those texels of an image. Texels without weight are not read.
 vec4 weighted_texels(uint coarse_image, ivec2 pixel, vec4 weights) {
     ivec2 first = pixel / 2;
-    vec4 sum = vec4(0.0);
+    vec4 mean = vec4(0.0);
+    float sum = 0.0;
     for (int k = 0; k < 4; k++) {
-        if (weights[k] > 0.0) sum += weights[k] * load(coarse_image, first + ivec2(k & 1, k >> 1));
+        if (!(weights[k] > 0.0)) continue;
+        sum += weights[k];
+        // A running mean: of equal values it is exactly that value.
+        mean += (weights[k] / sum) * (load(coarse_image, first + ivec2(k & 1, k >> 1)) - mean);
     }
-    return sum;
+    return mean;
 }
 
 // The value of `coarse_image` at a full-resolution pixel with a surface.

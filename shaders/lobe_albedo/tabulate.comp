@@ -15,8 +15,8 @@ void main() {
     uvec2 entry = gl_GlobalInvocationID.xy;
     if (any(greaterThanEqual(entry, uvec2(LOBE_ALBEDO_SIZE)))) return;
     vec2 at = vec2(entry) / float(LOBE_ALBEDO_SIZE - 1u);
-    float n_v = max(at.x * at.x, LEAST_COSINE);
-    float alpha = alpha_of_roughness(at.y);
+    float n_v = max(at.x * at.x * at.x * at.x, LEAST_COSINE);
+    float alpha = alpha_of_roughness(mix(LEAST_ROUGHNESS, 1.0, at.y));
     vec3 v = vec3(sqrt(1.0 - n_v * n_v), 0.0, n_v);
     // Sampled with the pdf of `visible_normal_pdf`, D V n.l becomes the ratio of G2 = 4 n.v V n.l to G1.
     float unmasked = 4.0 * n_v / smith_g1(n_v, alpha);

@@ -19,7 +19,7 @@ layout(push_constant, scalar) uniform Push { ReconstructParams params; };
 // A neighbour on another surface counts this much at least: its light is better than none.
 const float ANY_SURFACE = 1e-4;
 // How much a smooth surface counts in the mean over frames where it has no ray of its own.
-const float BORROWED = 0.05;
+const float BORROWED = 0.02;
 // Weights below this are those of other surfaces.
 const float SAME_SURFACE = 0.01;
 

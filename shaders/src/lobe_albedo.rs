@@ -2,8 +2,8 @@
 use super::types::Address;
 use bytemuck::{Pod, Zeroable};
 
-/// Entries along each axis: square root of the cosine towards the viewer (rows are filled with it), and perceptual roughness. The first and
-/// last entries lie at 0 and 1.
+/// Entries along each axis: fourth root of the cosine towards the viewer (rows are filled with it), from 0 to 1, and perceptual roughness,
+/// from the least that the lobe can have to 1.
 pub const LOBE_ALBEDO_SIZE: u32 = 96;
 /// Samples of the lobe per entry: rings of visible normals.
 pub const LOBE_ALBEDO_RINGS: u32 = 96;

@@ -60,7 +60,7 @@ fn lamps() -> [Scene; 6] {
 fn lamps_look_like_their_shape() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     for scene in lamps() {
-        let truth = truth(&gpu, &scene, SHOWN, 1024)?;
+        let truth = truth(&gpu, &scene, SHOWN, 1536)?;
         let found = |area: &str, frames| mean(&gpu, &scene, &["stages.shadows=off", area], SHOWN, frames);
         let mut line = String::new();
         for area in [0, 1, 4, 16] {

@@ -2,17 +2,21 @@
 use anyhow::{Context, Result, ensure};
 use glam::{Affine3A, DVec3, Quat, Vec3};
 use magpie::gpu::Gpu;
-use magpie::graph::Extent;
-use magpie::scene::{Camera, Light, ResidentOptions, ResidentScene, Scene, SharedScene};
+use magpie::scene::{Camera, Light, Scene};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::against::{Shown, mean_of};
-use magpie_tests::bench::{Bench, Ran, Shot};
 use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene, sun};
-use magpie_tests::harness::{config, gpu};
-use std::cell::RefCell;
-use std::rc::Rc;
+use magpie_tests::harness::{config, gpu, linear, render};
 
-const CHAIN: [&str; 4] =
-    ["stages.reflections=ray-traced", "reflections.denoiser=pica-pica", "reflections.precision=32", "stages.gi=off"];
+const CHAIN: [&str; 5] = [
+    "stages.reflections=ray-traced",
+    "reflections.denoiser=pica-pica",
+    "reflections.reconstruct=true",
+    "reflections.precision=32",
+    "stages.gi=off",
+];
+
+const RADIANCE: &str = "reflections.resolve:radiance";
 
 /// Stands a plane up at `z`, its front towards +z or -z.
 fn upright(z: f32, towards: f32) -> Affine3A {
@@ -34,33 +38,38 @@ fn wall(roughness: f32) -> Scene {
     s
 }
 
-/// The last of some frames from cameras in turn, the last camera again and again.
-fn frames(
+/// The last of some frames from cameras in turn, the last camera again and again, with an image of the slot.
+fn last(
     gpu: &Gpu,
     scene: &Scene,
     size: [u32; 2],
     changes: &[&str],
     cameras: &[Camera],
     count: usize,
-    wanted: &[&str],
-) -> Result<Ran> {
+    output: &str,
+) -> Result<FrameResult> {
     let config = config(&[&CHAIN[..], changes].concat())?;
-    let resident: SharedScene = Rc::new(RefCell::new(ResidentScene::new(gpu, scene, ResidentOptions::default())?));
-    let mut bench = Bench::new(gpu)?;
+    let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, options)?;
+    let (pass, image) = output.split_once(':').context("no output")?;
+    let view = Some((pass, image));
     let mut last = None;
     for frame in 0..count {
         let camera = &cameras[frame.min(cameras.len() - 1)];
-        let shot = Shot { scene: &resident, camera, extent: Extent::new(size[0], size[1]) };
-        last = Some(bench.frame(shot, &config, wanted)?.clean()?);
+        let result = renderer.frame(FrameRequest { camera, time: 0.0, view, read_back: true })?.context("no frame")?;
+        ensure!(result.findings.is_empty(), "frame {frame}: {}", result.findings[0]);
+        last = Some(result);
     }
     last.context("no frame")
 }
 
 /// The radiance of the last frame.
 fn radiance(gpu: &Gpu, scene: &Scene, size: [u32; 2], changes: &[&str], count: usize) -> Result<Vec<DVec3>> {
-    let wanted = "reflections.resolve:radiance";
-    let ran = frames(gpu, scene, size, changes, &scene.cameras[..1], count, &[wanted])?;
-    Ok(ran.values(wanted)?.iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect())
+    colours(last(gpu, scene, size, changes, &scene.cameras[..1], count, RADIANCE)?)
+}
+
+fn colours(result: FrameResult) -> Result<Vec<DVec3>> {
+    Ok(linear(result)?.values().iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect())
 }
 
 fn error(found: &[DVec3], truth: &[DVec3]) -> f64 {
@@ -72,13 +81,15 @@ fn error(found: &[DVec3], truth: &[DVec3]) -> f64 {
 #[test]
 fn quarter_rays_are_a_quarter() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let mut scene = wall(0.3);
+    // Of a mirror no direction lies below the surface.
+    let mut scene = wall(0.0);
     scene.lights.push(sun(Vec3::new(0.2, 1.0, 0.5)));
     for (pixels_per_ray, cells) in [(1, 49 * 35), (2, 25 * 35), (4, 25 * 18)] {
         let sparse = format!("reflections.pixels_per_ray={pixels_per_ray}");
         let changes = ["reflections.bounces=1", "reflections.reuse=false", &sparse];
-        let ran = frames(&gpu, &scene, [49, 35], &changes, &scene.cameras, 1, &[])?;
-        let [closest, any] = ran.rays("reflections.trace")?;
+        let frame = last(&gpu, &scene, [49, 35], &changes, &scene.cameras, 1, RADIANCE)?;
+        let trace = frame.sample.passes.iter().find(|p| p.name == "reflections.trace").context("no rays")?;
+        let (closest, any) = (trace.rays_closest, trace.rays_any);
         println!("{pixels_per_ray} pixels per ray: {closest} rays, {any} shadow rays");
         ensure!(
             closest == cells && any <= closest && any > 0,
@@ -93,8 +104,9 @@ fn quarter_rays_are_a_quarter() -> Result<()> {
 fn the_chain_has_its_order() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = wall(0.3);
-    let ran = frames(&gpu, &scene, [32, 24], &["post.anti_aliasing=taa"], &scene.cameras, 1, &[])?;
-    let names: Vec<&str> = ran.executed.sample.passes.iter().map(|p| p.name.as_str()).collect();
+    let config = config(&[&CHAIN[..], &["post.anti_aliasing=taa"]].concat())?;
+    let frame = render(&gpu, &scene, &config, [32, 24], 1, None)?;
+    let names: Vec<&str> = frame.sample.passes.iter().map(|p| p.name.as_str()).collect();
     let at = |name: &str| names.iter().position(|n| *n == name).with_context(|| format!("no {name} in {names:?}"));
     let chain = ["trace", "reconstruct", "accumulate", "clean_up", "resolve"].map(|step| format!("reflections.{step}"));
     let mut places = chain.iter().map(|name| at(name)).collect::<Result<Vec<_>>>()?;
@@ -110,10 +122,14 @@ fn the_clean_up_leaves_quiet_pixels_alone() -> Result<()> {
     let scene = wall(0.3);
     let threshold = 0.05;
     let wanted = ["reflections.accumulate:accumulated", "reflections.accumulate:frames", "reflections.clean_up:result"];
-    let ran = frames(&gpu, &scene, [48, 40], &["reflections.clean_up=0.05"], &scene.cameras, 4, &wanted)?;
-    let (mean, counts) = (ran.values(wanted[0])?, ran.values(wanted[1])?);
+    let mut images = Vec::new();
+    for output in wanted {
+        let frame = last(&gpu, &scene, [48, 40], &["reflections.clean_up=0.05"], &scene.cameras, 4, output)?;
+        images.push(linear(frame)?.values());
+    }
+    let (mean, counts) = (&images[0], &images[1]);
     let (mut quiet, mut blurred) = (0, 0);
-    for ((mean, count), result) in mean.iter().zip(&counts).zip(ran.values(wanted[2])?) {
+    for ((mean, count), result) in mean.iter().zip(counts).zip(&images[2]) {
         let luminance = 0.2126 * mean[0] + 0.7152 * mean[1] + 0.0722 * mean[2];
         let noise = mean[3] / count[0].max(1.0).sqrt() / luminance.max(1e-3);
         let same = mean[..3] == result[..3];
@@ -166,12 +182,12 @@ fn each_phase_lowers_the_error() -> Result<()> {
 fn mirrors_stay_sharp() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = wall(0.0);
-    let last = |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], changes, count);
-    let raw = last(&["reflections.denoiser=none", "reflections.reconstruct=false"], 1)?;
-    let first = last(&[], 1)?;
+    let shown = |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], changes, count);
+    let raw = shown(&["reflections.denoiser=none", "reflections.reconstruct=false"], 1)?;
+    let first = shown(&[], 1)?;
     let changed = raw.iter().zip(&first).filter(|(a, b)| a.distance(**b) > 2e-3 * a.length()).count();
     // After some frames the edges of the block are as sharp as with a ray for each pixel.
-    let settled = last(&["reflections.pixels_per_ray=4"], 24)?;
+    let settled = shown(&["reflections.pixels_per_ray=4"], 24)?;
     let size = raw.iter().map(|v| v.length()).sum::<f64>();
     let error = raw.iter().zip(&settled).map(|(a, b)| a.distance(*b)).sum::<f64>() / size;
     println!("{changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light");
@@ -198,12 +214,9 @@ fn history_follows_the_reflection() -> Result<()> {
     let raw = ["reflections.denoiser=none", "reflections.reconstruct=false", "reflections.reuse=false"];
     let shown = Shown { size, time: 0.0 };
     let (truth, _) = mean_of("reflections", &gpu, &still, &[&CHAIN[..], &raw].concat(), shown, 256)?;
-    let wanted = "reflections.resolve:radiance";
     let moving = |denoiser: &str| -> Result<f64> {
         let changes = ["reflections.reuse=false", denoiser];
-        let ran = frames(&gpu, &scene, size, &changes, &cameras, cameras.len(), &[wanted])?;
-        let values: Vec<DVec3> = ran.values(wanted)?.iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect();
-        Ok(error(&values, &truth))
+        Ok(error(&colours(last(&gpu, &scene, size, &changes, &cameras, cameras.len(), RADIANCE)?)?, &truth))
     };
     let (raw, surface) = (moving("reflections.denoiser=none")?, moving("reflections.denoiser=svgf")?);
     let image = moving("reflections.denoiser=pica-pica")?;

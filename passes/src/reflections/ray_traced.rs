@@ -73,8 +73,8 @@ pub fn settings() -> Vec<SettingSpec> {
                    is the sky for smooth surfaces and direct light for others.";
     let reuse = "Hits that the previous frame shows take its light, with all its bounces, instead of sampling lights. Smooth surfaces are \
                  always shaded anew.";
-    let reconstruct = "Each pixel takes the rays of its neighbours as samples of its own lobe, before the denoiser. Off: only its own rays, which \
-                       with many frames and no denoiser converge to the truth. Fewer rays than pixels are always reconstructed, more never.";
+    let reconstruct = "Each pixel takes the rays of its neighbours as samples of its own lobe, before the denoiser: less noise in the first frames, a \
+                       little less light. Off: only its own rays. Always on where pixels share rays, never with several rays per pixel.";
     let taps = "Of `reconstruct`: rays that are looked at. Higher: less noise, more time.";
     let reach = "Of `reconstruct`: greatest distance of these rays. No farther than half of the lobe's width on the screen. Higher: less noise, \
                  softer.";
@@ -85,7 +85,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::among("pixels_per_ray", "", pixels_per_ray, 1, &[1, 2, 4]).sweep_all(),
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
         SettingSpec::switch("reuse", reuse, true).sweep_all(),
-        SettingSpec::switch("reconstruct", reconstruct, true).sweep_all(),
+        SettingSpec::switch("reconstruct", reconstruct, false).sweep_all(),
         SettingSpec::integer("taps", "", taps, 8, 1..=MOST_TAPS.into()).sweep([4, 8, 16]),
         SettingSpec::float("reach", "pixels", reach, 16.0, 1.0..=64.0).sweep([8.0, 16.0, 32.0]),
         SettingSpec::float("firefly_limit", "", firefly_limit, 8.0, 1.0..=1e6),

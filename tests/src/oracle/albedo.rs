@@ -37,16 +37,18 @@ pub fn split_sum(n_v: f64, alpha: f64, grid: u32) -> [f64; 2] {
     sums.map(|sum| sum / f64::from(grid * grid))
 }
 
-/// Entries of [`AGAIN`] along the root of the cosine and along the root of alpha.
-const COLUMNS: usize = 193;
-const ROWS: usize = 129;
+/// Entries of [`AGAIN`] along the fourth root of the cosine and along the root of alpha.
+const COLUMNS: usize = 129;
+const ROWS: usize = 65;
+/// The least root of alpha.
+static LEAST: LazyLock<f64> = LazyLock::new(|| super::shading::MIN_ALPHA.sqrt());
 
-/// `1 / E - 1` at even steps of both roots, from 0 to 1.
+/// `1 / E - 1` at even steps of these roots, the first from 0, the second from its least, to 1.
 static AGAIN: LazyLock<Vec<f64>> = LazyLock::new(|| {
     let one = |at: usize| {
         let [x, y] = [at % COLUMNS, at / COLUMNS].map(|k| k as f64);
-        let (root, rough) = (x / (COLUMNS - 1) as f64, y / (ROWS - 1) as f64);
-        let [a, b] = split_sum((root * root).max(1e-6), (rough * rough).max(super::shading::MIN_ALPHA), 64);
+        let (root, rough) = (x / (COLUMNS - 1) as f64, *LEAST + (1.0 - *LEAST) * y / (ROWS - 1) as f64);
+        let [a, b] = split_sum(root.powi(4).max(1e-6), rough * rough, 128);
         1.0 / (a + b) - 1.0
     };
     (0..COLUMNS * ROWS).into_par_iter().map(one).collect()
@@ -55,11 +57,12 @@ static AGAIN: LazyLock<Vec<f64>> = LazyLock::new(|| {
 /// Light that scatters more than once between microfacets that reflect all of it, over the light that scatters once: `1 / E - 1`.
 pub fn again(n_v: f64, alpha: f64) -> f64 {
     let place = |x: f64, count: usize| {
-        let x = x.clamp(0.0, 1.0).sqrt() * (count - 1) as f64;
+        let x = x.clamp(0.0, 1.0) * (count - 1) as f64;
         let low = (x as usize).min(count - 2);
         (low, x - low as f64)
     };
-    let ((column, right), (row, up)) = (place(n_v, COLUMNS), place(alpha, ROWS));
+    let ((column, right), (row, up)) =
+        (place(n_v.max(0.0).sqrt().sqrt(), COLUMNS), place((alpha.sqrt() - *LEAST) / (1.0 - *LEAST), ROWS));
     let along = |row: usize| {
         let first = row * COLUMNS + column;
         AGAIN[first] * (1.0 - right) + AGAIN[first + 1] * right

@@ -45,7 +45,7 @@ pub struct Contestant {
     changes: &'static [(&'static str, &'static str)],
 }
 
-const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none"), ("reconstruct", "false")];
+const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
 
 impl Contestant {
     const fn new(label: &'static str, changes: &'static [(&'static str, &'static str)]) -> Self {
@@ -55,11 +55,11 @@ impl Contestant {
 
 /// The variants to compare, the raw one first. What an effect has no settings for is skipped.
 pub const CONTESTANTS: [Contestant; 7] = [
-    Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none"), ("reconstruct", "false")]),
+    Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none")]),
     Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
     Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
-    Contestant::new("svgf, own rays only", &[("rays", "1"), ("denoiser", "svgf"), ("reconstruct", "false")]),
-    Contestant::new("pica-pica", &[("rays", "1"), ("denoiser", "pica-pica")]),
+    Contestant::new("svgf, reconstructed", &[("rays", "1"), ("denoiser", "svgf"), ("reconstruct", "true")]),
+    Contestant::new("pica-pica", &[("rays", "1"), ("denoiser", "pica-pica"), ("reconstruct", "true")]),
     Contestant::new("pica-pica, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")]),
     Contestant::new("eight rays", TRUE),
 ];
