@@ -37,18 +37,8 @@ bool meet_surface(
         float width = cone_width_at(ray, hit.t);
         s = surface_at(scene, ray, hit, cone_footprint(ray.direction, hit_start(scene, ray, hit).normal, width));
 #ifdef TINTED
-        bool passes = s.coverage < 1.0 && random4(random).x >= s.coverage;
         lobes = LOBE_ALL;
-        if (!passes) {
-            vec3 through = solid_through(s, direction);
-            float probability = max(through.r, max(through.g, through.b));
-            if (probability > 0.0) {
-                passes = random4(random).x < probability;
-                throughput *= passes ? through / probability : vec3(1.0 / (1.0 - probability));
-                lobes &= ~LOBE_TRANSMISSION;
-            }
-        }
-        if (passes) {
+        if (goes_straight_on(s, direction, random, throughput, lobes)) {
             ray = with_cone(surface_ray(s.start, direction, UNBOUNDED), width, ray.cone_spread);
             continue;
         }

@@ -63,17 +63,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         uint lobes = LOBE_ALL;
 #ifdef TINTED
         // Straight on past what a blended surface leaves uncovered, and through thin smooth glass, as shadow rays do.
-        bool passes = s.coverage < 1.0 && random4(random).x >= s.coverage;
-        if (!passes) {
-            vec3 through = solid_through(s, direction);
-            float probability = max(through.r, max(through.g, through.b));
-            if (probability > 0.0) {
-                passes = random4(random).x < probability;
-                throughput *= passes ? through / probability : vec3(1.0 / (1.0 - probability));
-                lobes &= ~LOBE_TRANSMISSION;
-            }
-        }
-        if (passes) {
+        if (goes_straight_on(s, direction, random, throughput, lobes)) {
             ray = surface_ray(s.start, direction, UNBOUNDED);
             continue;
         }

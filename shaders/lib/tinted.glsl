@@ -2,6 +2,7 @@
 #define LIB_TINTED_GLSL
 #include "lib/alpha.glsl"
 #include "lib/bsdf.glsl"
+#include "lib/random.glsl"
 #include "lib/ray.glsl"
 #include "lib/surface.glsl"
 // Straight transmission of light: past the coverage of blended surfaces, and through thin smooth sheets of glass, tinted by base colour,
@@ -19,6 +20,19 @@ vec3 solid_through(SurfacePoint s, vec3 towards) {
 // The same of the whole surface, the uncovered part included.
 vec3 surface_through(SurfacePoint s, vec3 towards) {
     return mix(vec3(1.0), solid_through(s, towards), min(s.coverage, 1.0));
+}
+
+// Whether a ray that has met a surface goes straight on, by chance, with `throughput` divided by the probability of what happens. If not, the
+// straight transmission is taken from the `lobes` that the surface scatters by.
+bool goes_straight_on(SurfacePoint s, vec3 direction, inout Random random, inout vec3 throughput, inout uint lobes) {
+    if (s.coverage < 1.0 && random4(random).x >= s.coverage) return true;
+    vec3 through = solid_through(s, direction);
+    float probability = max(through.r, max(through.g, through.b));
+    if (!(probability > 0.0)) return false;
+    bool passes = random4(random).x < probability;
+    throughput *= passes ? through / probability : vec3(1.0 / (1.0 - probability));
+    if (!passes) lobes &= ~LOBE_TRANSMISSION;
+    return passes;
 }
 
 // Footprint of a cone of this width, metres, on a plane that it meets along `direction`, for texture filtering.
