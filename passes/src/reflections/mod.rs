@@ -1,4 +1,4 @@
-//! Specular indirect light: of the sky alone, or of whatever rays meet.
+//! Specular indirect light: of the sky alone, of probes, of what the camera sees, or of whatever rays meet.
 mod probe;
 mod ray_traced;
 mod screen_space;
