@@ -5,7 +5,7 @@ use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, 
 use crate::parts::hit_shading::{HitShading, HitShadingToken};
 use crate::precision;
 use magpie::gpu::Kernel;
-use magpie::graph::{BufferToken, PassBuilder};
+use magpie::graph::{BufferToken, PassBuilder, StorageToken};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
@@ -56,6 +56,25 @@ struct Traced {
     radiance: Handle<Image>,
     hit_distance: Handle<Image>,
     width: Handle<Image>,
+}
+
+/// The images of [`Traced`] for the pass that writes them.
+#[derive(Clone, Copy)]
+struct Targets {
+    radiance: StorageToken,
+    hit_distance: StorageToken,
+    width: StorageToken,
+}
+
+impl Traced {
+    fn create(p: &mut PassBuilder<'_>, format: Format, like: Handle<Image>) -> (Self, Targets) {
+        let mut create = |name, format| p.create(name, ImageDesc::like(format, like));
+        let (radiance, radiance_target) = create("radiance", format);
+        let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
+        let (width, width_target) = create("width", WIDTH);
+        let targets = Targets { radiance: radiance_target, hit_distance: distance_target, width: width_target };
+        (Self { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() }, targets)
+    }
 }
 
 /// The ray of each cell.
@@ -130,16 +149,12 @@ impl RayTraced {
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
             let declared = launch.declare(p, i, hits);
             let extent = p.extent(i.gbuffer.depth);
-            let mut create = |name, format| p.create(name, ImageDesc::like(format, i.gbuffer.depth));
-            let (radiance, radiance_target) = create("radiance", format);
-            let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
-            let (width, width_target) = create("width", WIDTH);
-            let traced = Traced { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() };
+            let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
             (traced, move |c: &mut Record<'_>| {
                 let params = TraceParams {
-                    radiance: c.id(radiance_target),
-                    hit_distance: c.id(distance_target),
-                    width: c.id(width_target),
+                    radiance: c.id(targets.radiance),
+                    hit_distance: c.id(targets.hit_distance),
+                    width: c.id(targets.width),
                     rays_found: NO_IMAGE,
                     ..launch.params(c, declared)
                 };
@@ -188,11 +203,7 @@ impl RayTraced {
             let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
             let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
             let extent = p.extent(i.gbuffer.depth);
-            let mut create = |name, format| p.create(name, ImageDesc::like(format, i.gbuffer.depth));
-            let (radiance, radiance_target) = create("radiance", format);
-            let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
-            let (width, width_target) = create("width", WIDTH);
-            let traced = Traced { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() };
+            let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
             (traced, move |c: &mut Record<'_>| {
                 let params = ReconstructParams {
                     view: c.id(block),
@@ -201,9 +212,9 @@ impl RayTraced {
                     guide: c.id(guide),
                     found: c.id(light),
                     rays_found: c.id(rays),
-                    radiance: c.id(radiance_target),
-                    hit_distance: c.id(distance_target),
-                    width: c.id(width_target),
+                    radiance: c.id(targets.radiance),
+                    hit_distance: c.id(targets.hit_distance),
+                    width: c.id(targets.width),
                     cell,
                     taps: settings.taps,
                     radius: settings.reach,

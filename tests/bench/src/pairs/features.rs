@@ -36,7 +36,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 18] = [
+pub const FEATURES: [Feature; 19] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -49,6 +49,10 @@ pub const FEATURES: [Feature; 18] = [
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
     Feature::set("probes", &["stages.reflections=probe"]),
     Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
+    Feature::set(
+        "quarter reflections",
+        &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],
+    ),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
@@ -60,7 +64,7 @@ pub const FEATURES: [Feature; 18] = [
 /// The `post` setting that averages over pixels, and so decides which ground truth a picture is compared with.
 const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
 /// Settings of a ground truth: many rays, no denoiser, full resolution.
-const TRUE: [&str; 10] = [
+const TRUE: [&str; 11] = [
     "shadows.rays=8",
     "shadows.most_lights=8",
     "shadows.denoiser=none",
@@ -69,6 +73,7 @@ const TRUE: [&str; 10] = [
     "ao.denoiser=none",
     "ao.resolution=full",
     "reflections.rays=8",
+    "reflections.pixels_per_ray=1",
     "reflections.denoiser=none",
     "post.resolution_scale=1",
 ];
