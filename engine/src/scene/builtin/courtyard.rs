@@ -1,13 +1,17 @@
 //! A small courtyard in the afternoon sun: sand, terracotta and green against cobalt blue.
 //!
-//! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. The sun is to the
-//! left, behind the camera, so that the shadow of the pergola falls across the floor.
+//! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. A fountain stands in
+//! the middle, a still basin in front of it. The sun is to the left, behind the camera, so that the shadow of the pergola falls across
+//! the floor.
 use super::foliage::{Random, climber, core, crown, leaf_texture};
 use super::shapes::{Shape, arcade, block, curve, cushion, lathe, line, sphere};
 use super::stage::{Stage, at, dielectric, matte, metal, scaled};
 use crate::scene::{AlphaMode, Daylight, Light, Material, Sampler, Scene, TextureUse, Wrap};
 use glam::{Affine3A, Quat, Vec3};
 use std::f32::consts::PI;
+
+mod table;
+mod water;
 
 /// Half the side of the paved square, metres.
 const HALF: f32 = 6.0;
@@ -23,8 +27,12 @@ struct Palette {
     wood: u32,
     iron: u32,
     copper: u32,
+    silver: u32,
     steel: u32,
     white: u32,
+    water: u32,
+    /// Tones of one glaze.
+    tiles: [u32; 4],
     leaves: u32,
     olive: u32,
     shade: u32,
@@ -50,9 +58,20 @@ fn palette(stage: &mut Stage) -> Palette {
         cobalt: stage.material(dielectric("cobalt glaze", [0.022, 0.075, 0.42], 0.18)),
         wood: stage.material(dielectric("weathered wood", [0.33, 0.22, 0.13], 0.7)),
         iron: stage.material(metal("iron", [0.30, 0.29, 0.28], 0.55)),
-        copper: stage.material(metal("copper", [0.955, 0.638, 0.538], 0.16)),
+        // F0 of copper and silver: Akenine-Möller et al. 2018, "Real-Time Rendering", 4th ed., table 9.2.
+        copper: stage.material(metal("copper", [0.955, 0.638, 0.538], 0.38)),
+        silver: stage.material(metal("polished silver", [0.972, 0.960, 0.915], 0.02)),
         steel: stage.material(metal("brushed steel", [0.67, 0.66, 0.64], 0.32)),
         white: stage.material(dielectric("white glaze", [0.80, 0.79, 0.75], 0.10)),
+        // The colour is that of the dark bottom and of what water scatters: nothing below the surface is modelled.
+        water: stage.material(Material { ior: 1.33, ..dielectric("water", [0.006, 0.020, 0.022], 0.0) }),
+        tiles: [
+            ("bottle", [0.010, 0.110, 0.075], 0.05),
+            ("emerald", [0.016, 0.170, 0.105], 0.07),
+            ("sea", [0.012, 0.130, 0.125], 0.06),
+            ("pine", [0.020, 0.090, 0.050], 0.09),
+        ]
+        .map(|(tone, colour, roughness)| stage.material(dielectric(&format!("{tone} glaze"), colour, roughness))),
         leaves: stage.material(leaves("leaves", [0.90, 1.0, 0.80])),
         olive: stage.material(leaves("olive leaves", [0.85, 0.88, 0.95])),
         shade: stage.material(matte("inner leaves", [0.035, 0.060, 0.020])),
@@ -67,8 +86,9 @@ pub(super) fn scene() -> Scene {
     ground(&mut stage);
     walls(&mut stage, &p);
     pergola(&mut stage, &p);
-    fountain(&mut stage, &p);
-    table(&mut stage, &p);
+    water::fountain(&mut stage, &p);
+    water::basin(&mut stage, &p);
+    table::table(&mut stage, &p);
     bench(&mut stage, &p);
     pots(&mut stage, &p);
     plants(&mut stage, &p);
@@ -206,223 +226,6 @@ fn pergola(stage: &mut Stage, p: &Palette) {
         intensity: emission * (PI * radius * radius),
         range: Some(6.0),
     });
-}
-
-/// The fountain in the middle: a round basin, a bowl on a foot, and a copper ball.
-fn fountain(stage: &mut Stage, p: &Palette) {
-    let place = at(0.75, -SUNK, -1.25, 0.0);
-    let basin = lathe(
-        &[
-            line(&[[0.0, 0.0], [1.62, 0.0]]),
-            line(&[[1.62, 0.0], [1.62, 0.10]]),
-            line(&[[1.62, 0.10], [1.50, 0.13]]),
-            line(&[[1.50, 0.13], [1.47, 0.40]]),
-            curve(
-                &[[1.47, 0.40], [1.56, 0.42], [1.60, 0.47], [1.56, 0.52], [1.48, 0.535], [1.36, 0.53], [1.31, 0.50]],
-                3,
-            ),
-            line(&[[1.31, 0.50], [1.29, 0.12]]),
-            line(&[[1.29, 0.12], [0.0, 0.12]]),
-        ],
-        60,
-    );
-    stage.add("basin", basin, p.stone, place);
-    let water = stage.material(dielectric("water", [0.012, 0.065, 0.075], 0.03));
-    let disc = lathe(&[line(&[[1.302, 0.43], [0.0, 0.43]])], 60);
-    stage.add("water", disc, water, place);
-    let foot = lathe(
-        &[
-            line(&[[0.34, 0.10], [0.34, 0.50]]),
-            curve(&[[0.34, 0.50], [0.28, 0.55], [0.15, 0.66], [0.12, 0.82], [0.16, 0.98], [0.26, 1.05]], 3),
-            curve(&[[0.26, 1.05], [0.50, 1.10], [0.70, 1.22], [0.76, 1.33]], 3),
-            curve(&[[0.76, 1.33], [0.765, 1.35], [0.745, 1.36], [0.72, 1.345]], 2),
-            curve(&[[0.72, 1.345], [0.62, 1.24], [0.40, 1.16], [0.0, 1.14]], 3),
-        ],
-        40,
-    );
-    stage.add("bowl on a foot", foot, p.pale, place);
-    let disc = lathe(&[line(&[[0.70, 1.315], [0.0, 1.315]])], 48);
-    stage.add("upper water", disc, water, place);
-    let holder = lathe(
-        &[curve(&[[0.16, 1.12], [0.13, 1.24], [0.07, 1.36], [0.09, 1.44]], 4), line(&[[0.09, 1.44], [0.0, 1.44]])],
-        28,
-    );
-    stage.add("holder", holder, p.pale, place);
-    stage.add("copper ball", sphere(0.30, 24, 40), p.copper, place * Affine3A::from_translation(Vec3::Y * 1.72));
-}
-
-/// A table with a still life, in the foreground.
-fn table(stage: &mut Stage, p: &Palette) {
-    let place = at(2.05, -SUNK, 3.25, 0.0);
-    let top = 0.74;
-    let stand = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.36, 0.0]]),
-            line(&[[0.36, 0.0], [0.36, 0.05]]),
-            curve(&[[0.36, 0.05], [0.22, 0.09], [0.12, 0.18], [0.10, 0.40], [0.13, 0.60], [0.24, 0.69]], 3),
-            line(&[[0.24, 0.69], [0.66, 0.69]]),
-            curve(&[[0.66, 0.69], [0.685, 0.70], [0.69, 0.72], [0.68, 0.737], [0.66, top]], 3),
-            line(&[[0.66, top], [0.0, top]]),
-        ],
-        48,
-    );
-    stage.add("table", stand, p.pale, place);
-    let on = |x: f32, z: f32| place * Affine3A::from_translation(Vec3::new(x, top - 0.001, z));
-
-    // A tall glazed vase.
-    let vase = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.062, 0.0]]),
-            curve(
-                &[
-                    [0.062, 0.0],
-                    [0.085, 0.03],
-                    [0.128, 0.15],
-                    [0.105, 0.27],
-                    [0.045, 0.37],
-                    [0.040, 0.42],
-                    [0.062, 0.46],
-                ],
-                5,
-            ),
-            curve(&[[0.062, 0.46], [0.060, 0.464], [0.055, 0.46]], 2),
-            curve(&[[0.055, 0.46], [0.034, 0.42], [0.036, 0.37], [0.0, 0.34]], 2),
-        ],
-        32,
-    );
-    let vase = stage.mesh("vase", vase);
-    stage.put(vase, p.cobalt, on(-0.30, -0.26));
-
-    // A teapot: body, lid, spout and handle.
-    let body = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.075, 0.0]]),
-            curve(&[[0.075, 0.0], [0.09, 0.012], [0.135, 0.075], [0.115, 0.145], [0.065, 0.175]], 4),
-            curve(&[[0.065, 0.175], [0.072, 0.183], [0.055, 0.200], [0.018, 0.212]], 3),
-            curve(&[[0.018, 0.212], [0.012, 0.222], [0.024, 0.236], [0.020, 0.250], [0.0, 0.255]], 3),
-        ],
-        32,
-    );
-    let mut pot = body;
-    pot.join(
-        &tube(&[[0.10, 0.055], [0.17, 0.075], [0.195, 0.13], [0.235, 0.185]], [0.030, 0.014], 12, 12),
-        Affine3A::IDENTITY,
-    );
-    pot.join(
-        &tube(
-            &[[-0.105, 0.155], [-0.17, 0.165], [-0.205, 0.12], [-0.18, 0.06], [-0.115, 0.045]],
-            [0.011, 0.011],
-            20,
-            10,
-        ),
-        Affine3A::IDENTITY,
-    );
-    let turn = Affine3A::from_rotation_y(0.5);
-    stage.add("teapot", pot, p.white, on(0.22, -0.18) * turn);
-    let cup = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.026, 0.0]]),
-            curve(&[[0.026, 0.0], [0.040, 0.015], [0.049, 0.045], [0.053, 0.070]], 3),
-            curve(&[[0.053, 0.070], [0.052, 0.072], [0.049, 0.070]], 2),
-            curve(&[[0.049, 0.070], [0.044, 0.042], [0.032, 0.018], [0.0, 0.012]], 2),
-        ],
-        26,
-    );
-    let cup = stage.mesh("cup", cup);
-    stage.put(cup, p.white, on(0.42, 0.12));
-    stage.put(cup, p.cobalt, on(0.27, 0.30));
-
-    // A bowl of oranges.
-    let bowl = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.075, 0.0]]),
-            curve(&[[0.075, 0.0], [0.13, 0.025], [0.185, 0.075], [0.205, 0.125]], 4),
-            curve(&[[0.205, 0.125], [0.204, 0.129], [0.199, 0.126]], 2),
-            curve(&[[0.199, 0.126], [0.178, 0.080], [0.12, 0.032], [0.0, 0.014]], 4),
-        ],
-        36,
-    );
-    stage.add("steel bowl", bowl, p.steel, on(-0.20, 0.20));
-    let orange = stage.material(dielectric("orange peel", [0.83, 0.30, 0.025], 0.35));
-    let lemon = stage.material(dielectric("lemon peel", [0.86, 0.66, 0.06], 0.35));
-    let fruit = stage.mesh("fruit", sphere(0.05, 12, 18));
-    for (x, y, z, peel) in [
-        (-0.062, 0.076, 0.02, orange),
-        (0.052, 0.078, 0.045, orange),
-        (0.0, 0.076, -0.068, lemon),
-        (-0.012, 0.147, 0.0, orange),
-    ] {
-        stage.put(fruit, peel, on(-0.20 + x, 0.20 + z) * Affine3A::from_translation(Vec3::Y * y));
-    }
-    let red = stage.material(dielectric("red lacquer", [0.58, 0.022, 0.018], 0.08));
-    let ball = sphere(0.075, 16, 26);
-    stage.add("red ball", ball, red, on(0.06, 0.42) * Affine3A::from_translation(Vec3::Y * 0.075));
-
-    // Two stools.
-    let stool = lathe(
-        &[
-            line(&[[0.0, 0.0], [0.17, 0.0]]),
-            curve(&[[0.17, 0.0], [0.21, 0.08], [0.235, 0.22], [0.21, 0.36], [0.175, 0.43]], 3),
-            curve(&[[0.175, 0.43], [0.165, 0.445], [0.14, 0.45]], 3),
-            line(&[[0.14, 0.45], [0.0, 0.45]]),
-        ],
-        30,
-    );
-    let stool = stage.mesh("stool", stool);
-    stage.put(stool, p.cobalt, at(3.2, -SUNK, 2.75, 0.0));
-    stage.put(stool, p.terracotta, at(2.0, -SUNK, 2.1, 0.0));
-}
-
-/// A tube with closed ends along a curve in the plane z = 0. Its radius changes linearly from the first value to the last.
-fn tube(points: &[[f32; 2]], radius: [f32; 2], rings: usize, segments: usize) -> Shape {
-    let steps = rings.div_ceil(points.len() - 1);
-    let path = curve_signed(points, steps);
-    let mut shape = Shape::default();
-    let mut before: Option<Vec<u32>> = None;
-    let last = path.len() - 1;
-    for (i, point) in path.iter().enumerate() {
-        let along = (path[(i + 1).min(last)] - path[i.saturating_sub(1)]).normalize_or(glam::Vec2::X);
-        let t = i as f32 / last as f32;
-        let r = radius[0] + (radius[1] - radius[0]) * t;
-        let side = Vec3::new(along.y, -along.x, 0.0);
-        let ring: Vec<u32> = (0..=segments)
-            .map(|j| {
-                let (s, c) = (j as f32 / segments as f32 * 2.0 * PI).sin_cos();
-                let normal = side * c + Vec3::Z * s;
-                let uv = glam::Vec2::new(-(j as f32) / segments as f32, -t);
-                shape.vertex(point.extend(0.0) + normal * r, normal, uv)
-            })
-            .collect();
-        if let Some(before) = &before {
-            for j in 0..segments {
-                shape.triangle([before[j], ring[j], ring[j + 1]]);
-                shape.triangle([before[j], ring[j + 1], before[j + 1]]);
-            }
-        }
-        if i == 0 || i == last {
-            let out = if i == 0 { -along } else { along }.extend(0.0);
-            let middle = shape.vertex(point.extend(0.0), out, glam::Vec2::ZERO);
-            let rim: Vec<u32> = ring
-                .iter()
-                .map(|k| {
-                    let position = shape.mesh.positions[*k as usize];
-                    shape.vertex(position, out, (position - point.extend(0.0)).truncate())
-                })
-                .collect();
-            for pair in rim.windows(2) {
-                shape.triangle(if i == 0 { [middle, pair[0], pair[1]] } else { [middle, pair[1], pair[0]] });
-            }
-        }
-        before = Some(ring);
-    }
-    shape
-}
-
-/// [`curve`] for points whose first coordinate may be negative.
-fn curve_signed(points: &[[f32; 2]], steps: usize) -> Vec<glam::Vec2> {
-    const FAR: f32 = 10.0;
-    let moved: Vec<[f32; 2]> = points.iter().map(|[x, y]| [x + FAR, *y]).collect();
-    curve(&moved, steps).into_iter().map(|p| p - glam::Vec2::X * FAR).collect()
 }
 
 fn bench(stage: &mut Stage, p: &Palette) {
