@@ -60,7 +60,7 @@ fn palette(stage: &mut Stage) -> Palette {
         iron: stage.material(metal("iron", [0.30, 0.29, 0.28], 0.55)),
         // F0 of copper and silver: Akenine-Möller et al. 2018, "Real-Time Rendering", 4th ed., table 9.2.
         copper: stage.material(metal("copper", [0.955, 0.638, 0.538], 0.38)),
-        silver: stage.material(metal("polished silver", [0.972, 0.960, 0.915], 0.02)),
+        silver: stage.material(metal("polished silver", [0.972, 0.960, 0.915], 0.16)),
         steel: stage.material(metal("brushed steel", [0.67, 0.66, 0.64], 0.32)),
         white: stage.material(dielectric("white glaze", [0.80, 0.79, 0.75], 0.10)),
         // The colour is that of the dark bottom and of what water scatters: nothing below the surface is modelled.

@@ -55,7 +55,7 @@ pub(super) fn fountain(stage: &mut Stage, p: &Palette) {
         28,
     );
     stage.add("holder", holder, p.pale, place);
-    stage.add("polished ball", sphere(0.30, 30, 48), p.silver, place * Affine3A::from_translation(Vec3::Y * 1.72));
+    stage.add("polished ball", sphere(0.30, 24, 44), p.silver, place * Affine3A::from_translation(Vec3::Y * 1.72));
 }
 
 /// A still basin on the axis of the fountain, with a low tiled kerb.
@@ -99,10 +99,27 @@ pub(super) fn basin(stage: &mut Stage, p: &Palette) {
     tiles(stage, p, 12, [0.146, 0.147], rows);
 }
 
+/// The visible faces of a tile on the plane y = 0, centred on the y axis: a front towards +z with slanted sides, and no back.
+fn tile(width: f32, height: f32) -> Shape {
+    const SLANT: f32 = 0.005;
+    let corners = |inset: f32, z: f32| {
+        let x = 0.5 * width - inset;
+        [(-x, inset), (x, inset), (x, height - inset), (-x, height - inset)].map(|(x, y)| Vec3::new(x, y, z))
+    };
+    let (front, back) = (corners(SLANT, 0.5 * TILE), corners(0.0, -0.5 * TILE));
+    let mut shape = Shape::default();
+    shape.quad(front);
+    for side in 0..4 {
+        let next = (side + 1) % 4;
+        shape.quad([back[side], back[next], front[next], front[side]]);
+    }
+    shape
+}
+
 /// Hand-made tiles of this width and height with joints between: no two have quite the same tone, and none is quite in the plane of
 /// its neighbours.
 fn tiles(stage: &mut Stage, p: &Palette, seed: u64, size: [f32; 2], places: impl Iterator<Item = Affine3A>) {
-    let mesh = stage.mesh("tile", block(size[0] - 0.004, size[1] - 0.004, TILE, 0.003));
+    let mesh = stage.mesh("tile", tile(size[0] - 0.004, size[1] - 0.004));
     let mut random = Random::new(seed);
     for place in places {
         let tone = p.tiles[random.range(0.0, 3.999) as usize];
