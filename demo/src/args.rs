@@ -9,6 +9,7 @@ use std::{path::PathBuf, str::FromStr};
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use magpie::graph::Switches;
+use magpie::pixels::Mapping;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
 pub use bench::{
@@ -149,6 +150,10 @@ pub struct RenderArguments {
     /// Write this output of this pass to --out instead of the picture
     #[arg(long, value_name = "PASS:OUTPUT", requires = "out")]
     pub view: Option<ViewName>,
+    /// Colours of --view in a PNG, words with commas between: rgb, r, g, b, a, luminance or relative (alpha over luminance); linear or log;
+    /// false for false colours; LO..HI for the numbers of the first and the last colour
+    #[arg(long, value_name = "WORDS", requires = "view")]
+    pub view_as: Option<Mapping>,
     /// Write the plan of the last frame
     #[arg(long, value_name = "F.txt|F.json|F.dot|F.html")]
     pub dump_graph: Option<PathBuf>,

@@ -26,7 +26,7 @@ pub use args::{
     ViewName,
 };
 pub use exit::Failure;
-pub use picture::{PictureError, read_picture, write_exr, write_png};
+pub use picture::{PictureError, read_picture, write_exr, write_mapped, write_png};
 pub use reference::reference;
 pub use render::render;
 

@@ -12,7 +12,7 @@ use image::{
 };
 use magpie::{
     graph::Extent,
-    pixels::{Pixels, srgb_decode},
+    pixels::{Mapping, Pixels, srgb_decode},
 };
 use magpie_accuracy::metrics::{DynamicRange, MetricError, Picture};
 
@@ -61,7 +61,21 @@ fn check_size(width: u32, height: u32, got: usize) -> Result<(), PictureError> {
 /// # Errors
 /// [`PictureError`].
 pub fn write_png(out: &mut impl Write, pixels: &Pixels) -> Result<(), PictureError> {
-    let shown = pixels.presentable();
+    write_shown(out, pixels, &pixels.presentable())
+}
+
+/// [`write_png`] of an image that is shown in another way. Logs which numbers its colours stand for.
+///
+/// # Errors
+/// [`PictureError`].
+pub fn write_mapped(out: &mut impl Write, pixels: &Pixels, mapping: &Mapping) -> Result<(), PictureError> {
+    let (shown, [low, high]) = mapping.apply(pixels);
+    log::info!("colours stand for {low} to {high}");
+    write_shown(out, pixels, &shown)
+}
+
+/// Writes a PNG of 8-bit RGBA colours; magenta where the image is not finite.
+fn write_shown(out: &mut impl Write, pixels: &Pixels, shown: &[u8]) -> Result<(), PictureError> {
     let (shown, _) = shown.as_chunks::<4>();
     let Extent { width, height, .. } = pixels.extent;
     check_size(width, height, shown.len())?;

@@ -9,6 +9,7 @@ use magpie::{
         dump::{Dump, Gains},
     },
     measure::{Recorder, Report, Run, chrome_trace, pass_table, slot_table},
+    pixels::Mapping,
 };
 use magpie_passes::ReadBack;
 
@@ -45,6 +46,10 @@ impl Outputs {
             trace: plan("--trace", &arguments.trace, &["json"])?,
             graph: plan("--dump-graph", &arguments.dump_graph, &["txt", "json", "dot", "html"])?,
         };
+        if arguments.view_as.is_some() && outputs.picture.as_ref().is_some_and(|picture| picture.ending() == "exr") {
+            let fault = "--view-as: an EXR has the numbers themselves; colours are for a PNG";
+            return Err(Failure::Usage(fault.to_owned()));
+        }
         let all = [&outputs.picture, &outputs.timings, &outputs.trace, &outputs.graph];
         let all: Vec<&Output> = all.into_iter().flatten().collect();
         let inputs = [
@@ -114,7 +119,7 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
 
     let run = describe_run(&session, arguments, scene_name, config);
     let report = Report { slots, ..recorder.report(run).map_err(Failure::running)? };
-    write_outputs(&outputs, last.as_ref(), &recorder, &report)?;
+    write_outputs(&outputs, last.as_ref(), arguments.view_as.as_ref(), &recorder, &report)?;
     if loudness.verbose > 0 {
         let total: f64 = report.passes.iter().filter_map(|p| Some(p.gpu_ms?.median)).sum();
         let share = |slot: &str| {
@@ -160,6 +165,7 @@ struct LastFrame {
 fn write_outputs(
     outputs: &Outputs,
     last: Option<&LastFrame>,
+    mapping: Option<&Mapping>,
     recorder: &Recorder,
     report: &Report,
 ) -> Result<(), Failure> {
@@ -167,8 +173,9 @@ fn write_outputs(
         let Some(ReadBack { linear, display }) = last.and_then(|l| l.images.as_ref()) else {
             return Err(Failure::Run(anyhow::anyhow!("the last frame brought no picture back from the device")));
         };
-        output.write(|file| match output.ending() {
-            "exr" => picture::write_exr(file, linear),
+        output.write(|file| match (output.ending(), mapping) {
+            ("exr", _) => picture::write_exr(file, linear),
+            (_, Some(mapping)) => picture::write_mapped(file, linear, mapping),
             _ => picture::write_png(file, display.as_ref().unwrap_or(linear)),
         })?;
     }

@@ -121,6 +121,15 @@ fn arguments() {
         (&["render", "builtin:cornell", "--rays", "sideways"], &["--rays", "sideways", "software"]),
         (&["render", "builtin:cornell", "--view", "depth", "--out", "o.png"], &["--view", "PASS:OUTPUT"]),
         (&["render", "builtin:cornell", "--view", "gbuffer.draw:depth"], &["--out"]),
+        (&["render", "builtin:cornell", "--view-as", "log", "--out", "o.png"], &["--view"]),
+        (
+            &["render", "builtin:cornell", "--view", "gbuffer.draw:depth", "--view-as", "logs", "--out", "o.png"],
+            &["--view-as", "`logs`", "LO..HI"],
+        ),
+        (
+            &["render", "builtin:cornell", "--view", "gbuffer.draw:depth", "--view-as", "log", "--out", "o.exr"],
+            &["--view-as", "EXR", "PNG"],
+        ),
         (&["render", "builtin:cornell", "--out"], &["--out"]),
         (&["render", "builtin:cornell", "--out", "o.png", "--out", "p.png"], &["--out", "multiple"]),
         (&["render", "builtin:cornell", "--out", "o.jpg"], &["--out", "o.jpg", ".png or .exr"]),

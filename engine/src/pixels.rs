@@ -1,6 +1,10 @@
 //! Images that were read back, as numbers and as something to look at.
 use crate::graph::{Extent, Format};
 
+mod mapping;
+
+pub use mapping::{Mapping, NoMapping, Quantity, Scale};
+
 /// An image in host memory.
 #[derive(Clone, Debug)]
 pub struct Pixels {

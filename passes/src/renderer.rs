@@ -333,6 +333,7 @@ impl Renderer {
         let scene = AccelerationIn::Resident { scene, imports: imports.clone(), camera };
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
+        request.view.into_iter().for_each(|(pass, output)| g.watch(pass, output));
 
         // Observers run after each pass is declared, before later passes overwrite its outputs: the scan, and the copy for `request.view`.
         let mut scan = None;

@@ -214,6 +214,8 @@ pub struct DualSourceParams {
     pub accumulated_deviation: u32,
     /// Output: number of samples in the mean, R16F.
     pub frames: StorageImage,
+    /// Output: shares of the surface's history and of the reflected image's, 0 where there is none; or [`NO_IMAGE`].
+    pub source: u32,
     /// Limit of that number.
     pub longest: f32,
     /// As in [`AccumulateParams`].

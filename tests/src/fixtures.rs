@@ -1,6 +1,6 @@
 //! Scenes built in code: planes, spheres, boxes, a sun.
 use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
-use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene};
+use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene, Sphere};
 use std::f32::consts::{PI, TAU};
 
 /// A mesh of triangles with one normal per vertex, white, without texture coordinates.
@@ -98,4 +98,15 @@ pub fn environment() -> Environment {
     };
     let radiance = (0..32).map(|i| texel(i % 8, i / 8)).collect();
     Environment { name: "made".to_owned(), width: 8, height: 4, radiance, scale: 1.0, turn: 0.0 }
+}
+
+/// A furnace: a ball of radius 1 in the origin, seen from a distance on the z axis, with light of 1 from all around.
+pub fn ball_under_an_even_sky(name: &str, material: Material, distance: f64) -> Scene {
+    let mut made = scene(name, camera(DVec3::new(0.0, 0.0, distance), DVec3::ZERO));
+    let spheres = vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }];
+    add(&mut made, Mesh { name: "ball".to_owned(), spheres, ..Mesh::default() }, material, Affine3A::IDENTITY);
+    let radiance = vec![Vec3::ONE; 8].into();
+    made.environment =
+        Some(Environment { name: "even".to_owned(), width: 4, height: 2, radiance, scale: 1.0, turn: 0.0 });
+    made
 }

@@ -4,9 +4,11 @@ use glam::{Affine3A, DVec3, Quat, Vec2, Vec3, Vec4};
 use magpie::gpu::Gpu;
 use magpie::scene::{
     AlphaMode, ColourSpace, Material, Mesh, Sampler, Scene, Sphere, Texture, TextureUse, Wrap,
-    light_tables::LightWeights,
+    light_tables::{LightWeights, Tables},
 };
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
+use magpie_shaders::Address;
+use magpie_shaders::light_sampling::{LightChoice, LightTables};
 use magpie_tests::against::{Shown, mean, relmse, truth};
 use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{config, gpu, render};
@@ -207,9 +209,13 @@ fn probabilities_follow_alpha() {
     let both = |alpha: [f32; 2]| {
         let mut s = under("two panels", glowing(AlphaMode::Blend, alpha[0]), |_| ());
         add(&mut s, plane(0.5), glowing(AlphaMode::Blend, alpha[1]), at(-1.0, 1.0, 0.0));
-        let probabilities = LightWeights::of_animation(&s)
-            .emitters()
-            .map(|t| t.near().iter().map(|c| c.probability).collect::<Vec<_>>());
+        let near = |tables: &Tables| -> Vec<f32> {
+            let bytes = tables.placed(Address::default());
+            let root: LightTables = bytemuck::pod_read_unaligned(&bytes[..size_of::<LightTables>()]);
+            let entries = &bytes[root.near.get() as usize..][..root.near_count as usize * size_of::<LightChoice>()];
+            bytemuck::pod_collect_to_vec::<u8, LightChoice>(entries).iter().map(|c| c.probability).collect()
+        };
+        let probabilities = LightWeights::of_animation(&s).emitters().map(|tables| near(&tables));
         probabilities.unwrap_or_default()
     };
     assert_eq!(both([1.0, 1.0]).len(), 4);

@@ -2,15 +2,15 @@
 //! of the formulas in double precision, and never exceeds the incident light.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use magpie::gpu::{Buffer, Gpu};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
-use magpie::scene::{Environment, Material, ResidentOptions, ResidentScene, Scene};
+use magpie::scene::{Material, ResidentOptions, ResidentScene};
 use magpie_passes::reference::{Only, Reference, ReferenceOptions};
 use magpie_shaders::Address;
 use magpie_tests::against::{Shown, mean_of, truth_of};
 use magpie_tests::bench::{Bench, results};
-use magpie_tests::fixtures::{add, camera, material, scene};
+use magpie_tests::fixtures::{ball_under_an_even_sky, material};
 use magpie_tests::harness::gpu;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -236,7 +236,8 @@ fn sums_of(gpu: &Gpu, table: Option<&Arc<Buffer>>) -> Result<Vec<f32>> {
 #[test]
 fn no_surface_returns_more_than_it_gets() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let resident = ResidentScene::new(&gpu, &in_the_furnace("any", Material::default()), ResidentOptions::default())?;
+    let resident =
+        ResidentScene::new(&gpu, &ball_under_an_even_sky("any", Material::default(), 3.2), ResidentOptions::default())?;
     for again in [false, true] {
         println!("{}", if again { "with what scatters again" } else { "single scattering" });
         check_sums(&sums_of(&gpu, again.then(|| resident.lobe_albedo()))?, again)?;
@@ -286,25 +287,6 @@ fn check_sums(sums: &[f32], again: bool) -> Result<()> {
     Ok(())
 }
 
-fn in_the_furnace(name: &str, material: Material) -> Scene {
-    let mut made = scene(name, camera(DVec3::new(0.0, 0.0, 3.2), DVec3::ZERO));
-    let mesh = magpie::scene::Mesh {
-        name: "ball".to_owned(),
-        spheres: vec![magpie::scene::Sphere { centre: Vec3::ZERO, radius: 1.0 }],
-        ..Default::default()
-    };
-    add(&mut made, mesh, material, glam::Affine3A::IDENTITY);
-    made.environment = Some(Environment {
-        name: "white".to_owned(),
-        width: 4,
-        height: 2,
-        radiance: vec![Vec3::ONE; 8].into(),
-        scale: 1.0,
-        turn: 0.0,
-    });
-    made
-}
-
 /// Whole pictures: a ball of each kind is nearly invisible against the background.
 #[test]
 fn balls_in_the_furnace() -> Result<()> {
@@ -323,7 +305,7 @@ fn balls_in_the_furnace() -> Result<()> {
         ("bubble", glass(0.0, 0.0), 0.995),
     ];
     for (name, material, least) in balls {
-        let scene = in_the_furnace(name, material);
+        let scene = ball_under_an_even_sky(name, material, 3.2);
         let options = ReferenceOptions { width: 16, height: 16, check: true, ..ReferenceOptions::default() };
         let mut reference = Reference::new(&gpu, &scene, &scene.cameras[0], options)?;
         reference.add(256)?;
@@ -351,7 +333,7 @@ fn white_metal_vanishes_in_the_furnace() -> Result<()> {
     for (roughness, multiple) in
         [(0.0, true), (0.2, true), (0.4, true), (0.6, true), (0.8, true), (1.0, true), (1.0, false)]
     {
-        let scene = in_the_furnace("metal", material([1.0; 3], 1.0, roughness));
+        let scene = ball_under_an_even_sky("metal", material([1.0; 3], 1.0, roughness), 3.2);
         let switch = format!("gbuffer.multiple_scattering={multiple}");
         let always = [switch.as_str(), "stages.ao=off", "gbuffer.precision=full", "reflections.precision=32"];
         let (sky, _) = mean_of("reflections", &gpu, &scene, &always, shown, 1)?;

@@ -1,15 +1,15 @@
 //! The table of the specular lobe's directional albedo, as shaders read it, against numerical integration.
 use anyhow::{Context, Result, ensure};
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use magpie::gpu::{Buffer, Gpu};
 use magpie::graph::{Access, BufferDesc, Domain, Extent, Queue, Record};
-use magpie::scene::{Environment, Mesh, ResidentOptions, ResidentScene, Scene, Sphere};
+use magpie::scene::{ResidentOptions, ResidentScene};
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_shaders::Address;
 use magpie_tests::against::{Shown, mean_of, truth_of};
 use magpie_tests::bench::{Bench, results};
-use magpie_tests::fixtures::{add, camera, material, scene};
+use magpie_tests::fixtures::{ball_under_an_even_sky, material};
 use magpie_tests::harness::{builtin, gpu};
 use magpie_tests::oracle::albedo::split_sum;
 use magpie_tests::oracle::shading::alpha;
@@ -137,30 +137,13 @@ fn the_table_is_the_integral_of_the_lobe() -> Result<()> {
     Ok(())
 }
 
-/// A metal ball under a sky that is equally bright everywhere.
-fn ball(roughness: f32) -> Scene {
-    let mut made = scene("ball", camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO));
-    let mesh =
-        Mesh { name: "ball".to_owned(), spheres: vec![Sphere { centre: Vec3::ZERO, radius: 1.0 }], ..Mesh::default() };
-    add(&mut made, mesh, material([0.7, 0.5, 0.3], 1.0, roughness), glam::Affine3A::IDENTITY);
-    made.environment = Some(Environment {
-        name: "white".to_owned(),
-        width: 4,
-        height: 2,
-        radiance: vec![Vec3::ONE; 8].into(),
-        scale: 1.0,
-        turn: 0.0,
-    });
-    made
-}
-
 /// Under uniform light the product of both sums is exact: the frame's sky is the reference's.
 #[test]
 fn uniform_light_is_reflected_exactly() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let shown = Shown { size: [16, 16], time: 0.0 };
     for roughness in [0.0, 0.1, 0.3, 0.6, 1.0] {
-        let scene = ball(roughness);
+        let scene = ball_under_an_even_sky("ball", material([0.7, 0.5, 0.3], 1.0, roughness), 3.0);
         let changes = ["stages.ao=off", "gbuffer.precision=full", "reflections.precision=32"];
         let (found, _) = mean_of("reflections", &gpu, &scene, &changes, shown, 1)?;
         let options = ReferenceOptions { only: Only::Reflections, ..ReferenceOptions::default() };

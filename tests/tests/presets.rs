@@ -130,6 +130,11 @@ fn ao() -> Result<()> {
     slot_in_order("ao", Only::AmbientOcclusion, &builtin("courtyard")?)
 }
 
+#[test]
+fn reflections() -> Result<()> {
+    slot_in_order("reflections", Only::Reflections, &builtin("courtyard")?)
+}
+
 /// The box with walls that are half metal and glossy, one of them emissive: sampling affects highlights most.
 #[test]
 fn direct() -> Result<()> {

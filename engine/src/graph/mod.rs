@@ -54,6 +54,7 @@ mod error;
 pub mod execute;
 mod handle;
 mod history;
+mod observe;
 mod pass;
 pub mod plan;
 pub mod record;

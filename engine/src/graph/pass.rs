@@ -58,8 +58,10 @@ pub struct FrameGraph {
     pub(super) errors: Vec<GraphError>,
     /// One per pass.
     pub(super) records: Vec<Option<RecordFn>>,
-    observer: Option<Observer>,
-    slot_observer: Option<SlotObserver>,
+    pub(super) observer: Option<Observer>,
+    pub(super) slot_observer: Option<SlotObserver>,
+    /// Pass and output that somebody looks at.
+    pub(super) watched: Option<(String, String)>,
     /// Outputs that tests overwrite with NaN or infinity.
     pub(super) poisons: Vec<Poison>,
     /// What outlives the frame.
@@ -99,6 +101,7 @@ impl FrameGraph {
             records,
             observer: None,
             slot_observer: None,
+            watched: None,
             poisons: Vec::new(),
             histories,
             number,
@@ -216,43 +219,6 @@ impl FrameGraph {
             errors.push(GraphError::MixedCopy { pass, copied, copy: copy.access, resource, access: other.access });
         }
         errors
-    }
-
-    /// Lets `observer` see every image output of the passes declared from now on, each while it is still the newest version.
-    /// Passes that the observer itself declares are not shown to it. `--view` stands on this.
-    pub fn observe(&mut self, mut observer: impl FnMut(&mut Self, &Produced) + 'static) {
-        self.observe_passes(move |g, pass| {
-            for one in g.images_of(pass) {
-                observer(g, &one);
-            }
-        });
-    }
-
-    /// Lets `observer` see every pass declared from now on, by its index, while its outputs are the newest versions and what it
-    /// only read still is. It takes the place of any observer before it. The scan of [`check`](super::check) stands on this.
-    pub fn observe_passes(&mut self, observer: impl FnMut(&mut Self, u32) + 'static) {
-        self.observer = Some(Box::new(observer));
-    }
-
-    /// Lets `observer` see what [`slot_image`](Self::slot_image) is told from now on. It takes the place of any before it.
-    pub fn observe_slots(&mut self, observer: impl FnMut(&mut Self, &str, Option<Handle<Image>>) + 'static) {
-        self.slot_observer = Some(Box::new(observer));
-    }
-
-    /// Says which image a slot of the frame gives, whichever implementation made it; `None` where the slot is off and gives nothing.
-    /// It costs nothing unless somebody observes.
-    pub fn slot_image(&mut self, slot: &str, image: Option<Handle<Image>>) {
-        if let Some(mut observer) = self.slot_observer.take() {
-            observer(self, slot, image);
-            self.slot_observer = Some(observer);
-        }
-    }
-
-    /// Spoils one pixel or element of one output of a pass, as if the pass had written it so: for tests of what finds NaN.
-    ///
-    /// Running the frame fails with [`ExecuteError::Poison`](super::execute::ExecuteError::Poison) where that cannot be done.
-    pub fn poison(&mut self, poison: Poison) {
-        self.poisons.push(poison);
     }
 
     /// Brings in an image that lives longer than the frame. `state` is how it was used last; `key` is the caller's.

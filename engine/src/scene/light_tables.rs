@@ -126,14 +126,6 @@ impl Tables {
         Address::new(offset)
     }
 
-    /// The table of local lights and emissive surfaces.
-    #[must_use]
-    pub fn near(&self) -> Vec<LightChoice> {
-        let begin = self.root.near.get() as usize;
-        let bytes = self.root.near_count as usize * size_of::<LightChoice>();
-        bytemuck::pod_collect_to_vec(&self.block[begin..begin + bytes])
-    }
-
     /// Size of the block.
     #[must_use]
     pub fn bytes(&self) -> u64 {

@@ -7,11 +7,23 @@ use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
-use magpie::slot::Slot;
+use magpie::slot::{Preset, Slot};
 use magpie_shaders::REFLECTIONS_SKY_COMP;
 use probe::Probes;
 use ray_traced::RayTraced;
 use screen_space::ScreenSpace;
+
+/// From cheap to accurate.
+const PRESETS: [Preset; 4] = [
+    Preset { name: "low", implementation: "probe", settings: &[("resolution", "32"), ("indirect", "false")] },
+    Preset { name: "medium", implementation: "screen-space", settings: &[("lobe", "cone"), ("resolution", "half")] },
+    Preset {
+        name: "high",
+        implementation: "ray-traced",
+        settings: &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")],
+    },
+    Preset { name: "ultra", implementation: "ray-traced", settings: &[("denoiser", "pica-pica")] },
+];
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
@@ -50,6 +62,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
+        .presets(&PRESETS)
 }
 
 /// The reason why no surface of the scene has a specular reflection, if none does.

@@ -14,6 +14,8 @@ use magpie_shaders::{DENOISE_CLEAN_UP_COMP, DENOISE_DUAL_SOURCE_COMP};
 
 /// Format of history lengths: samples count by fractions.
 const FRAMES: Format = Format::R16Float;
+/// Format of the shares of the two sources of history: the surface's, and that of the reflected image.
+const SOURCE: Format = Format::Rg8Unorm;
 
 /// The denoiser `pica-pica`.
 pub struct PicaPica {
@@ -62,6 +64,7 @@ impl PicaPica {
             let (previous, previous_frames) = (previous.sample(p), p.sample(previous_frames));
             let (signal, target) = next.write(p);
             let (counted, frames) = p.write(next_frames);
+            let source = p.is_watched("source").then(|| p.create("source", ImageDesc::like(SOURCE, noisy)).1);
             let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
             (Accumulated { signal, frames: counted.read() }, move |c: &mut Record<'_>| {
                 let (accumulated, accumulated_deviation) = target.ids(c);
@@ -82,6 +85,7 @@ impl PicaPica {
                     accumulated,
                     accumulated_deviation,
                     frames: c.id(frames),
+                    source: source.map_or(NO_IMAGE, |t| c.id(t).index()),
                     longest,
                     packing: packing.layout,
                     weighted: i.hints.weighted.into(),

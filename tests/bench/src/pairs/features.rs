@@ -20,11 +20,13 @@ pub struct Feature {
     pub queues: bool,
     /// Whether six lights are added to the scene.
     pub lights: bool,
+    /// Whether every surface gets a clear coat.
+    pub coats: bool,
 }
 
 impl Feature {
     /// The unchanged configuration.
-    pub const NONE: Self = Self { name: "", settings: &[], rays: None, queues: false, lights: false };
+    pub const NONE: Self = Self { name: "", settings: &[], rays: None, queues: false, lights: false, coats: false };
 
     const fn set(name: &'static str, settings: &'static [&'static str]) -> Self {
         Self { name, settings, ..Self::NONE }
@@ -36,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 19] = [
+pub const FEATURES: [Feature; 21] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -54,6 +56,8 @@ pub const FEATURES: [Feature; 19] = [
         &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],
     ),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
+    Feature { coats: true, ..Feature::set("clear coats", &[]) },
+    Feature::set("single scattering", &["gbuffer.multiple_scattering=false"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
     Feature { queues: true, ..Feature::set("three queues", &[]) },
     Feature::traced("software", Rays::Software),
@@ -98,10 +102,20 @@ fn change<'a>(config: &Config, changes: impl IntoIterator<Item = &'a str>) -> Re
     Ok(config)
 }
 
+/// Whether a configuration, with its presets and defaults, has this value.
+fn has(config: &Config, slot: &str, key: &str, value: &Value) -> bool {
+    let full = Slots::default().catalogue().complete(config);
+    full.settings.get(slot).and_then(|settings| settings.get(key)) == Some(value)
+}
+
 /// Whether presets or settings average over pixels.
 pub fn is_anti_aliased(config: &Config) -> bool {
-    let full = Slots::default().catalogue().complete(config);
-    full.settings.get("post").and_then(|post| post.get("anti_aliasing")) == Some(&Value::Text("taa".to_owned()))
+    has(config, "post", "anti_aliasing", &Value::Text("taa".to_owned()))
+}
+
+/// Whether light scatters but once between microfacets. That is another model of surfaces, not an error.
+pub fn is_single_scattering(config: &Config) -> bool {
+    has(config, "gbuffer", "multiple_scattering", &Value::Bool(false))
 }
 
 /// Which slots that can do without rays trace them, or do as if: their ground truth is another one then.
@@ -122,11 +136,17 @@ impl Traced {
 }
 
 /// The configuration without noise, sampled at pixel centres or averaged over pixels.
-pub fn settle(config: &Config, anti_aliased: bool, traced: Traced) -> Result<Config, FrameBenchError> {
+pub fn settle(
+    config: &Config,
+    anti_aliased: bool,
+    traced: Traced,
+    single_scattering: bool,
+) -> Result<Config, FrameBenchError> {
     let sampled = if anti_aliased { SAMPLED_OVER } else { "post.anti_aliasing=none" };
     let ao = traced.ao.then_some("stages.ao=ray-traced");
     let reflections = traced.reflections.then_some("stages.reflections=ray-traced");
-    change(config, TRUE.into_iter().chain([sampled]).chain(ao).chain(reflections))
+    let scattering = single_scattering.then_some("gbuffer.multiple_scattering=false");
+    change(config, TRUE.into_iter().chain([sampled]).chain(ao).chain(reflections).chain(scattering))
 }
 
 /// The changes of two features; `None` if they set the same setting differently.
@@ -147,6 +167,13 @@ pub fn combine(
         switches.set("queues=3");
     }
     Ok(Some((config, first.rays.or(second.rays).unwrap_or(rays), switches)))
+}
+
+/// The scene with a clear coat on every surface.
+pub fn coat(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    scene.materials.iter_mut().for_each(|m| (m.clearcoat, m.clearcoat_roughness) = (1.0, 0.1));
+    scene
 }
 
 /// Adds six lights around the point that the camera looks at, each about a third as bright there as the sun.
@@ -196,7 +223,7 @@ mod tests {
             let (config, rays, switches) =
                 combine(&Config::default(), Rays::Software, [feature, &Feature::NONE]).unwrap().unwrap();
             let changes = config != plain.0 || rays != plain.1 || switches != plain.2;
-            assert!(changes || feature.name == "software", "{}", feature.name);
+            assert!(changes || feature.lights || feature.coats || feature.name == "software", "{}", feature.name);
             // Checks that settings are applied rather than skipped; those of `ao` exist for its ray-traced implementation only.
             for setting in feature.settings.iter().filter(|s| !s.starts_with("ao.")) {
                 let mut with = config.clone();

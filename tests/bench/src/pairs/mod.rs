@@ -8,7 +8,7 @@ pub use report::PairsReport;
 
 use crate::FrameBenchError;
 use crate::motion::{Moment, Path, paths};
-use features::{Traced, is_anti_aliased, light_up, settle};
+use features::{Traced, coat, is_anti_aliased, is_single_scattering, light_up, settle};
 use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::Rays;
@@ -59,13 +59,15 @@ pub struct Cell {
 /// Linear radiance, three values per pixel.
 type Picture = Vec<f32>;
 
-/// Key of a ground truth: pixel sampling, which slots are ray-traced, and added lights. The error of one implementation against another is
+/// Key of a ground truth: pixel sampling, which slots are ray-traced, added lights and coats, and the model of scattering. The error of one implementation against another is
 /// measured by `magpie accuracy` instead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Kind {
     anti_aliased: bool,
     traced: Traced,
     lights: bool,
+    coats: bool,
+    single_scattering: bool,
 }
 
 /// Ground truths by kind: at rest, then at each compared moment.
@@ -88,8 +90,8 @@ impl Truths {
 
 /// The moments to render.
 struct Walk {
-    scene: Scene,
-    lit: Scene,
+    /// The scene as it is, with lights, with coats, and with both.
+    scenes: [Scene; 4],
     still: Moment,
     moving: Vec<Moment>,
 }
@@ -98,11 +100,13 @@ impl Walk {
     fn new(scene: &Scene) -> Result<Self, FrameBenchError> {
         let path = paths(scene, MOVING_FRAMES).into_iter().find(|path| path.name == "camera");
         let Some(Path { before: Some(still), moments, .. }) = path else { return Err(FrameBenchError::NoCamera) };
-        Ok(Self { scene: scene.clone(), lit: light_up(scene), still, moving: moments })
+        let lit = light_up(scene);
+        let scenes = [scene.clone(), lit.clone(), coat(scene), coat(&lit)];
+        Ok(Self { scenes, still, moving: moments })
     }
 
-    fn scene(&self, lights: bool) -> &Scene {
-        if lights { &self.lit } else { &self.scene }
+    fn scene(&self, kind: Kind) -> &Scene {
+        &self.scenes[usize::from(kind.lights) + 2 * usize::from(kind.coats)]
     }
 
     /// The moments that are compared with a ground truth.
@@ -149,8 +153,8 @@ impl Bench {
 
 /// Ground truths: the mean over frames with many rays and without denoising or post-processing.
 fn truths(gpu: &Gpu, walk: &Walk, kind: Kind, options: &PairsOptions) -> Result<Vec<Picture>, FrameBenchError> {
-    let config = settle(&options.config, kind.anti_aliased, kind.traced)?;
-    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, "truth", &config, options.rays)?;
+    let config = settle(&options.config, kind.anti_aliased, kind.traced, kind.single_scattering)?;
+    let mut bench = Bench::new(gpu, walk.scene(kind), options, "truth", &config, options.rays)?;
     let failed = FrameBenchError::render("truth");
     bench.renderer.read_slots(&["sky"]).map_err(failed)?;
     let mut pictures = Vec::new();
@@ -183,10 +187,11 @@ fn cell(
         return Ok(None);
     };
     let (anti_aliased, traced) = (is_anti_aliased(&config), Traced::of(&config));
-    let kind = Kind { anti_aliased, traced, lights: pair.iter().any(|f| f.lights) };
+    let (lights, coats) = (pair.iter().any(|f| f.lights), pair.iter().any(|f| f.coats));
+    let kind = Kind { anti_aliased, traced, lights, coats, single_scattering: is_single_scattering(&config) };
     let truth = truths.of(kind, || self::truths(gpu, walk, kind, options))?;
     let label = format!("{} with {}", pair[0].name, pair[1].name);
-    let mut bench = Bench::new(gpu, walk.scene(kind.lights), options, &label, &config, rays)?;
+    let mut bench = Bench::new(gpu, walk.scene(kind), options, &label, &config, rays)?;
     bench.renderer.set_switches(switches);
     for _ in 1..STILL_FRAMES {
         bench.frame(&walk.still, false)?;
