@@ -24,8 +24,7 @@ const SPOILT: u32 = 3;
 /// Number of frames after which nothing may be left.
 const HEALED: u32 = 30;
 /// Parts of the names of passes that keep or average values, and must count those that they reject.
-const COUNTS: [&str; 7] =
-    [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map", ".filter_probe", ".reconstruct"];
+const COUNTS: [&str; 6] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map", ".filter_probe"];
 
 /// A floor with a block, a ball and a pane of coloured glass, lit by a sun, a sphere light, sky and an emissive panel.
 fn room() -> Scene {
