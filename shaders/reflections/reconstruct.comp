@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/blur_taps.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/colour.glsl"
 #include "lib/found_ray.glsl"
@@ -104,12 +105,9 @@ void main() {
     uint brightest_at = 0u;
     vec2 light_sum = vec2(0.0);
     float nearness = 0.0;
-    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), view.at[0].frame, view.at[0].seed);
-    float turn = 2.0 * PI * random4(random).x;
+    float turn = disc_turn(view, pixel, 0u);
     for (uint i = 0u; i < params.taps; i++) {
-        // Vogel's spiral (Vogel 1979, "A Better Way to Construct the Sunflower Head"): even over a disc for any number of points.
-        float angle = 2.39996323 * float(i) + turn;
-        vec2 offset = sqrt(float(i) / float(params.taps)) * vec2(cos(angle), sin(angle)) * reach;
+        vec2 offset = disc_tap(i, params.taps, turn) * reach;
         ivec2 at = ivec2(floor((vec2(pixel) + 0.5) / vec2(side) + offset));
         bool known = !inside(at, uvec2(cells));
         for (uint k = 0u; k < count; k++) known = known || places[k] == at;
