@@ -103,10 +103,8 @@ void main() {
     vec4 part = mix(vec4(0.0), min(vec4(counts) / frames, vec4(1.0)), greaterThan(frames, vec4(0.0)));
     vec4 fast_part = mix(vec4(0.0), min(vec4(counts) / min(frames, vec4(params.fast_longest)), vec4(1.0)), greaterThan(frames, vec4(0.0)));
     vec4 fast = known ? past.fast + fast_part * (limited - past.fast) : limited;
-    if (least_of(frames_used(frames, packing)) <= few && greatest_of(reach) >= 1.0) {
-        vec4 wide = blurred(view, pixel, now, reach);
-        now = mix(now, wide, clamp((few - frames) / max(few - 1.0, 1e-3), 0.0, 1.0));
-    }
+    vec4 wide = reach * fresh_share(frames, few);
+    if (greatest_of(wide) >= 1.0) now = blurred(view, pixel, now, wide);
     vec4 value = now, variance = spatial;
     if (known) {
         vec4 apart = sampled - before;

@@ -7,7 +7,7 @@
 // A blur over a disc that is as wide as the history is short. Values that differ by less than their noise approach each other: what a pixel
 // takes from another it gives to it, so that no light is lost or gained. The last blur also leaves the history of the next frame.
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { BlurParams params; };
+layout(push_constant, scalar) uniform Push { RecurrentBlurParams params; };
 
 const uint TAPS = 8u;
 
@@ -49,7 +49,8 @@ void main() {
     vec4 width = width_at(params.noise_width, pixel, params.packing);
     Guide here = load_guide(params.guide, params.normals, pixel);
     bool is_last = params.result != NO_IMAGE;
-    vec4 reach = (is_last ? 1.0 : 0.5) * blur_reach(view, frames, params.longest, params.radius, width);
+    vec4 share = (is_last ? 2.0 : 1.0) / 3.0 * (1.0 - 2.0 * fresh_share(frames, 0.5 * params.fast_longest));
+    vec4 reach = share * blur_reach(view, frames, params.longest, params.radius, width);
     if (is_surface(here) && greatest_of(reach) >= 1.0) signal = blurred(view, pixel, here, signal, reach);
     if (is_last) {
         store(params.result, pixel, vec4(representable(signal.value.rgb, params.greatest), signal.value.a));

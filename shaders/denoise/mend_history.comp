@@ -86,11 +86,8 @@ void main() {
             frames = mix(frames, mix(min(frames, vec4(few)), frames, shorter), greaterThan(apart, vec4(0.0)));
         }
         vec4 reach = blur_reach(view, frames, params.longest, params.radius, width);
-        bvec4 short_ones = lessThan(frames, vec4(few));
-        if (any(short_ones) && greatest_of(reach) >= 1.0) {
-            vec4 wide = filled(view, pixel, here, value, frames, reach);
-            value = mix(value, wide, mix(vec4(0.0), 1.0 - frames / few, short_ones));
-        }
+        vec4 wide = reach * fresh_share(frames, few);
+        if (greatest_of(wide) >= 1.0) value = filled(view, pixel, here, value, frames, wide);
         if (packing != SIGNAL_RADIANCE && params.noisy.width != NO_IMAGE && is_jittered(view)) {
             // See `history_limits`: the sample is used as it is, the history waits.
             vec4 now = load(params.noisy.image, pixel);

@@ -20,11 +20,17 @@ float disc_turn(ViewBuffer view, ivec2 pixel, uint salt) {
     return 6.2831853 * random4(random).x;
 }
 
-// How far a mean over `frames` is blurred, pixels. Area times frames is the same for every length of the history: so is the number of samples
-// that a pixel is the mean of. `radius` is that of a full history, of `longest` frames. No farther than half of the noise's width.
+// How far a mean over `frames` is blurred, pixels, by all passes together. Area times frames is the same for every length of the history: so is
+// the number of samples that a pixel is the mean of. `radius` is that of a full history, of `longest` frames. No farther than half of the noise's
+// width.
 vec4 blur_reach(ViewBuffer view, vec4 frames, float longest, float radius, vec4 width) {
     vec4 reach = min(radius * sqrt(longest / max(frames, vec4(1.0))), vec4(WIDEST_BLUR));
     return min(reach, 0.5 * averaged_width(view, width));
+}
+
+// Share of that reach that the passes before the blurs have, each: up to a quarter with a history of a single frame, none from `few` frames on.
+vec4 fresh_share(vec4 frames, float few) {
+    return 0.25 * clamp((few - frames) / max(few - 1.0, 1e-3), 0.0, 1.0);
 }
 
 // Width of the noise at a pixel, pixels; without an image it has no bound.

@@ -320,7 +320,7 @@ pub struct MendHistoryParams {
 /// Push constants of `blur.comp`: a blur as wide as the history is short.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct BlurParams {
+pub struct RecurrentBlurParams {
     /// The [`View`](super::view::View).
     pub view: Address,
     /// `guide` of `reproject/surfaces.comp`.

@@ -10,7 +10,7 @@ use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::denoise::{AccumulateBlurredParams, BlurParams, MendHistoryParams, NO_IMAGE, NoisyImage};
+use magpie_shaders::denoise::{AccumulateBlurredParams, RecurrentBlurParams, MendHistoryParams, NO_IMAGE, NoisyImage};
 use magpie_shaders::{DENOISE_ACCUMULATE_BLURRED_COMP, DENOISE_BLUR_COMP, DENOISE_MEND_HISTORY_COMP};
 
 /// Format of the width of noise.
@@ -210,7 +210,7 @@ impl RecurrentBlur {
                 let means = means.map(|means| means.map(|image| image.ids(c)));
                 let of = |k: usize| means.map_or([NO_IMAGE; 2], |means| [means[k].0.index(), means[k].1]);
                 let ([mended, mended_deviation], [accumulated, accumulated_deviation]) = (of(0), of(1));
-                let params = BlurParams {
+                let params = RecurrentBlurParams {
                     view: c.id(block),
                     guide: c.id(guide),
                     normals: index_of(c, normals),
