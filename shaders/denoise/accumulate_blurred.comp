@@ -111,7 +111,7 @@ void main() {
         value = past.value + part * (now - past.value);
         variance = (1.0 - part) * (past.variance + part * apart * apart);
         // A few samples may happen to be alike.
-        variance = mix(max(variance, spatial), variance, clamp(frames / few - 1.0, 0.0, 1.0));
+        variance = mix(max(variance, spatial), variance, clamp(frames - 1.0, 0.0, 1.0));
     }
     store_signal(params.accumulated, params.accumulated_deviation, pixel, packing, params.greatest, Signal(value, variance));
     store(params.frames, pixel, frames);

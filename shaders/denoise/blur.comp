@@ -14,7 +14,6 @@ const uint TAPS = 8u;
 // The signal with the variance of its mean.
 Signal blurred(ViewBuffer view, ivec2 pixel, Guide here, Signal own, vec4 reach) {
     vec2 gradient = depth_gradient(view, pixel, here);
-    vec4 value = compared(own.value, params.packing);
     float turn = disc_turn(view, pixel, params.result == NO_IMAGE ? 2u : 3u), farthest = greatest_of(reach);
     // Weights by place and surface alone; the share that is taken is less where values differ.
     vec4 weights = vec4(1.0), taken = vec4(0.0), change = vec4(0.0), variances = vec4(0.0);
@@ -26,7 +25,8 @@ Signal blurred(ViewBuffer view, ivec2 pixel, Guide here, Signal own, vec4 reach)
         if (!(edges > 0.0)) continue;
         vec4 weight = edges * both_reach(view, params.noise_width, at, params.packing, length(vec2(offset)), reach);
         Signal there = load_signal(params.signal, params.signal_deviation, at, params.packing);
-        vec4 off = compared(there.value, params.packing) - value;
+        // Of radiance each channel counts: two colours may have the same luminance.
+        vec4 off = compared(abs(there.value - own.value), params.packing);
         vec4 noise = params.sigma * params.sigma * (own.variance + there.variance);
         // 1 / (1 + x²), with x in deviations; without noise only what is equal is alike.
         vec4 alike = mix(noise / (noise + off * off), vec4(0.0), lessThanEqual(noise, vec4(0.0)));
@@ -56,7 +56,7 @@ void main() {
         store(params.result, pixel, vec4(representable(signal.value.rgb, params.greatest), signal.value.a));
         // The blur is fed back in full while the history is short, then less: else it would add up in every frame, and the picture would
         // never become sharp.
-        vec4 fed = clamp((params.fast_longest - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
+        vec4 fed = clamp((params.fast_longest - frames) / (0.5 * params.fast_longest) + 1.0, 0.0, 1.0);
         Signal mean = load_signal(params.accumulated, params.accumulated_deviation, pixel, params.packing);
         Signal mended = load_signal(params.mended, params.mended_deviation, pixel, params.packing);
         vec4 next = mended.value + fed * (signal.value - mended.value);

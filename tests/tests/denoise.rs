@@ -260,7 +260,8 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
         s
     };
     let [width, middle] = [SIZE[0] as usize, SIZE[0] as usize / 2];
-    for (denoiser, output) in DENOISERS {
+    // `pica-pica` blurs what is noisy, and zero is not.
+    for (denoiser, output) in DENOISERS.into_iter().filter(|(denoiser, _)| *denoiser != "denoiser=pica-pica") {
         let mut farthest = Vec::new();
         for reach in [0, 6, 24] {
             let config = patterned(&[denoiser, "kind=4", "low=0", "radius=16", "sigma=16", &format!("reach={reach}")])?;
@@ -443,10 +444,10 @@ fn what_was_not_seen_before_has_no_history() -> Result<()> {
 
 /// Means of what the effect gets and of what it returns over all surfaces and frames from `first` on.
 fn mean_light(config: &Config, output: (&str, &str), first: u32, frames: u32) -> Result<Option<f64>> {
-    let Some(gpu) = gpu()? else { return Ok(None) };
     let scene = boards();
     let Some(ids) = images(&scene, config, 1, &[IDS])? else { return Ok(None) };
     let ids = ids[0].values();
+    let Some(gpu) = gpu()? else { return Ok(None) };
     let [width, height] = SIZE;
     let options = RenderOptions { width, height, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &slots(), config, options)?;
@@ -486,9 +487,8 @@ fn noise_keeps_its_light() -> Result<()> {
         ("even noise of visibility", ["kind=2", "low=0", "high=1", "channels=1"]),
         ("bright specks", ["kind=5", "low=0", "high=1", "channels=0"]),
     ] {
-        let light = |denoiser: &str, output| {
-            mean_light(&patterned(&[&pattern[..], &[denoiser]].concat())?, output, 16, 112)
-        };
+        let light =
+            |denoiser: &str, output| mean_light(&patterned(&[&pattern[..], &[denoiser]].concat())?, output, 16, 112);
         let Some(raw) = light("denoiser=none", PATTERN_MADE)? else { return Ok(()) };
         for (denoiser, output) in DENOISERS {
             let Some(found) = light(denoiser, output)? else { return Ok(()) };

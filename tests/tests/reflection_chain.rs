@@ -194,7 +194,9 @@ fn a_recurrent_blur_lowers_the_error() -> Result<()> {
         let errors = [1, 8, 32].map(|count| error(sparse, count));
         let [first, eighth, late] = errors;
         let (first, eighth, late) = (first?, eighth?, late?);
-        println!("{sparse:?}: raw {raw_error:.4}, eight raw rays {eight:.4}, frames 1, 8, 32: {first:.4} {eighth:.4} {late:.4}");
+        println!(
+            "{sparse:?}: raw {raw_error:.4}, eight raw rays {eight:.4}, frames 1, 8, 32: {first:.4} {eighth:.4} {late:.4}"
+        );
         ensure!(raw_error > first && first > eighth && eighth > late, "{sparse:?}: {first}, {eighth}, {late}");
         ensure!(late < 0.6 * eight, "{sparse:?}: {late}, eight raw rays {eight}");
     }
@@ -212,8 +214,13 @@ fn a_recurrent_blur_keeps_the_light_of_a_box() -> Result<()> {
     let light = |denoiser: &str, frames: usize| -> Result<f64> {
         let changes = ["reflections.reconstruct=false", "reflections.bounces=1", denoiser];
         let config = config(&[&CHAIN[..], &changes].concat())?;
-        let mut renderer =
-            Renderer::new(&gpu, &scene, &Slots::default(), &config, RenderOptions { width: 32, height: 24, ..RenderOptions::default() })?;
+        let mut renderer = Renderer::new(
+            &gpu,
+            &scene,
+            &Slots::default(),
+            &config,
+            RenderOptions { width: 32, height: 24, ..RenderOptions::default() },
+        )?;
         renderer.read_slots(&["reflections"])?;
         let mut sum = 0.0;
         for frame in 0..frames {
@@ -236,13 +243,16 @@ fn a_recurrent_blur_keeps_the_light_of_a_box() -> Result<()> {
 /// Every pixel of a mirror shows what its own ray found, even where only a quarter of them have one per frame.
 #[test]
 fn mirrors_stay_sharp() -> Result<()> {
-    ["reflections.denoiser=pica-pica", "reflections.denoiser=recurrent-blur"].iter().try_for_each(|d| mirrors_stay_sharp_with(d))
+    ["reflections.denoiser=pica-pica", "reflections.denoiser=recurrent-blur"]
+        .iter()
+        .try_for_each(|d| mirrors_stay_sharp_with(d))
 }
 
 fn mirrors_stay_sharp_with(denoiser: &str) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = wall(0.0);
-    let shown = |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], &[&[denoiser], changes].concat(), count);
+    let shown =
+        |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], &[&[denoiser], changes].concat(), count);
     let raw = shown(&["reflections.denoiser=none", "reflections.reconstruct=false"], 1)?;
     let first = shown(&[], 1)?;
     let changed = raw.iter().zip(&first).filter(|(a, b)| a.distance(**b) > 2e-3 * a.length()).count();
@@ -250,7 +260,9 @@ fn mirrors_stay_sharp_with(denoiser: &str) -> Result<()> {
     let (full, settled) = (shown(&[], 24)?, shown(&["reflections.pixels_per_ray=4"], 24)?);
     let size = full.iter().map(|v| v.length()).sum::<f64>();
     let error = full.iter().zip(&settled).map(|(a, b)| a.distance(*b)).sum::<f64>() / size;
-    println!("{denoiser}: {changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light");
+    println!(
+        "{denoiser}: {changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light"
+    );
     ensure!(changed == 0, "{changed} pixels of a mirror are filtered");
     ensure!(error < 0.02, "with quarter rays the error is {error} of the light");
     Ok(())
@@ -281,7 +293,9 @@ fn history_follows_the_reflection() -> Result<()> {
     let (raw, surface) = (moving("reflections.denoiser=none")?, moving("reflections.denoiser=svgf")?);
     let image = moving("reflections.denoiser=pica-pica")?;
     let blurred = moving("reflections.denoiser=recurrent-blur")?;
-    println!("raw {raw:.4}, history of the surface {surface:.4}, of surface and image {image:.4}, blurred {blurred:.4}");
+    println!(
+        "raw {raw:.4}, history of the surface {surface:.4}, of surface and image {image:.4}, blurred {blurred:.4}"
+    );
     ensure!(image < 0.6 * surface && image < 0.6 * raw, "raw {raw}, surface {surface}, image {image}");
     ensure!(blurred < 0.6 * surface && blurred < 0.6 * raw, "raw {raw}, surface {surface}, blurred {blurred}");
     Ok(())

@@ -19,8 +19,15 @@ impl Changes {
     }
 
     /// Adds the blurs `PASS_0` and so on. Returns the share of the history to discard, 0 to 1, if there is a hint.
-    pub fn add(self, g: &mut FrameGraph, change: Option<Handle<Image>>, pass: &dyn Fn(&str) -> String) -> Option<Handle<Image>> {
-        let blurs = |change| (0..BLURS).fold(change, |change, blur| self.blur(g, change, blur, &pass(&format!("blur_gradient_{blur}"))));
+    pub fn add(
+        self,
+        g: &mut FrameGraph,
+        change: Option<Handle<Image>>,
+        pass: &dyn Fn(&str) -> String,
+    ) -> Option<Handle<Image>> {
+        let blurs = |change| {
+            (0..BLURS).fold(change, |change, blur| self.blur(g, change, blur, &pass(&format!("blur_gradient_{blur}"))))
+        };
         change.map(blurs)
     }
 

@@ -10,7 +10,7 @@ use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::denoise::{AccumulateBlurredParams, RecurrentBlurParams, MendHistoryParams, NO_IMAGE, NoisyImage};
+use magpie_shaders::denoise::{AccumulateBlurredParams, MendHistoryParams, NO_IMAGE, NoisyImage, RecurrentBlurParams};
 use magpie_shaders::{DENOISE_ACCUMULATE_BLURRED_COMP, DENOISE_BLUR_COMP, DENOISE_MEND_HISTORY_COMP};
 
 /// Format of the width of noise.
@@ -107,8 +107,7 @@ impl RecurrentBlur {
             let (fast, fast_target) = p.write(next_fast);
             // The width of visibility is steady as it is.
             let is_steadied = i.hints.width.is_some() && content.depends_on_shading_normal();
-            let (width, width_target) =
-                is_steadied.then(|| p.create("width", ImageDesc::like(WIDTH, noisy))).unzip();
+            let (width, width_target) = is_steadied.then(|| p.create("width", ImageDesc::like(WIDTH, noisy))).unzip();
             let width = width.map_or(i.hints.width, |width| Some(width.read()));
             let accumulated = Accumulated { signal, frames: counted.read(), fast: fast.read(), width };
             (accumulated, move |c: &mut Record<'_>| {

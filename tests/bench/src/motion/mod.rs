@@ -358,4 +358,3 @@ pub fn run(
     }
     Ok(MotionReport::new(gpu, scene, options, courses))
 }
-

@@ -74,7 +74,8 @@ impl MotionReport {
     pub fn table(&self) -> String {
         let what = if self.picture { "the picture, for " } else { "" };
         let mut text = format!("{what}{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
-        let names = ["frame 1", "8", "32", "mean", "last", "flicker", "FLIP 1", "8", "32", "last", "ms", "B/px", "kept"];
+        let names =
+            ["frame 1", "8", "32", "mean", "last", "flicker", "FLIP 1", "8", "32", "last", "ms", "B/px", "kept"];
         let _ = write!(text, "{:<8} {:<24}", "path", "");
         names.iter().for_each(|name| write!(text, " {name:>8}").unwrap_or_default());
         text.push('\n');
@@ -84,8 +85,16 @@ impl MotionReport {
             let error = |k: usize| errors.get(k).copied();
             let perceived = |k: usize| course.perceived.get(k).copied().flatten();
             let small = [
-                error(0), error(7), error(31), Some(mean_of(errors)), error(end), Some(mean_of(&course.flicker)),
-                perceived(0), perceived(7), perceived(31), perceived(end),
+                error(0),
+                error(7),
+                error(31),
+                Some(mean_of(errors)),
+                error(end),
+                Some(mean_of(&course.flicker)),
+                perceived(0),
+                perceived(7),
+                perceived(31),
+                perceived(end),
             ];
             let cost = [course.cost.ms, Some(course.cost.traffic), Some(course.cost.kept)];
             let _ = write!(text, "{:<8} {:<24}", course.path, course.label);
