@@ -9,6 +9,7 @@
 #include "lib/precision.glsl"
 #include "lib/random.glsl"
 #include "lib/ray_cells.glsl"
+#include "lib/roughness_limit.glsl"
 #include "lib/specular_albedo.glsl"
 #include "shared/reflections.glsl"
 // Reconstruction and upsampling in one pass: each pixel takes the rays of its neighbours as samples of its own lobe, by the ratio estimator
@@ -106,7 +107,9 @@ void main() {
     float nearness = 0.0;
     Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), view.at[0].frame, view.at[0].seed);
     float turn = 2.0 * PI * random4(random).x;
-    for (uint i = 0u; i < params.taps; i++) {
+    float share = share_of_rays(s, params.roughness_limit);
+    uint taps = share > 0.0 ? params.taps : 0u;
+    for (uint i = 0u; i < taps; i++) {
         // Vogel's spiral (Vogel 1979, "A Better Way to Construct the Sunflower Head"): even over a disc for any number of points.
         float angle = 2.39996323 * float(i) + turn;
         vec2 offset = sqrt(float(i) / float(params.taps)) * vec2(cos(angle), sin(angle)) * reach;
@@ -146,6 +149,12 @@ void main() {
     }
     bool own = count > 0u && places[0] == cell && ray_pixel(view, cell, side) == pixel;
     float counts = weights > SAME_SURFACE ? mix(1.0, own ? 1.0 : BORROWED, lobe.smoothness) : weights > 0.0 ? BORROWED : 0.0;
+    if (share < 1.0) {
+        // Rougher surfaces have no rays, and beside them a surface may find none that it could take.
+        if (weights == 0.0) share = 0.0;
+        sum = mix(sky_over_albedo(view, s, params.openness, pixel), sum, share);
+        if (share == 0.0) counts = 1.0;
+    }
     store(params.radiance, pixel, vec4(representable(sum, params.greatest), counts));
     store(params.hit_distance, pixel, vec4(weights > 0.0 ? min(weights / nearness, SKY_DISTANCE) : SKY_DISTANCE));
     store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));
