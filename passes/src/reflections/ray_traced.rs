@@ -1,6 +1,6 @@
 //! Reflections by rays: sampled from the specular lobe, shaded where they hit, denoised over what the lobe covers of the screen.
 use super::{ALL_ROUGH, has_smooth, idle_reason};
-use crate::contracts::{Channel, GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
+use crate::contracts::{Channel, GBufferToken, GEOMETRY, LightingIn, LightingOut, RAY_START, SceneToken};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::hit_shading::{HitShading, HitShadingToken};
 use crate::precision;
@@ -211,7 +211,7 @@ impl RayTraced {
         let roughness_limit = self.roughness_limit;
         g.pass("reflections.reconstruct", Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
-            let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
+            let gbuffer = i.gbuffer.read(p, &[GEOMETRY, MATERIAL].concat());
             let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
             let openness = openness(p, i, roughness_limit);
             let extent = p.extent(i.gbuffer.depth);
