@@ -30,6 +30,9 @@ bool meet_surface(
     lobes = LOBE_ALL;
     for (uint turn = 0u; turn < MOST_SHEETS; turn++) {
         probe_traced.x++;
+#ifdef TINTED
+        ray.cull |= RAY_BLENDED;
+#endif
         bool met = trace_closest(scene, ray, hit);
         float t_max = hit.t * length(ray.direction);
         if (pdf > 0.0) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, vec3(0.0), t_max, met, 0u);

@@ -41,6 +41,9 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
     // Every turn is a bounce or passes a sheet.
     for (uint turn = 0u; turn < MOST_TURNS; turn++) {
         Hit hit;
+#ifdef TINTED
+        ray.cull |= RAY_BLENDED;
+#endif
         reflections_traced.x++;
         bool met = trace_closest(scene, ray, hit);
         vec3 direction = normalize(ray.direction);
