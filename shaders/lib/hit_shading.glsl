@@ -46,9 +46,9 @@ vec3 seen_along(SceneBuffer scene, Ray ray, inout uvec2 traced) {
 
 // Direct light, the sky's included, that some lobes of a surface scatter towards `to_viewer`: one sample of each group of lights, of which
 // one, chosen by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
-// `weighted`: a ray in a direction of the same lobes finds the same light, so each has its weight by the power heuristic.
+// `followed`: of these lobes a ray in a sampled direction finds the same light, so each of the two has its weight by the power heuristic. 0: none.
 vec3 direct_light_at(
-    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, bool weighted, inout Random random,
+    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, uint followed, inout Random random,
     inout uvec2 traced
 ) {
     mat3 frame = frame_of(s.normal);
@@ -65,8 +65,12 @@ vec3 direct_light_at(
         vec3 l, scattered;
         if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
         if (!scatter(s, frame, v, lobes, from, l, scattered)) continue;
+        if (followed != 0u && from.pdf > 0.0) {
+            vec3 shared_light = followed == lobes ? scattered : bsdf_cosine(s.bsdf, v, l, followed);
+            float weight = mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, followed), true);
+            scattered = max(scattered - (1.0 - weight) * shared_light, vec3(0.0));
+        }
         vec3 light = scattered * from.radiance / probability;
-        if (weighted && from.pdf > 0.0) light *= mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, lobes), true);
         float luminance_here = luminance(light);
         if (!(luminance_here > 0.0)) continue;
         // Reservoir with room for one (Chao 1982, "A General Purpose Unequal Probability Sampling Plan"); the random number is rescaled.
@@ -123,7 +127,7 @@ HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit h
     HitLight light = HitLight(s.emission, vec3(0.0));
     if (s.black) return light;
     if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, -direction, light.scattered)) return light;
-    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, false, random, traced);
+    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, 0u, random, traced);
     return light;
 }
 

@@ -10,6 +10,7 @@
 #include "lib/precision.glsl"
 #include "lib/random.glsl"
 #include "lib/ray_cells.glsl"
+#include "lib/roughness_limit.glsl"
 #include "lib/specular_albedo.glsl"
 #include "shared/reflections.glsl"
 // Reconstruction and upsampling in one pass: each pixel takes the rays of its neighbours as samples of its own lobe, by the ratio estimator
@@ -121,7 +122,9 @@ void main() {
     vec2 light_sum = vec2(0.0);
     float nearness = 0.0;
     float turn = disc_turn(view, pixel, 0u);
-    for (uint i = 0u; i < params.taps; i++) {
+    float share = share_of_rays(s, params.roughness_limit);
+    uint taps = share > 0.0 ? params.taps : 0u;
+    for (uint i = 0u; i < taps; i++) {
         vec2 offset = disc_tap(i, params.taps, turn) * reach;
         ivec2 at = ivec2(floor((vec2(pixel) + 0.5) / vec2(side) + offset));
         bool known = !inside(at, uvec2(cells));
@@ -161,6 +164,12 @@ void main() {
     if (count == 0u) sum = light_beside(cell, cells);
     bool own = count > 0u && places[0] == cell && ray_pixel(view, cell, side) == pixel;
     float counts = weights > SAME_SURFACE ? mix(1.0, own ? 1.0 : BORROWED, lobe.smoothness) : weights > 0.0 ? BORROWED : 0.0;
+    if (share < 1.0) {
+        // Rougher surfaces have no rays, and beside them a surface may find none that it could take.
+        if (weights == 0.0) share = 0.0;
+        sum = mix(sky_over_albedo(view, s, params.openness, pixel), sum, share);
+        if (share == 0.0) counts = 1.0;
+    }
     store(params.radiance, pixel, vec4(representable(sum, params.greatest), counts));
     store(params.hit_distance, pixel, vec4(weights > 0.0 ? min(weights / nearness, SKY_DISTANCE) : SKY_DISTANCE));
     store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));
