@@ -46,5 +46,5 @@ void main() {
     }
     store_signal(params.accumulated, params.accumulated_deviation, pixel, packing, params.greatest, Signal(value, variance));
     store(params.frames, pixel, vec4(frames));
-    if (params.source != NO_IMAGE) store(params.source, pixel, vec4(surface_counts, image_counts, 0.0, 0.0) / max(sum, 1e-30));
+    if (params.source != NO_IMAGE) store(params.source, pixel, history.weight > 0.0 ? vec4(1.0 - history.image, history.image, 0.0, 0.0) : vec4(0.0));
 }

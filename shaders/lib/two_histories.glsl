@@ -66,9 +66,10 @@ struct Past {
     vec4 variance;  // of a sample
     vec4 frames;    // of each channel
     vec4 fast;      // mean over the last few frames, of what weights compare
+    float image;    // share of the source where the reflected image was; the surface's has the rest
 };
 
-const Past NO_PAST = Past(0.0, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+const Past NO_PAST = Past(0.0, vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), 0.0);
 
 // What a pixel of the previous frame had. One channel of `frames` counts for all where there is no more.
 Past past_at(HistoryImages history, NoisyImage noisy, uvec2 not_finite, ivec2 first, vec4 shares) {
@@ -134,7 +135,7 @@ Past past_of(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryImages hi
     if (!(sum > 0.0)) return NO_PAST;
     float share = image_counts / sum;
     return Past(1.0, mix(surface.value, image.value, share), mix(surface.variance, image.variance, share),
-                mix(surface.frames, image.frames, share), mix(surface.fast, image.fast, share));
+                mix(surface.frames, image.frames, share), mix(surface.fast, image.fast, share), share);
 }
 
 #endif
