@@ -101,7 +101,8 @@ float agreement(Past past, Samples samples, vec4 spatial, uint packing) {
 }
 
 // The history of what the pixel reflects. That of the surface, `surface`, counts less the farther the image has moved against it.
-Past past_of_image(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryImages history, NoisyImage noisy, uvec2 not_finite, inout Past surface) {
+Past past_of_image(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryImages history, NoisyImage noisy, uvec2 not_finite,
+                   inout Past surface) {
     Guide here = load_guide(history.guide, pixel);
     float cosine = dot(octahedral_decode(load(history.normal, pixel).xy), -normalize(pixel_ray(view, pixel)));
     float curvature = curvature_at(view, pixel, here, history.guide, history.normal);
@@ -124,7 +125,8 @@ Past past_of_image(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryIma
 }
 
 // The history of a pixel: of both sources that which is there and agrees.
-Past past_of(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryImages history, NoisyImage noisy, uvec2 not_finite, Samples samples, vec4 spatial) {
+Past past_of(ViewBuffer view, ivec2 pixel, vec2 was, Taps taps, HistoryImages history, NoisyImage noisy, uvec2 not_finite, Samples samples,
+             vec4 spatial) {
     if (!taps.any) return NO_PAST;
     Past surface = past_at(history, noisy, not_finite, taps.first, taps.shares);
     if (history.hit_distance == NO_IMAGE) return surface;

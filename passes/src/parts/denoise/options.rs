@@ -99,7 +99,8 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::integer(
             "history",
             "frames",
-            "Of `svgf`, `pica-pica` and `recurrent-blur`: greatest number of frames that are averaged. Higher: less noise, but changes of light show later.",
+            "Of `svgf`, `pica-pica` and `recurrent-blur`: greatest number of frames that are averaged. Higher: less noise, but changes of light \
+             show later.",
             32,
             1..=255,
         ),
@@ -122,15 +123,16 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float(
             "sigma",
             "standard deviations",
-            "Of `svgf` and `recurrent-blur`: difference, in standard deviations, at which the weight of a neighbour is 1/e or 1/2. Higher: smoother, less detail.",
+            "Of `svgf` and `recurrent-blur`: difference, in standard deviations, at which the weight of a neighbour is 1/e or 1/2. Higher: \
+             smoother, less detail.",
             2.0,
             0.1..=16.0,
         ),
         SettingSpec::integer(
             "radius",
             "pixels",
-            "Of `bilateral` and `pica-pica`: radius of the blur. Of `recurrent-blur`: that of a full history; of a shorter one it is larger, so \
-             that area times frames stay the same.",
+            "Of `bilateral` and `pica-pica`: radius of the blur. Of `recurrent-blur`: that of a full history; of a shorter one it is larger, \
+             so that area times frames stay the same.",
             4,
             1..=16,
         ),
@@ -145,8 +147,8 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float(
             "outliers",
             "standard deviations",
-            "Of `recurrent-blur`, of radiance: a sample is limited to this much above the mean of the samples around and before. Lower: fewer bright \
-             specks, but light that is rarely found is lost.",
+            "Of `recurrent-blur`, of radiance: a sample is limited to this much above the mean of the samples around and before. Lower: fewer \
+             bright specks, but light that is rarely found is lost.",
             8.0,
             1.0..=1e6,
         ),
@@ -163,8 +165,8 @@ pub fn precision() -> SettingSpec {
 pub fn adaptive() -> SettingSpec {
     SettingSpec::switch(
         "adaptive",
-        "Of `svgf` and `recurrent-blur` at full resolution: one pixel of nine traces the previous frame's ray again, and history is discarded where the result \
-         differs. Moving shadows and switched lights show at once, for a ninth of a ray per pixel and some noise.",
+        "Of `svgf` and `recurrent-blur` at full resolution: one pixel of nine traces the previous frame's ray again, and history is discarded \
+         where the result differs. Moving shadows and switched lights show at once, for a ninth of a ray per pixel and some noise.",
         true,
     )
     .sweep_all()
