@@ -20,13 +20,15 @@
 // Counters: closest-hit and any-hit rays.
 uvec2 reflections_traced = uvec2(0u);
 
-// At the last hit lights are sampled. For specular lobes narrower than this alpha that alone would be mostly noise: one more ray along them
-// finds the sky, lights and what the previous frame shows, but no surface is shaded there.
-const float NARROW_ALPHA = 0.05;
+// At the last hit lights are sampled. For specular lobes with a brighter peak than this, BRDF times cosine in the mirror direction, that alone
+// would be mostly noise: one more ray along them finds the sky, lights and what the previous frame shows, but no surface is shaded there. White
+// paint has 1 / pi.
+const float BRIGHT_PEAK = 4.0 / PI;
 
-// The lobes along which a path goes on from its last hit.
-uint lobes_beyond(Bsdf b, uint lobes) {
-    return narrowest_alpha(b) < NARROW_ALPHA ? lobes & LOBE_SPECULAR : 0u;
+// The lobes along which a path goes on from its last hit. `v`: towards the viewer, local.
+uint lobes_beyond(Bsdf b, vec3 v, uint lobes) {
+    vec3 peak = bsdf_cosine(b, v, vec3(-v.xy, v.z), LOBE_SPECULAR);
+    return max(peak.r, max(peak.g, peak.b)) > BRIGHT_PEAK ? lobes & LOBE_SPECULAR : 0u;
 }
 
 // Radiance along a ray that was sampled with a pdf, and the distance to what it hits first, metres.
@@ -77,12 +79,12 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
             break;
         }
         if (bounce > params.bounces) break;
-        uint followed = bounce < params.bounces ? lobes : lobes_beyond(s.bsdf, lobes);
+        mat3 frame = frame_of(s.normal);
+        vec3 v = -direction * frame;
+        uint followed = bounce < params.bounces ? lobes : lobes_beyond(s.bsdf, v, lobes);
         radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, random, reflections_traced);
         if (followed == 0u) break;
 
-        mat3 frame = frame_of(s.normal);
-        vec3 v = -direction * frame;
         vec4 u = random4(random);
         vec3 l;
         if (!bsdf_sample(s.bsdf, v, followed, u.x, u.yz, l)) break;

@@ -87,7 +87,8 @@ pub fn truth(gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Est
 /// Any error of the reference.
 pub fn truth_of(options: ReferenceOptions, gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Estimate> {
     let Shown { size: [width, height], time } = shown;
-    let options = ReferenceOptions { width, height, pixel: PixelSampling::Centre, time, seed: options.seed ^ 77, ..options };
+    let options =
+        ReferenceOptions { width, height, pixel: PixelSampling::Centre, time, seed: options.seed ^ 77, ..options };
     let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
     reference.add(samples)?;
     Ok(reference.estimate().clone())

@@ -67,8 +67,7 @@ fn strip(eye: [f64; 3]) -> Scene {
 fn things(s: &mut Scene) {
     let long = Vec3::new(1.6, 0.15, 0.1);
     add(s, block(long), material([0.8, 0.3, 0.1], 0.0, 1.0), Affine3A::from_translation(Vec3::new(0.0, 0.15, -0.7)));
-    let ball =
-        Affine3A::from_scale_rotation_translation(Vec3::splat(0.2), Quat::IDENTITY, Vec3::new(0.4, 0.2, -0.2));
+    let ball = Affine3A::from_scale_rotation_translation(Vec3::splat(0.2), Quat::IDENTITY, Vec3::new(0.4, 0.2, -0.2));
     add(s, sphere(16), material([0.2, 0.5, 0.8], 0.0, 0.3), ball);
     s.environment = Some(environment());
 }
@@ -82,7 +81,11 @@ fn lamp(radiance: f32, lights: bool) -> Scene {
     let of = if lights {
         Material { emission: Vec3::splat(radiance), ..material([0.5; 3], 0.0, 1.0) }
     } else {
-        Material { unlit: true, base_colour: Vec4::new(radiance, radiance, radiance, 1.0), ..material([0.0; 3], 0.0, 1.0) }
+        Material {
+            unlit: true,
+            base_colour: Vec4::new(radiance, radiance, radiance, 1.0),
+            ..material([0.0; 3], 0.0, 1.0)
+        }
     };
     add(&mut s, sphere(16), of, ball);
     add(&mut s, plane(2.0), material([0.5; 3], 0.0, 0.6), Affine3A::IDENTITY);
@@ -94,11 +97,8 @@ fn lamp(radiance: f32, lights: bool) -> Scene {
 fn small_mirrors() -> Scene {
     let mut s = strip([0.0, 0.9, 1.7]);
     for (x, radius) in [(-0.6, 0.03), (-0.3, 0.015), (0.0, 0.06)] {
-        let place = Affine3A::from_scale_rotation_translation(
-            Vec3::splat(radius),
-            Quat::IDENTITY,
-            Vec3::new(x, 0.4, 0.3),
-        );
+        let place =
+            Affine3A::from_scale_rotation_translation(Vec3::splat(radius), Quat::IDENTITY, Vec3::new(x, 0.4, 0.3));
         add(&mut s, sphere(16), material([0.95; 3], 1.0, 0.0), place);
     }
     s
@@ -229,9 +229,11 @@ fn rays_have_the_light_of_the_reference() -> Result<()> {
         let (mut found, mut truth) = (Vec::new(), Vec::new());
         for seed in 1..=2 {
             let options = RenderOptions { seed, ..RenderOptions::default() };
-            found.push(mean_with(options, "reflections", &gpu, &case.scene, &UNBIASED, shown, 16)?.0);
+            // What the lamp lights by way of the mirror is found by chance.
+            let rays = if case.name == "lamp of 1e5" { 1024 } else { 256 };
+            found.push(mean_with(options, "reflections", &gpu, &case.scene, &UNBIASED, shown, rays / 8)?.0);
             let options = ReferenceOptions { only: Only::Reflections, depth: 4, seed, ..ReferenceOptions::default() };
-            truth.push(truth_of(options, &gpu, case.alike.as_ref().unwrap_or(&case.scene), shown, 128)?.mean);
+            truth.push(truth_of(options, &gpu, case.alike.as_ref().unwrap_or(&case.scene), shown, rays)?.mean);
         }
         let b = bias(&found, &truth);
         let [most, wanted] = [&found, &truth].map(|all| all.iter().map(|i| brightest(i)).fold(0.0, f32::max));
@@ -258,26 +260,21 @@ fn a_mirror_shows_a_lamp_as_bright_as_it_is() -> Result<()> {
         println!("{bits} bits: a mirror of 0.9 shows a lamp of 1e5 with {most:.0}");
         ensure!((most / wanted - 1.0).abs() < 0.01, "{bits} bits: {most} instead of {wanted}");
     }
-    let of = |slot: &str, only: Only| -> Result<[f64; 2]> {
-        let changes = ["direct.precision=32", "direct.emitter_rays=8", "direct.denoiser=none", "gbuffer.precision=full"];
-        let changes: Vec<&str> = UNBIASED[..11].iter().copied().chain(changes).collect();
-        let found = mean_with(RenderOptions::default(), slot, &gpu, &lamp(1e5, true), &changes, shown, 32)?.0;
-        let options = ReferenceOptions { only, depth: 4, ..ReferenceOptions::default() };
-        let truth = truth_of(options, &gpu, &lamp(1e5, true), shown, 512)?.mean;
-        // The upper half of the picture: the mirror.
-        let mirror = |image: &[DVec3]| image[..image.len() / 2].iter().map(|v| v.element_sum()).sum::<f64>();
-        Ok([mirror(&found), mirror(&truth)])
-    };
-    let ([direct, direct_truth], [reflected, reflected_truth]) =
-        (of("direct", Only::Direct)?, of("reflections", Only::Reflections)?);
-    println!("in the mirror: direct {direct:.0}, truth {direct_truth:.0}; reflected {reflected:.0}, truth {reflected_truth:.0}");
-    ensure!((direct / direct_truth - 1.0).abs() < 0.05, "direct {direct}, truth {direct_truth}");
-    ensure!((reflected / reflected_truth - 1.0).abs() < 0.05, "reflected {reflected}, truth {reflected_truth}");
+    let changes = ["direct.precision=32", "direct.emitter_rays=8", "direct.denoiser=none", "gbuffer.precision=full"];
+    let changes: Vec<&str> = UNBIASED[..11].iter().copied().chain(changes).collect();
+    let found = mean_with(RenderOptions::default(), "direct", &gpu, &lamp(1e5, true), &changes, shown, 32)?.0;
+    let options = ReferenceOptions { only: Only::Direct, ..ReferenceOptions::default() };
+    let truth = truth_of(options, &gpu, &lamp(1e5, true), shown, 512)?.mean;
+    // The upper half of the picture: the mirror.
+    let mirror = |image: &[DVec3]| image[..image.len() / 2].iter().map(|v| v.element_sum()).sum::<f64>();
+    let share = mirror(&found) / mirror(&truth);
+    println!("direct light in the mirror: {share:.4} of the reference's {:.0}", mirror(&truth));
+    ensure!((share - 1.0).abs() < 0.02, "direct light in the mirror: {share} of the reference's");
     Ok(())
 }
 
-/// After a cut of the camera the picture is as near to the truth as the first one of a new renderer: nothing is left of what was seen before.
-/// Untold of the cut histories find the same floor elsewhere, with other reflections, and let go of them.
+/// After a cut of the camera the reflection is, to the last bit, that of a renderer which has seen nothing else before: nothing is left in
+/// histories, nor of the previous frame. Probes stay, since they belong to places; after a jump they are captured anew.
 #[test]
 fn a_cut_leaves_nothing_behind() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -289,32 +286,31 @@ fn a_cut_leaves_nothing_behind() -> Result<()> {
         Affine3A::from_rotation_translation(Quat::from_rotation_x(FRAC_PI_2), Vec3::new(0.0, 1.0, -1.2)),
     );
     let there = camera([1.4, 0.5, -0.2], [-0.5, 0.1, 0.1]);
-    let options = ReferenceOptions { only: Only::Reflections, ..ReferenceOptions::default() };
-    let elsewhere = Scene { cameras: vec![there.clone()], ..s.clone() };
-    let truth = truth_of(options, &gpu, &elsewhere, Shown { size: SIZE, time: 0.0 }, 256)?.mean;
-    let error = |image: &[DVec3]| {
-        let shown = |v: &DVec3| *v / (DVec3::ONE + *v);
-        let square: f64 = image.iter().zip(&truth).map(|(a, b)| (shown(a) - shown(b)).length_squared()).sum();
-        (square / truth.len() as f64).sqrt()
-    };
     for (name, changes) in IMPLEMENTATIONS {
         let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
         let config = config(&[changes, &COMMON].concat())?;
-        let mut errors = Vec::new();
-        for [before, told] in [[false, false], [true, true], [true, false]] {
+        let after = |before: &Camera, cuts: bool| -> Result<Vec<DVec3>> {
             let mut renderer = Renderer::new(&gpu, &s, &Slots::default(), &config, options)?;
             renderer.read_slots(&["reflections"])?;
-            for _ in 0..if before { 6 } else { 0 } {
-                reflected(&mut renderer, &s.cameras[0])?;
+            for _ in 0..6 {
+                reflected(&mut renderer, before)?;
             }
-            if told {
+            if cuts {
                 renderer.cut();
             }
-            errors.push(error(&reflected(&mut renderer, &there)?));
+            reflected(&mut renderer, &there)
+        };
+        let (cut, wanted, kept) = (after(&s.cameras[0], true)?, after(&there, true)?, after(&there, false)?);
+        let apart = |image: &[DVec3]| image.iter().zip(&wanted).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        println!("{name}: {} after a cut, {:.3} of the same without one", apart(&cut), apart(&kept));
+        if name == "probe" {
+            let light = |image: &[DVec3]| image.iter().map(|v| v.element_sum()).sum::<f64>();
+            let share = light(&cut) / light(&wanted);
+            ensure!((share - 1.0).abs() < 0.05, "{name}: {share} of the light");
+        } else {
+            ensure!(cut == wanted, "{name}: {} apart", apart(&cut));
         }
-        println!("{name}: error of a first frame {:.4}, after a cut {:.4}, untold {:.4}", errors[0], errors[1], errors[2]);
-        ensure!(errors[1] < 1.1 * errors[0] + 1e-3, "{name}: {errors:?}");
-        ensure!(errors[2] < 2.0 * errors[0], "{name}: {errors:?}");
+        ensure!(name == "sky" || name == "probe" || apart(&kept) > 0.01, "{name} has no history");
     }
     Ok(())
 }

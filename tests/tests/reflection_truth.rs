@@ -58,11 +58,8 @@ fn box_of(of: Made, roughness: f32) -> Scene {
     let walls = Material { double_sided: true, ..material([0.85, 0.9, 0.9], 0.0, 0.0) };
     add(&mut s, block(Vec3::new(1.5, 1.2, 1.5)), walls, Affine3A::IDENTITY);
     let mut s = made(s, of, roughness);
-    let ball = Affine3A::from_scale_rotation_translation(
-        Vec3::splat(0.4),
-        glam::Quat::IDENTITY,
-        Vec3::new(-0.5, -0.7, -0.4),
-    );
+    let ball =
+        Affine3A::from_scale_rotation_translation(Vec3::splat(0.4), glam::Quat::IDENTITY, Vec3::new(-0.5, -0.7, -0.4));
     add(&mut s, sphere(24), material([0.8, 0.2, 0.1], 0.0, 1.0), ball);
     add(
         &mut s,
