@@ -9,7 +9,7 @@ use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::denoise::{CleanUpParams, DualSourceParams};
+use magpie_shaders::denoise::{CleanUpParams, DualSourceParams, NO_IMAGE};
 use magpie_shaders::{DENOISE_CLEAN_UP_COMP, DENOISE_DUAL_SOURCE_COMP};
 
 /// Format of history lengths: samples count by fractions.
