@@ -66,7 +66,13 @@ pub struct ReconstructParams {
     pub hit_distance: StorageImage,
     /// Output: as in [`TraceParams`].
     pub width: StorageImage,
-    /// As in [`TraceParams`].
+    /// `rate` of `choose.comp`, where the distance of rays differs from pixel to pixel and the images of rays have the size of the frame; or
+    /// [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub rate: u32,
+    /// Output: standard error of the reconstruction over its mean, and width of the lobe as in [`TraceParams`] but above 0, RG8 unorm, 0 where
+    /// there is nothing to trace; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub steering: u32,
+    /// As in [`TraceParams`]; not used with `rate`.
     pub cell: [u32; 2],
     /// Rays that are looked at, 1 to [`MOST_TAPS`].
     pub taps: u32,
@@ -88,6 +94,14 @@ pub struct ResolveParams {
     pub gbuffer: GBufferImages,
     /// Radiance over albedo.
     pub denoised: SampledImage,
+    /// Radiance of the fallback; or [`NO_IMAGE`](super::denoise::NO_IMAGE) for the sky.
+    pub fallback: u32,
+    /// Openness, 0 to 1; [`NO_IMAGE`](super::denoise::NO_IMAGE) for no ambient occlusion.
+    pub openness: u32,
+    /// Perceptual roughness from which the fallback stands alone; 1 for none.
+    pub roughness_limit: f32,
+    /// Albedo of the lobe below which the fallback stands alone.
+    pub faint: f32,
     /// Output: radiance, RGBA16F or RGBA32F.
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`.

@@ -1,9 +1,9 @@
-//! Lists of tiles: a pass that is dispatched over one touches the tiles with work and no others.
+//! Lists of pixels: a pass that is dispatched over one touches the pixels with work and no others, each once, and no more than the limit.
 use anyhow::{Result, ensure};
 use bytemuck::{Pod, Zeroable};
 use magpie::prelude::*;
 use magpie::slot::Build;
-use magpie_passes::parts::tiles::Tiles;
+use magpie_passes::parts::tiles::PixelLists;
 use magpie_shaders::{Address, StorageImage};
 use magpie_tests::bench::Bench;
 use magpie_tests::harness::gpu;

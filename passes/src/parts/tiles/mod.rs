@@ -1,72 +1,132 @@
-//! Lists of the tiles of 8x8 pixels that have work, for passes that run only there, by indirect dispatch.
+//! Lists of the pixels that have work, for passes that run only there, by indirect dispatch or trace.
 use magpie::gpu::Kernel;
-use magpie::graph::{BufferToken, IndirectToken, PassBuilder};
+use magpie::graph::{BufferToken, IndirectToken, PassBuilder, WriteHandle};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::tiles::{TILE_SIDE, TileParams};
-use magpie_shaders::{TILES_CLASSIFY_COMP, TILES_CLEAR_COMP};
+use magpie_shaders::tiles::{GREATEST_KEY, LIST_HEAD, ListParams};
+use magpie_shaders::{Address, TILES_CLEAR_COMP, TILES_COUNT_COMP, TILES_LIMIT_COMP, TILES_LIST_COMP};
 
-/// Makes lists for an effect. The passes are called `SLOT.clear_tiles` and `SLOT.classify_tiles`.
-pub struct Tiles {
+/// Makes lists for an effect. The passes are called `SLOT.clear_NAME`, `SLOT.count_NAME`, `SLOT.limit_NAME` and `SLOT.list_NAME`; the second
+/// and third are there for lists with a limit only.
+pub struct PixelLists {
     clear: Kernel,
-    classify: Kernel,
+    count: Kernel,
+    limit: Kernel,
+    list: Kernel,
     slot: &'static str,
 }
 
-/// A list of tiles.
+/// A list of pixels.
 #[derive(Clone, Copy, Debug)]
-pub struct TileList {
-    /// Workgroups in x, y and z for an indirect dispatch, three `u32`: the number of tiles, 1, 1.
-    pub groups: Handle<Buffer>,
-    /// The tiles, one `u32` each: column in the lower, row in the upper 16 bits. Their order is undefined.
-    pub list: Handle<Buffer>,
-}
+pub struct PixelList(Handle<Buffer>);
 
-/// What a pass declared with [`TileList::read`].
+/// An empty list. A pass fills it by `append_pixel` of `lib/tiles.glsl`.
+#[derive(Debug)]
+pub struct EmptyList(WriteHandle<Buffer>);
+
+/// What a pass declared with [`PixelList::read`].
 #[derive(Clone, Copy, Debug)]
-pub struct TileToken {
-    /// For [`Record::dispatch_indirect`], with offset 0 and workgroups of 8x8.
-    pub groups: IndirectToken,
-    /// For the shader: `tile_pixel` of `lib/tiles.glsl`.
+pub struct PixelListToken {
+    /// For [`Record::dispatch_indirect`] and [`Record::trace_indirect`], with offset 0 and workgroups of 8x8.
+    pub threads: IndirectToken,
+    /// For the shader: `listed_pixel` of `lib/tiles.glsl`.
     pub list: BufferToken,
 }
 
-impl TileList {
-    /// Declares that a pass is dispatched over the list.
-    pub fn read(self, p: &mut PassBuilder<'_>) -> TileToken {
-        TileToken { groups: p.indirect(self.groups), list: p.read(self.list) }
+impl PixelList {
+    /// Declares that a pass runs over the list.
+    pub fn read(self, p: &mut PassBuilder<'_>) -> PixelListToken {
+        PixelListToken { threads: p.indirect(self.0), list: p.read(self.0) }
     }
 }
 
-impl Tiles {
+impl EmptyList {
+    /// Declares that a pass fills the list. The token is for `append_pixel`.
+    pub fn fill(self, p: &mut PassBuilder<'_>) -> (PixelList, BufferToken) {
+        let (list, token) = p.write_buffer(self.0);
+        (PixelList(list.read()), token)
+    }
+}
+
+impl PixelLists {
     /// Describes the pipelines for the effect in `slot`.
     ///
     /// # Errors
     /// None of its own.
     pub fn new(build: &Build<'_>, slot: &'static str) -> Result<Self, SlotError> {
-        let (clear, classify) = (build.kernel(&TILES_CLEAR_COMP)?, build.kernel(&TILES_CLASSIFY_COMP)?);
-        Ok(Self { clear, classify, slot })
+        Ok(Self {
+            clear: build.kernel(&TILES_CLEAR_COMP)?,
+            count: build.kernel(&TILES_COUNT_COMP)?,
+            limit: build.kernel(&TILES_LIMIT_COMP)?,
+            list: build.kernel(&TILES_LIST_COMP)?,
+            slot,
+        })
     }
 
-    /// Adds the passes. `work`: an image of one channel; a tile is listed if a pixel of it is not 0.
-    pub fn add(&self, g: &mut FrameGraph, work: Handle<Image>) -> TileList {
-        let (clear, classify, slot) = (self.clear, self.classify, self.slot);
-        let extent = g.extent(work);
-        let tiles = extent.width.div_ceil(TILE_SIDE) * extent.height.div_ceil(TILE_SIDE);
-        let empty = g.pass(&format!("{slot}.clear_tiles"), Queue::AsyncCompute, |p| {
-            let (groups, token) = p.create_buffer("groups", BufferDesc::new(12));
-            (groups, move |c: &mut Record<'_>| {
-                c.dispatch_groups(clear, &TileParams { groups: c.id(token), ..TileParams::default() }, [1; 3]);
+    /// Adds an empty list with room for all pixels of `extent`.
+    pub fn empty(&self, g: &mut FrameGraph, name: &str, extent: Extent) -> EmptyList {
+        EmptyList(self.clear(g, name, extent, false).0)
+    }
+
+    fn clear(
+        &self,
+        g: &mut FrameGraph,
+        name: &str,
+        extent: Extent,
+        is_limited: bool,
+    ) -> (WriteHandle<Buffer>, Option<WriteHandle<Buffer>>) {
+        let kernel = self.clear;
+        let bytes = u64::from(LIST_HEAD) + 4 * u64::from(extent.width) * u64::from(extent.height);
+        g.pass(&format!("{}.clear_{name}", self.slot), Queue::AsyncCompute, |p| {
+            let (list, list_token) = p.create_buffer("list", BufferDesc::new(bytes));
+            let (histogram, histogram_token) = is_limited
+                .then(|| p.create_buffer("histogram", BufferDesc::new(4 * u64::from(GREATEST_KEY + 1))))
+                .unzip();
+            ((list, histogram), move |c: &mut Record<'_>| {
+                let params = ListParams {
+                    list: c.id(list_token),
+                    histogram: histogram_token.map_or(Address::default(), |token| c.id(token)),
+                    is_limited: is_limited.into(),
+                    ..ListParams::default()
+                };
+                c.dispatch_groups(kernel, &params, [1; 3]);
             })
-        });
-        g.pass(&format!("{slot}.classify_tiles"), Queue::AsyncCompute, |p| {
-            let work = p.sample(work);
-            let (groups, groups_token) = p.write_buffer(empty);
-            let (list, list_token) = p.create_buffer("tiles", BufferDesc::new(4 * u64::from(tiles)));
-            (TileList { groups: groups.read(), list: list.read() }, move |c: &mut Record<'_>| {
-                let size = [extent.width, extent.height];
-                let params = TileParams { groups: c.id(groups_token), list: c.id(list_token), work: c.id(work), size };
-                c.dispatch(classify, &params, extent);
+        })
+    }
+
+    /// Adds the list of the pixels of `keys` whose red is not 0: one channel of 8 bits unorm. With `most` it has at most so many, and those with
+    /// lesser keys come first; of a key it has all or none.
+    pub fn add(&self, g: &mut FrameGraph, name: &str, keys: Handle<Image>, most: Option<u32>) -> PixelList {
+        let (count, limit, kernel) = (self.count, self.limit, self.list);
+        let pass = |step: &str| format!("{}.{step}_{name}", self.slot);
+        let extent = g.extent(keys);
+        let size = [extent.width, extent.height];
+        let (mut list, histogram) = self.clear(g, name, extent, most.is_some());
+        if let (Some(most), Some(histogram)) = (most, histogram) {
+            let counted = g.pass(&pass("count"), Queue::AsyncCompute, |p| {
+                let keys = p.sample(keys);
+                let (histogram, token) = p.write_buffer(histogram);
+                (histogram.read(), move |c: &mut Record<'_>| {
+                    let params = ListParams { histogram: c.id(token), keys: c.id(keys), size, ..ListParams::default() };
+                    c.dispatch(count, &params, extent);
+                })
+            });
+            list = g.pass(&pass("limit"), Queue::AsyncCompute, |p| {
+                let histogram = p.read(counted);
+                let (list, token) = p.write_buffer(list);
+                (list, move |c: &mut Record<'_>| {
+                    let params =
+                        ListParams { list: c.id(token), histogram: c.id(histogram), most, ..ListParams::default() };
+                    c.dispatch_groups(limit, &params, [1; 3]);
+                })
+            });
+        }
+        g.pass(&pass("list"), Queue::AsyncCompute, |p| {
+            let keys = p.sample(keys);
+            let (list, token) = p.write_buffer(list);
+            (PixelList(list.read()), move |c: &mut Record<'_>| {
+                let params = ListParams { list: c.id(token), keys: c.id(keys), size, ..ListParams::default() };
+                c.dispatch(kernel, &params, extent);
             })
         })
     }
