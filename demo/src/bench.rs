@@ -8,9 +8,13 @@ use magpie::{
     prelude::Rays,
     scene::Scene,
 };
+use magpie_accuracy::{
+    display::Display,
+    metrics::{Picture, flip_ldr},
+};
 use magpie_bench::{
     BenchError, FrameBenchError, Options,
-    motion::{self, MotionOptions},
+    motion::{self, MotionOptions, Seen},
     pairs::{self, PairsOptions},
     rays::{self, RayBenchError, RayOptions},
     run,
@@ -182,6 +186,8 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     let FrameBench { config, scene, gpu, rays } = FrameBench::open(&arguments.scene, &arguments.render, true)?;
     let options = MotionOptions {
         slot: arguments.slot.clone(),
+        picture: arguments.picture,
+        only: arguments.only.clone(),
         size: [arguments.size.width, arguments.size.height],
         frames: arguments.frames,
         rays,
@@ -189,7 +195,16 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
         config,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
-    let report = motion::run(&gpu, &scene, &options, |path| log::info!("{path}"))?;
+    let is_share = !options.picture && options.slot != "reflections";
+    let display = if is_share { Display::PLAIN } else { Display::of(&options.config) };
+    let perceived = |seen: &Seen, truth: &Seen| {
+        let [seen, truth] = [seen, truth].map(|image| {
+            let (width, height) = (image.size.width as usize, image.size.height as usize);
+            display.show(&Picture { width, height, pixels: image.colours() })
+        });
+        flip_ldr(&seen, &truth).map_err(|error| error.to_string())
+    };
+    let report = motion::run(&gpu, &scene, &options, &perceived, |path| log::info!("{path}"))?;
     if let Some(folder) = &arguments.charts {
         write_charts(folder, &report.charts().map_err(Failure::running)?)?;
     }

@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
-#include "lib/noise_width.glsl"
+#include "lib/history_limits.glsl"
 #include "lib/not_finite.glsl"
 #include "lib/signal.glsl"
 #include "lib/taps.glsl"
@@ -17,7 +17,7 @@ const float FEW = 4.0;
 
 // Packing of `moments`: of radiance it holds one number.
 uint moments_packing() {
-    return params.packing == SIGNAL_RADIANCE ? SIGNAL_ONE : params.packing;
+    return params.noisy.packing == SIGNAL_RADIANCE ? SIGNAL_ONE : params.noisy.packing;
 }
 
 vec4 reprojected(uint image, Taps taps) {
@@ -38,35 +38,16 @@ Signal reprojected_moments(Taps taps) {
         sum.value += taps.shares[k] * there.value;
         sum.variance += taps.shares[k] * there.variance;
     }
-    return params.packing == SIGNAL_RADIANCE ? Signal(sum.value.xxxx, sum.variance.xxxx) : sum;
+    return params.noisy.packing == SIGNAL_RADIANCE ? Signal(sum.value.xxxx, sum.variance.xxxx) : sum;
 }
 
 // The filtered result of the previous frame: of one and two channels their deviations are in the same image.
 vec4 reprojected_filtered(Taps taps) {
     vec4 texel = reprojected(params.previous_filtered, taps);
-    if (params.packing == SIGNAL_ONE) return vec4(texel.x, vec3(0.0));
-    if (params.packing == SIGNAL_TWO) return vec4(texel.xy, vec2(0.0));
-    if (params.packing == SIGNAL_RADIANCE) return vec4(texel.rgb, 0.0);
+    if (params.noisy.packing == SIGNAL_ONE) return vec4(texel.x, vec3(0.0));
+    if (params.noisy.packing == SIGNAL_TWO) return vec4(texel.xy, vec2(0.0));
+    if (params.noisy.packing == SIGNAL_RADIANCE) return vec4(texel.rgb, 0.0);
     return texel;
-}
-
-// Whether the reprojected position lies between pixels of the previous frame.
-bool is_between(vec2 was) {
-    return any(greaterThan(abs(was - round(was)), vec2(0.01)));
-}
-
-// Channels whose history may belong to another place or time: it is interpolated, what the channel shows moves by itself, or a change was
-// found nearby.
-bvec4 unsettled(bool between, vec4 forgotten) {
-    uvec4 moves = uvec4(between ? 15u : params.moved) & uvec4(1u, 2u, 4u, 8u);
-    return bvec4(moves | uvec4(greaterThan(forgotten, vec4(0.0))));
-}
-
-// Greatest history length for those. Each interpolation widens an edge by f (1 - f) square pixels of variance in each direction, 1/6 on
-// average. A penumbra W pixels wide has a variance of W² / 12, which may at most triple. Outside of penumbrae there is no noise to average.
-// Without interpolation nothing is widened, and a second frame halves the variance.
-vec4 most_frames(vec4 width, bool between) {
-    return max(floor(width * width), vec4(between ? 1.0 : 2.0));
 }
 
 // In a penumbra narrower than this, pixels, both lit and shadowed samples are nearby: a mean outside of their range is out of date.
@@ -79,7 +60,7 @@ void samples_around(ivec2 pixel, uvec2 size, inout vec4 least, inout vec4 most) 
         for (int x = -AROUND; x <= AROUND; x++) {
             ivec2 at = pixel + ivec2(x, y);
             if (!inside(at, size)) continue;
-            vec4 there = load(params.noisy, at);
+            vec4 there = load(params.noisy.image, at);
             if (!is_finite(there)) continue;
             least = min(least, there);
             most = max(most, there);
@@ -91,18 +72,18 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (!inside(pixel, view.at[0].size)) return;
-    vec4 now = load(params.noisy, pixel);
+    vec4 now = load(params.noisy.image, pixel);
     bool taken = is_taken(params.not_finite, now);
-    if (!taken) now = finite_beside(params.noisy, pixel, view.at[0].size);
-    vec4 sampled = compared(now, params.packing);
+    if (!taken) now = finite_beside(params.noisy.image, pixel, view.at[0].size);
+    vec4 sampled = compared(now, params.noisy.packing);
 
-    vec2 was = vec2(pixel) - load(params.gbuffer.motion, pixel).xy * vec2(view.at[0].size);
+    vec2 was = vec2(pixel) - load(params.motion, pixel).xy * vec2(view.at[0].size);
     Taps taps = load_taps(params.taps, pixel, was);
     vec4 accumulated = now, mean = sampled, variance = vec4(0.0), frames = vec4(taken ? 1.0 : 0.0);
     bool between = is_between(was) || taps.beside;
     if (taps.any) {
         frames = round(reprojected(params.previous_frames, taps) * LONGEST);
-        if (params.packing == SIGNAL_RADIANCE) frames = frames.xxxx;
+        if (params.noisy.packing == SIGNAL_RADIANCE) frames = frames.xxxx;
         vec4 forgotten = vec4(0.0);
         if (params.gradient != NO_IMAGE) {
             // The history is shortened where something has changed (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
@@ -117,12 +98,12 @@ void main() {
         bool known = is_taken(params.not_finite, before + filtered + spread);
         // Channels that use the sample without its history.
         bvec4 alone = bvec4(false);
-        if (params.noise_width != NO_IMAGE) {
-            vec4 width = noise_width(params.noise_width, pixel, params.packing);
-            bvec4 moves = unsettled(between, forgotten);
+        if (params.noisy.width != NO_IMAGE) {
+            vec4 width = noise_width(params.noisy.width, pixel, params.noisy.packing);
+            HistoryLimits limits = history_limits(view, width, was, between, params.moved, forgotten);
             // Radiance is not clamped: outliers would widen the range.
-            bool bounded = params.packing != SIGNAL_RADIANCE;
-            bvec4 narrow = bvec4(uvec4(moves) & uvec4(lessThan(width, vec4(NARROW))) & uvec4(bounded));
+            bool bounded = params.noisy.packing != SIGNAL_RADIANCE;
+            bvec4 narrow = bvec4(uvec4(limits.moves) & uvec4(lessThan(width, vec4(NARROW))) & uvec4(bounded));
             if (any(narrow)) {
                 vec4 least = now, most = now;
                 samples_around(pixel, view.at[0].size, least, most);
@@ -132,15 +113,8 @@ void main() {
                 before = inside;
                 filtered = mix(filtered, clamp(filtered, least, most), narrow);
             }
-            vec4 longest = mix(vec4(LONGEST), most_frames(width, between), moves);
-            if (is_jittered(view)) {
-                vec4 averaged = averaged_width(view, width);
-                alone = equal(averaged, vec4(0.0));
-                // A pixel that does not move keeps its history even while it is not used: rays of later frames may find a penumbra there.
-                bvec4 kept = bvec4(uvec4(alone) & uvec4(is_between(was) ? 0u : 1u));
-                longest = mix(min(longest, most_frames(averaged, true)), vec4(LONGEST), kept);
-            }
-            frames = min(frames, longest);
+            alone = limits.alone;
+            frames = min(frames, limits.longest);
         }
         vec4 share = taken ? 1.0 / frames : vec4(0.0);
         vec4 apart = sampled - before;
@@ -149,7 +123,7 @@ void main() {
         vec4 fed = filtered + share * (now - filtered);
         // The history fed back from the filter is smoother than the mean, and more so with every frame. It helps while the history is
         // short, and fades out. Radiance has no unfiltered mean to fade to.
-        vec4 plain = params.packing == SIGNAL_RADIANCE ? fed : mean;
+        vec4 plain = params.noisy.packing == SIGNAL_RADIANCE ? fed : mean;
         vec4 helped = clamp((FEW - frames) / (0.5 * params.longest) + 1.0, 0.0, 1.0);
         accumulated = mix(plain + helped * (fed - plain), now, alone);
         if (!known) {
@@ -162,7 +136,7 @@ void main() {
     bool elsewhere = taps.beside || any(greaterThan(abs(was - vec2(pixel)), vec2(0.01)));
     vec4 independent = elsewhere ? vec4(1.0) : sqrt(frames);
     Signal signal = Signal(accumulated, variance / max(frames * independent, vec4(1.0)));
-    store_signal(params.accumulated, params.accumulated_deviation, pixel, params.packing, params.greatest, signal);
+    store_signal(params.accumulated, params.accumulated_deviation, pixel, params.noisy.packing, params.greatest, signal);
     store_signal(params.moments, params.moments_deviation, pixel, moments_packing(), params.greatest, Signal(mean, variance));
     store(params.frames, pixel, frames / LONGEST);
 }

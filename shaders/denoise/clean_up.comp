@@ -1,8 +1,8 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/blur_taps.glsl"
 #include "lib/guide.glsl"
-#include "lib/noise_width.glsl"
 #include "lib/signal.glsl"
 // A bilateral blur of the pixels whose mean over frames is still noisy. All others stay as they are, to the last bit.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -39,10 +39,9 @@ void main() {
         vec4 deviation = sqrt(signal.variance);
         // What has few frames gives way to what has many.
         float weights = max(frames, 0.1);
+        float turn = disc_turn(view, pixel, 1u);
         for (uint i = 1u; i <= TAPS; i++) {
-            // Vogel's spiral (Vogel 1979, "A Better Way to Construct the Sunflower Head").
-            float angle = 2.39996323 * float(i);
-            ivec2 offset = ivec2(round(sqrt(float(i) / float(TAPS)) * reach * vec2(cos(angle), sin(angle))));
+            ivec2 offset = ivec2(round(reach * disc_tap(i, TAPS, turn)));
             ivec2 at = pixel + offset;
             if (offset == ivec2(0) || !inside(at, view.at[0].size)) continue;
             float edges = edge_weight(here, gradient, load_guide(params.guide, params.normals, at), vec2(offset));

@@ -57,11 +57,19 @@ float coverage_of(Material material, float alpha) {
     return (material.flags & MATERIAL_ALPHA_TEST) == 0u || alpha >= material.alpha_cutoff ? 1.0 : 0.0;
 }
 
-// Whether an alpha-tested surface passes its test at that point.
-bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
-    uint material = InstanceBuffer(scene.at[0].instances).at[instance].material;
-    float cutoff = MaterialBuffer(scene.at[0].materials).at[material].alpha_cutoff;
+// Half a step of an alpha of eight bits: below, a blended surface covers nothing.
+const float LEAST_ALPHA = 1.0 / 512.0;
+
+// Whether an alpha-tested surface passes its test at that point. `blended`: a surface that blends does wherever it covers anything.
+bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width, bool blended) {
+    uint index = InstanceBuffer(scene.at[0].instances).at[instance].material;
+    Material material = MaterialBuffer(scene.at[0].materials).at[index];
+    float cutoff = blended && (material.flags & MATERIAL_BLEND) != 0u ? LEAST_ALPHA : material.alpha_cutoff;
     return alpha_at(scene, instance, corners, barycentric, direction, width) >= cutoff;
+}
+
+bool alpha_passes(SceneBuffer scene, uint instance, uvec3 corners, vec2 barycentric, vec3 direction, float width) {
+    return alpha_passes(scene, instance, corners, barycentric, direction, width, false);
 }
 
 #endif

@@ -18,13 +18,27 @@ const float UNBOUNDED = 1e30;
 // What a surface scatters of the light of one sample: BSDF times cosine for the directions `v` and `l`, both local to `frame`, whose third
 // axis is the shading normal. False if nothing: the sample's direction lies on one side by the shading normal and on the other by the
 // geometric normal, or the BSDF is 0.
-bool scatter(SurfacePoint s, mat3 frame, vec3 v, uint lobes, Incident from, out vec3 l, out vec3 scattered) {
+bool scatter(RayStart start, Bsdf bsdf, mat3 frame, vec3 v, uint lobes, Incident from, out vec3 l, out vec3 scattered) {
     l = from.direction * frame;
     scattered = vec3(0.0);
-    bool through = dot(s.start.normal, from.direction) < 0.0;
+    bool through = dot(start.normal, from.direction) < 0.0;
     if (through != (l.z < 0.0)) return false;
-    scattered = bsdf_cosine(s.bsdf, v, l, lobes);
+    scattered = bsdf_cosine(bsdf, v, l, lobes);
     return scattered != vec3(0.0);
+}
+
+// Alpha of the lobe whose greatest pdf, by visible normals at normal incidence, is `pdf`, per steradian; at most 1.
+float alpha_of_pdf(float pdf) {
+    return min(inversesqrt(4.0 * PI * max(pdf, 1e-12)), 1.0);
+}
+
+// The lobes as a lamp without size lights them, at the end of a path that has been spread as by a lobe of alpha `spread`. Behind rough surfaces
+// the highlight of such a lamp in a smooth surface is so small and bright that nearly all pixels miss it, and some are filled with it: there the
+// lobe is at least half as wide as the path (Kaplanyan and Dachsbacher 2013, "Path Space Regularization for Holistic and Robust Light Transport").
+Bsdf lit_by_points(Bsdf b, float spread) {
+    b.alpha = max(b.alpha, 0.5 * spread);
+    b.coat_alpha = max(b.coat_alpha, 0.5 * spread);
+    return b;
 }
 
 // The shadow ray of a light sample.
@@ -46,10 +60,11 @@ vec3 seen_along(SceneBuffer scene, Ray ray, inout uvec2 traced) {
 
 // Direct light, the sky's included, that some lobes of a surface scatter towards `to_viewer`: one sample of each group of lights, of which
 // one, chosen by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
-// `weighted`: a ray in a direction of the same lobes finds the same light, so each has its weight by the power heuristic.
+// `followed`: of these lobes a ray in a sampled direction finds the same light, so each of the two has its weight by the power heuristic. 0: none.
+// `spread`: of the path so far, as for `lit_by_points`.
 vec3 direct_light_at(
-    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, bool weighted, inout Random random,
-    inout uvec2 traced
+    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, uint followed, float spread,
+    inout Random random, inout uvec2 traced
 ) {
     mat3 frame = frame_of(s.normal);
     vec3 v = to_viewer * frame;
@@ -64,9 +79,15 @@ vec3 direct_light_at(
         float probability;
         vec3 l, scattered;
         if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
-        if (!scatter(s, frame, v, lobes, from, l, scattered)) continue;
+        Bsdf bsdf = s.bsdf;
+        if (from.pdf == 0.0) bsdf = lit_by_points(bsdf, spread);
+        if (!scatter(s.start, bsdf, frame, v, lobes, from, l, scattered)) continue;
+        if (followed != 0u && from.pdf > 0.0) {
+            vec3 shared_light = followed == lobes ? scattered : bsdf_cosine(s.bsdf, v, l, followed);
+            float weight = mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, followed), true);
+            scattered = max(scattered - (1.0 - weight) * shared_light, vec3(0.0));
+        }
         vec3 light = scattered * from.radiance / probability;
-        if (weighted && from.pdf > 0.0) light *= mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, lobes), true);
         float luminance_here = luminance(light);
         if (!(luminance_here > 0.0)) continue;
         // Reservoir with room for one (Chao 1982, "A General Purpose Unequal Probability Sampling Plan"); the random number is rescaled.
@@ -123,7 +144,7 @@ HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit h
     HitLight light = HitLight(s.emission, vec3(0.0));
     if (s.black) return light;
     if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, -direction, light.scattered)) return light;
-    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, false, random, traced);
+    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, 0u, 0.0, random, traced);
     return light;
 }
 

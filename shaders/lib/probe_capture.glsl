@@ -30,6 +30,9 @@ bool meet_surface(
     lobes = LOBE_ALL;
     for (uint turn = 0u; turn < MOST_SHEETS; turn++) {
         probe_traced.x++;
+#ifdef TINTED
+        ray.cull |= RAY_BLENDED;
+#endif
         bool met = trace_closest(scene, ray, hit);
         float t_max = hit.t * length(ray.direction);
         if (pdf > 0.0) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, vec3(0.0), t_max, met, 0u);
@@ -80,7 +83,7 @@ vec3 indirect_light(
         vec4 seen = sample_cube_mip(p.filtered, p.sampler_id, 0u, o, float(p.side >> 1u), 0.0);
         if (abs(largest_component(o) * seen.a - 1.0) < PROBE_GAP && is_taken(p.not_finite, seen)) return radiance + throughput * seen.rgb;
     }
-    return radiance + throughput * direct_light_at(view, scene, lights, there, -normalize(ray.direction), lobes_there, false, random, probe_traced);
+    return radiance + throughput * direct_light_at(view, scene, lights, there, -normalize(ray.direction), lobes_there, 0u, 0.0, random, probe_traced);
 }
 
 // Radiance and reciprocal distance along the axis of the face. `surface`: 24 bits that change with the triangle or sphere; 0 for the sky.
@@ -104,7 +107,7 @@ vec4 captured_light(ViewBuffer view, SceneBuffer scene, CaptureParams p, vec3 ce
     if (s.black) {
         radiance = s.emission;
     } else {
-        radiance = direct_light_at(view, scene, lights, s, -direction, lobes, p.indirect > 0u, random, probe_traced);
+        radiance = direct_light_at(view, scene, lights, s, -direction, lobes, p.indirect > 0u ? lobes : 0u, 0.0, random, probe_traced);
         if (p.indirect > 0u) radiance += indirect_light(view, scene, lights, p, centre, s, -direction, lobes, random);
     }
     // A surface at the centre itself is as near as the format can say.

@@ -8,7 +8,7 @@ struct RayPayload {
     uint instance;  // NO_HIT after a miss
     uint primitive;
     vec2 barycentric;
-    uint front;
+    uint front;  // before the hit RAY_BLENDED or 0, for the alpha test
     float cone_width;  // of the ray, for the alpha test
     float cone_spread;
 };

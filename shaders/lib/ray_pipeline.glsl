@@ -14,6 +14,7 @@ bool trace_any(SceneBuffer scene, Ray ray)
     payload.instance = 0u;
     payload.cone_width = ray.cone_width;
     payload.cone_spread = ray.cone_spread;
+    payload.front = ray.cull & RAY_BLENDED;
     uint flags = driver_flags(ray) | gl_RayFlagsTerminateOnFirstHitEXT | gl_RayFlagsSkipClosestHitShaderEXT;
     traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), flags, ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
     return payload.instance != NO_HIT;
@@ -25,6 +26,7 @@ bool trace_any_at(SceneBuffer scene, Ray ray, out float t)
     payload.instance = NO_HIT;
     payload.cone_width = ray.cone_width;
     payload.cone_spread = ray.cone_spread;
+    payload.front = ray.cull & RAY_BLENDED;
     uint flags = driver_flags(ray) | gl_RayFlagsTerminateOnFirstHitEXT;
     traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), flags, ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction, ray.t_max, 0);
     bool met = payload.instance != NO_HIT;
@@ -38,6 +40,7 @@ bool trace_closest(SceneBuffer scene, Ray ray, out Hit hit)
     payload.instance = NO_HIT;
     payload.cone_width = ray.cone_width;
     payload.cone_spread = ray.cone_spread;
+    payload.front = ray.cull & RAY_BLENDED;
     traceRayEXT(accelerationStructureEXT(scene.at[0].tlas), driver_flags(ray), ray.mask, 0, 0, 0, ray.origin, ray.t_min, ray.direction,
         ray.t_max, 0);
     if (payload.instance == NO_HIT) {

@@ -18,7 +18,8 @@ void query_scene(rayQueryEXT query, SceneBuffer scene, Ray ray, uint flags)
             float width = cone_width_at(ray, rayQueryGetIntersectionTEXT(query, false));
             vec2 barycentric = rayQueryGetIntersectionBarycentricsEXT(query, false);
             uvec3 corners = driver_corners(scene, instance, primitive);
-            if (alpha_passes(scene, instance, corners, barycentric, ray.direction, width)) {
+            bool blended = (ray.cull & RAY_BLENDED) != 0u;
+            if (alpha_passes(scene, instance, corners, barycentric, ray.direction, width, blended)) {
                 rayQueryConfirmIntersectionEXT(query);
             }
         } else {

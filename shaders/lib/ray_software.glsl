@@ -93,7 +93,8 @@ bool walk_scene(SceneBuffer scene, Ray ray, bool any_hit, out Hit hit)
             }
             met = met && !is_culled(ray, flags, found.front);
             if (met && (flags & INSTANCE_ALPHA_TEST) != 0u && (ray.cull & RAY_UNTESTED) == 0u) {
-                met = alpha_passes(scene, instance, candidate.corners, found.barycentric, ray.direction, cone_width_at(ray, found.t));
+                bool blended = (ray.cull & RAY_BLENDED) != 0u;
+                met = alpha_passes(scene, instance, candidate.corners, found.barycentric, ray.direction, cone_width_at(ray, found.t), blended);
             }
             if (met) {
                 hit = Hit(found.t, instance, candidate.primitive, found.barycentric, found.front);

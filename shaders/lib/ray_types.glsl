@@ -36,6 +36,8 @@ const uint RAY_CULL_BACK = 1u;
 const uint RAY_CULL_FRONT = 2u;
 // Skips the alpha test, so that every surface is hit; the caller looks up coverage itself.
 const uint RAY_UNTESTED = 4u;
+// Hits blended surfaces wherever they cover anything, instead of where they cover half; the caller looks up coverage itself.
+const uint RAY_BLENDED = 8u;
 
 // A ray that hits every instance from either side.
 Ray make_ray(vec3 origin, float t_min, vec3 direction, float t_max)

@@ -7,7 +7,9 @@
 #include "lib/precision.glsl"
 #include "lib/ray_cells.glsl"
 #include "lib/ray_count.glsl"
+#include "lib/roughness_limit.glsl"
 #include "lib/sequence.glsl"
+#include "lib/sky_lobe.glsl"
 #include "lib/specular_albedo.glsl"
 #include "shared/denoise.glsl"
 #include "shared/reflections.glsl"
@@ -18,20 +20,15 @@
 // Counters: closest-hit and any-hit rays.
 uvec2 reflections_traced = uvec2(0u);
 
-// At the last hit lights are sampled and no ray follows. For lobes narrower than this alpha that would be mostly noise: there the sky
-// stands for what they reflect.
-const float NARROW_ALPHA = 0.05;
+// At the last hit lights are sampled. For specular lobes with a brighter peak than this, BRDF times cosine in the mirror direction, that alone
+// would be mostly noise: one more ray along them finds the sky, lights and what the previous frame shows, but no surface is shaded there. White
+// paint has 1 / pi.
+const float BRIGHT_PEAK = 4.0 / PI;
 
-// Light that the last surface of a path sends back: lights sampled, and the sky in place of further bounces of a narrow lobe.
-vec3 light_at_the_end(ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, inout Random random) {
-    vec3 light = vec3(0.0);
-    if (widest_alpha(s.bsdf) < NARROW_ALPHA) {
-        lobes &= ~LOBE_SPECULAR;
-        if (view.at[0].has_sky != 0u) {
-            light = specular_albedo(s.bsdf, max(dot(s.normal, to_viewer), 1e-4)) * sky_radiance(view.at[0].sky, reflect(-to_viewer, s.normal));
-        }
-    }
-    return light + direct_light_at(view, scene, lights, s, to_viewer, lobes, false, random, reflections_traced);
+// The lobes along which a path goes on from its last hit. `v`: towards the viewer, local.
+uint lobes_beyond(Bsdf b, vec3 v, uint lobes) {
+    vec3 peak = bsdf_cosine(b, v, vec3(-v.xy, v.z), LOBE_SPECULAR);
+    return max(peak.r, max(peak.g, peak.b)) > BRIGHT_PEAK ? lobes & LOBE_SPECULAR : 0u;
 }
 
 // Radiance along a ray that was sampled with a pdf, and the distance to what it hits first, metres.
@@ -42,10 +39,14 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
     vec3 vertex = ray.origin;
     vec3 absorption = vec3(0.0);
     uint bounce = 1u;
+    float spread = alpha_of_pdf(pdf);
     first_distance = SKY_DISTANCE;
     // Every turn is a bounce or passes a sheet.
     for (uint turn = 0u; turn < MOST_TURNS; turn++) {
         Hit hit;
+#ifdef TINTED
+        ray.cull |= RAY_BLENDED;
+#endif
         reflections_traced.x++;
         bool met = trace_closest(scene, ray, hit);
         vec3 direction = normalize(ray.direction);
@@ -71,30 +72,30 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         if (bounce == 1u) first_distance = min(distance(s.start.position, vertex), SKY_DISTANCE);
         // Emissive surfaces that rays of the pixel hit are direct light; unlit ones are lit by nothing, and not sampled.
         if (bounce > 1u) add_emission_met(radiance, throughput, scene, lights, s, hit, vertex, pdf, 0u);
-        else if (s.black) radiance += throughput * s.emission;
+        else if (s.black && !s.shows_light) radiance += throughput * s.emission;
         if (s.black) break;
         vec3 seen;
         if (s.emission == vec3(0.0) && previous_light_at(view, scene, params.hits, s, hit.instance, -direction, seen)) {
             radiance += throughput * seen;
             break;
         }
-        if (bounce == params.bounces) {
-            radiance += throughput * light_at_the_end(view, scene, lights, s, -direction, lobes, random);
-            break;
-        }
-        radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, true, random, reflections_traced);
-
+        if (bounce > params.bounces) break;
         mat3 frame = frame_of(s.normal);
         vec3 v = -direction * frame;
+        uint followed = bounce < params.bounces ? lobes : lobes_beyond(s.bsdf, v, lobes);
+        radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, spread, random, reflections_traced);
+        if (followed == 0u) break;
+
         vec4 u = random4(random);
         vec3 l;
-        if (!bsdf_sample(s.bsdf, v, lobes, u.x, u.yz, l)) break;
+        if (!bsdf_sample(s.bsdf, v, followed, u.x, u.yz, l)) break;
         vec3 next = frame * l;
         bool refracted = dot(s.start.normal, next) < 0.0;
         if (refracted != (l.z < 0.0)) break;
-        pdf = bsdf_pdf(s.bsdf, v, l, lobes);
+        pdf = bsdf_pdf(s.bsdf, v, l, followed);
         if (!(pdf > 0.0)) break;
-        throughput *= bsdf_cosine(s.bsdf, v, l, lobes) / pdf;
+        spread = max(spread, alpha_of_pdf(pdf));
+        throughput *= bsdf_cosine(s.bsdf, v, l, followed) / pdf;
         if (refracted) absorption = s.absorption;
         bounce++;
         if (bounce + 1u >= ROULETTE_FROM) {
@@ -161,20 +162,23 @@ Reflected reflect_at(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector
     return found;
 }
 
-// The mean of all rays of a pixel, over the albedo of its lobe.
+// The mean of all rays of a pixel, over the albedo of its lobe; beyond the limit of roughness what the sky gives.
 void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
     Reflector r = reflector_at(view, params, pixel);
     vec3 radiance = vec3(0.0);
     float nearest = SKY_DISTANCE;
     float width = 0.0;
     if (r.exists) {
-        for (uint i = 0u; i < params.samples; i++) {
+        float share = share_of_rays(r.surface, params.roughness_limit);
+        uint samples = share > 0.0 ? params.samples : 0u;
+        for (uint i = 0u; i < samples; i++) {
             Reflected found = reflect_at(view, params, pixel, r, view.at[0].frame * params.samples + i);
             if (!found.exists) continue;
             radiance += found.share * found.radiance;
             nearest = min(nearest, found.distance);
         }
-        radiance /= float(params.samples) * specular_albedo(r.surface);
+        radiance *= share / (float(params.samples) * specular_albedo(r.surface));
+        if (share < 1.0) radiance += (1.0 - share) * sky_over_albedo(view, r.surface, params.openness, pixel);
         width = lobe_width(view, r.surface, strongest_alpha(r.bsdf, r.v), nearest);
     }
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
@@ -191,6 +195,7 @@ void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
     ivec2 side = ivec2(params.cell);
     ivec2 pixel = ray_pixel(view, cell, side);
     Reflector r = reflector_at(view, params, pixel);
+    r.exists = r.exists && share_of_rays(r.surface, params.roughness_limit) > 0.0;
     Reflected found;
     found.exists = false;
     // Directions below the surface are drawn again: reconstruction does not ask how often that happened.

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/precision.glsl"
+#include "lib/roughness_limit.glsl"
 #include "lib/screen_light.glsl"
 #include "lib/sequence.glsl"
 #include "lib/specular_albedo.glsl"
@@ -20,11 +21,6 @@ struct Marched {
     float width;
     uint steps;
 };
-
-// Perceptual roughness of the smoothest lobe, of base or coat.
-float least_roughness(Surface s) {
-    return s.coat > 0.0 ? min(s.roughness, s.coat_roughness) : s.roughness;
-}
 
 // Steps are farther apart for rougher surfaces, whose reflection shows less detail: whole pixels.
 float stride_at(float roughness) {
@@ -60,7 +56,7 @@ Marched march(ViewBuffer view, ivec2 pixel) {
     SceneBuffer scene = SceneBuffer(params.scene);
     ScreenFound found =
         light_on_screen(view, scene, params.light, params.gbuffer, params.not_finite, s, direction, stride_at(roughness), jitter);
-    float confidence = found.confidence * (1.0 - smoothstep(ROUGHNESS_FADE * limit, limit, roughness));
+    float confidence = found.confidence * below_roughness(roughness, limit);
     m.radiance = confidence * share * found.radiance;
     m.confidence = confidence * (share.r + share.g + share.b) / 3.0;
     m.distance = found.distance;

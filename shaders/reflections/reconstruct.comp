@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/blur_taps.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/colour.glsl"
 #include "lib/found_ray.glsl"
@@ -9,6 +10,7 @@
 #include "lib/precision.glsl"
 #include "lib/random.glsl"
 #include "lib/ray_cells.glsl"
+#include "lib/roughness_limit.glsl"
 #include "lib/specular_albedo.glsl"
 #include "shared/reflections.glsl"
 // Reconstruction and upsampling in one pass: each pixel takes the rays of its neighbours as samples of its own lobe, by the ratio estimator
@@ -67,6 +69,21 @@ float weight_of(ViewBuffer view, ivec2 pixel, ivec2 cell, ivec2 side, Lobe lobe,
     return max(edge_weight(lobe.guide, lobe.gradient, there, offset), ANY_SURFACE) * mix(ratio, near, lobe.smoothness);
 }
 
+// Light of the rays of a cell and those beside it, whatever they are rays of.
+vec3 light_beside(ivec2 cell, ivec2 cells) {
+    vec3 sum = vec3(0.0);
+    float count = 0.0;
+    for (int k = 0; k < 9; k++) {
+        ivec2 at = cell + ivec2(k % 3, k / 3) - 1;
+        if (!inside(at, uvec2(cells))) continue;
+        vec4 found = load(params.found, at);
+        if (found.a == 0.0 || !is_finite(found)) continue;
+        count += 1.0;
+        sum += (found.rgb - sum) / count;
+    }
+    return sum;
+}
+
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -104,12 +121,11 @@ void main() {
     uint brightest_at = 0u;
     vec2 light_sum = vec2(0.0);
     float nearness = 0.0;
-    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), view.at[0].frame, view.at[0].seed);
-    float turn = 2.0 * PI * random4(random).x;
-    for (uint i = 0u; i < params.taps; i++) {
-        // Vogel's spiral (Vogel 1979, "A Better Way to Construct the Sunflower Head"): even over a disc for any number of points.
-        float angle = 2.39996323 * float(i) + turn;
-        vec2 offset = sqrt(float(i) / float(params.taps)) * vec2(cos(angle), sin(angle)) * reach;
+    float turn = disc_turn(view, pixel, 0u);
+    float share = share_of_rays(s, params.roughness_limit);
+    uint taps = share > 0.0 ? params.taps : 0u;
+    for (uint i = 0u; i < taps; i++) {
+        vec2 offset = disc_tap(i, params.taps, turn) * reach;
         ivec2 at = ivec2(floor((vec2(pixel) + 0.5) / vec2(side) + offset));
         bool known = !inside(at, uvec2(cells));
         for (uint k = 0u; k < count; k++) known = known || places[k] == at;
@@ -144,8 +160,16 @@ void main() {
         // A running mean: of equal values it is exactly that value.
         sum += (lights[i].a / weights) * (lights[i].rgb - sum);
     }
+    // A lobe that none of these rays lies in: without a history, any light is nearer to the truth than none.
+    if (count == 0u) sum = light_beside(cell, cells);
     bool own = count > 0u && places[0] == cell && ray_pixel(view, cell, side) == pixel;
     float counts = weights > SAME_SURFACE ? mix(1.0, own ? 1.0 : BORROWED, lobe.smoothness) : weights > 0.0 ? BORROWED : 0.0;
+    if (share < 1.0) {
+        // Rougher surfaces have no rays, and beside them a surface may find none that it could take.
+        if (weights == 0.0) share = 0.0;
+        sum = mix(sky_over_albedo(view, s, params.openness, pixel), sum, share);
+        if (share == 0.0) counts = 1.0;
+    }
     store(params.radiance, pixel, vec4(representable(sum, params.greatest), counts));
     store(params.hit_distance, pixel, vec4(weights > 0.0 ? min(weights / nearness, SKY_DISTANCE) : SKY_DISTANCE));
     store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));

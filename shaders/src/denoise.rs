@@ -1,5 +1,4 @@
 //! Parameters of `shaders/denoise`.
-use super::gbuffer::GBufferImages;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
@@ -18,6 +17,42 @@ pub const SIGNAL_RADIANCE: u32 = 0;
 /// Width of noise that the value 1 stands for, pixels: the widest that is told apart.
 pub const WIDEST_NOISE: f32 = 64.0;
 
+/// A noisy image of which a mean over frames is made.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct NoisyImage {
+    /// This frame's samples.
+    pub image: SampledImage,
+    /// As in [`LevelParams`].
+    pub width: u32,
+    /// 1 if alpha of radiance is the weight of a sample.
+    pub weighted: u32,
+    /// How the signal is laid out: `SIGNAL_ONE` and so on.
+    pub packing: u32,
+}
+
+/// Where `lib/two_histories.glsl` finds the mean over the frames before.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct HistoryImages {
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// The same of the previous frame.
+    pub previous_guide: SampledImage,
+    /// Shading normals of the G-buffer.
+    pub normal: SampledImage,
+    /// Distance of what is reflected, metres; or [`NO_IMAGE`].
+    pub hit_distance: u32,
+    /// Mean over frames, and the deviation of the samples, of the previous frame.
+    pub values: SampledImage,
+    /// Its deviations for [`SIGNAL_FOUR`]; else [`NO_IMAGE`].
+    pub deviations: u32,
+    /// Number of samples in the mean.
+    pub frames: SampledImage,
+    /// Mean over the last few frames; or [`NO_IMAGE`]. With it, `frames` has as many channels as the signal has variances.
+    pub fast: u32,
+}
+
 /// Push constants of `accumulate.comp`: temporal mean, its variance, and the history length.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -27,9 +62,9 @@ pub struct AccumulateParams {
     /// Counter of samples and histories that are not finite.
     pub not_finite: Address,
     /// Input: this frame's samples.
-    pub noisy: SampledImage,
-    /// The G-buffer.
-    pub gbuffer: GBufferImages,
+    pub noisy: NoisyImage,
+    /// Motion vectors of the G-buffer.
+    pub motion: SampledImage,
     /// `taps` of `reproject/surfaces.comp`.
     pub taps: SampledImage,
     /// Filtered result that the previous frame fed back; its deviation is not read.
@@ -42,8 +77,6 @@ pub struct AccumulateParams {
     pub previous_frames: SampledImage,
     /// Share of the history to discard, 0 to 1, at a third of the size; or [`NO_IMAGE`].
     pub gradient: u32,
-    /// As in [`LevelParams`].
-    pub noise_width: u32,
     /// A bit for each channel whose subject moves by itself, such as a moving light: its history is limited even without motion vectors.
     pub moved: u32,
     /// Output: temporal mean that includes the fed-back result, and its deviation.
@@ -58,8 +91,6 @@ pub struct AccumulateParams {
     pub frames: StorageImage,
     /// Limit of the history length, frames, 1 to [`LONGEST`].
     pub longest: f32,
-    /// How the signal is laid out: `SIGNAL_ONE` and so on.
-    pub packing: u32,
     /// Largest finite number of the format of radiance.
     pub greatest: f32,
 }
@@ -112,7 +143,7 @@ pub struct SpatialVarianceParams {
     pub signal_deviation: u32,
     /// Output, one pixel per tile: 1 where any pixel of the tile has a variance.
     pub varied_tiles: StorageImage,
-    /// As in [`AccumulateParams`].
+    /// As in [`NoisyImage`].
     pub packing: u32,
     /// Number of channels that have a variance.
     pub channels: u32,
@@ -146,7 +177,7 @@ pub struct LevelParams {
     pub result: u32,
     /// Distance between taps, pixels: 2 to the power of the level.
     pub step: u32,
-    /// As in [`AccumulateParams`].
+    /// As in [`NoisyImage`].
     pub packing: u32,
     /// Difference between two values, in standard deviations, at which their weight is 1/e.
     pub sigma: f32,
@@ -174,7 +205,7 @@ pub struct BilateralParams {
     pub noise_width: u32,
     /// Radius, pixels.
     pub radius: u32,
-    /// As in [`AccumulateParams`].
+    /// As in [`NoisyImage`].
     pub packing: u32,
     /// As in [`AccumulateParams`].
     pub greatest: f32,
@@ -188,26 +219,14 @@ pub struct DualSourceParams {
     pub view: Address,
     /// Counter of samples and histories that are not finite.
     pub not_finite: Address,
-    /// The G-buffer.
-    pub gbuffer: GBufferImages,
     /// Input: this frame's samples.
-    pub noisy: SampledImage,
-    /// `guide` of `reproject/surfaces.comp`.
-    pub guide: SampledImage,
-    /// The same of the previous frame.
-    pub previous_guide: SampledImage,
+    pub noisy: NoisyImage,
+    /// Motion vectors of the G-buffer.
+    pub motion: SampledImage,
     /// `taps` of `reproject/surfaces.comp`.
     pub taps: SampledImage,
-    /// `accumulated` of the previous frame.
-    pub previous: SampledImage,
-    /// Its deviations for [`SIGNAL_FOUR`]; else [`NO_IMAGE`].
-    pub previous_deviation: u32,
-    /// `frames` of the previous frame.
-    pub previous_frames: SampledImage,
-    /// Distance of what is reflected, metres; or [`NO_IMAGE`].
-    pub hit_distance: u32,
-    /// As in [`LevelParams`].
-    pub noise_width: u32,
+    /// What the previous frame left.
+    pub history: HistoryImages,
     /// Output: temporal mean, and the deviation of the samples.
     pub accumulated: StorageImage,
     /// Deviations of `accumulated` for [`SIGNAL_FOUR`].
@@ -219,9 +238,129 @@ pub struct DualSourceParams {
     /// Limit of that number.
     pub longest: f32,
     /// As in [`AccumulateParams`].
+    pub greatest: f32,
+}
+
+/// Push constants of `accumulate_blurred.comp`: temporal mean of what was blurred in the previous frame.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct AccumulateBlurredParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Counter of samples and histories that are not finite.
+    pub not_finite: Address,
+    /// Input: this frame's samples.
+    pub noisy: NoisyImage,
+    /// Motion vectors of the G-buffer.
+    pub motion: SampledImage,
+    /// `taps` of `reproject/surfaces.comp`.
+    pub taps: SampledImage,
+    /// What the previous frame left.
+    pub history: HistoryImages,
+    /// As in [`AccumulateParams`].
+    pub gradient: u32,
+    /// As in [`AccumulateParams`].
+    pub moved: u32,
+    /// Output: temporal mean, and the deviation of the samples.
+    pub accumulated: StorageImage,
+    /// Deviations of `accumulated` for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// Output: number of samples in the mean.
+    pub frames: StorageImage,
+    /// Output: mean over the last few frames.
+    pub fast: StorageImage,
+    /// Output: width of the noise, of radiance without that of single rays; or [`NO_IMAGE`].
+    pub width: u32,
+    /// Limit of the number of samples.
+    pub longest: f32,
+    /// The same for `fast`.
+    pub fast_longest: f32,
+    /// Radius of the blur of a full history, pixels.
+    pub radius: f32,
+    /// Of radiance: deviations above the mean at which a sample is limited.
+    pub outliers: f32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
+}
+
+/// Push constants of `mend_history.comp`: what is out of date is clamped, and what is new is filled from around.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MendHistoryParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// This frame's samples. Its width is that of `accumulate_blurred.comp`.
+    pub noisy: NoisyImage,
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// As in [`SpatialVarianceParams`].
+    pub normals: u32,
+    /// `accumulated` of `accumulate_blurred.comp`.
+    pub accumulated: SampledImage,
+    /// Its deviations for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// `frames` of `accumulate_blurred.comp`.
+    pub frames: SampledImage,
+    /// Its `fast`.
+    pub fast: SampledImage,
+    /// Output: the mean, and its own deviation.
+    pub mended: StorageImage,
+    /// Deviations of `mended` for [`SIGNAL_FOUR`].
+    pub mended_deviation: u32,
+    /// Output: history length, less where the mean was out of date.
+    pub mended_frames: StorageImage,
+    /// As in [`AccumulateBlurredParams`].
+    pub longest: f32,
+    /// As in [`AccumulateBlurredParams`].
+    pub fast_longest: f32,
+    /// As in [`AccumulateBlurredParams`].
+    pub radius: f32,
+    /// As in [`AccumulateParams`].
+    pub greatest: f32,
+}
+
+/// Push constants of `blur.comp`: a blur as wide as the history is short.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct RecurrentBlurParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// `guide` of `reproject/surfaces.comp`.
+    pub guide: SampledImage,
+    /// As in [`SpatialVarianceParams`].
+    pub normals: u32,
+    /// Input, with the deviation of the mean.
+    pub signal: SampledImage,
+    /// Deviations of `signal` for [`SIGNAL_FOUR`].
+    pub signal_deviation: u32,
+    /// `mended_frames` of `mend_history.comp`.
+    pub frames: SampledImage,
+    /// `width` of `accumulate_blurred.comp`; or [`NO_IMAGE`].
+    pub noise_width: u32,
+    /// Of the last blur: `mended` of `mend_history.comp`.
+    pub mended: u32,
+    /// Deviations of `mended` for [`SIGNAL_FOUR`].
+    pub mended_deviation: u32,
+    /// Of the last blur: `accumulated` of `accumulate_blurred.comp`.
+    pub accumulated: u32,
+    /// Deviations of `accumulated` for [`SIGNAL_FOUR`].
+    pub accumulated_deviation: u32,
+    /// Output, of the last blur for the next frame.
+    pub blurred: StorageImage,
+    /// Deviations of `blurred` for [`SIGNAL_FOUR`].
+    pub blurred_deviation: u32,
+    /// Of the last blur: output without deviation; else [`NO_IMAGE`].
+    pub result: u32,
+    /// As in [`AccumulateBlurredParams`].
+    pub longest: f32,
+    /// As in [`AccumulateBlurredParams`].
+    pub fast_longest: f32,
+    /// As in [`AccumulateBlurredParams`].
+    pub radius: f32,
+    /// Difference between two values, in standard deviations, at which their weight is 1/2.
+    pub sigma: f32,
+    /// As in [`NoisyImage`].
     pub packing: u32,
-    /// 1 if alpha of radiance is the weight of a sample.
-    pub weighted: u32,
     /// As in [`AccumulateParams`].
     pub greatest: f32,
 }
@@ -250,7 +389,7 @@ pub struct CleanUpParams {
     pub threshold: f32,
     /// Radius of the blur, pixels.
     pub radius: f32,
-    /// As in [`AccumulateParams`].
+    /// As in [`NoisyImage`].
     pub packing: u32,
     /// As in [`AccumulateParams`].
     pub greatest: f32,

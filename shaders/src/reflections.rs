@@ -10,6 +10,9 @@ pub const MOST_TURNS: u32 = 24;
 /// Greatest number of rays that one pixel is reconstructed from.
 pub const MOST_TAPS: u32 = 16;
 
+/// Below this share of a limit of roughness rays give the whole reflection; from there to the limit their share falls to 0.
+pub const ROUGHNESS_FADE: f32 = 0.75;
+
 /// Push constants of `trace.ray` and `tinted_trace.ray`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -41,6 +44,10 @@ pub struct TraceParams {
     pub bounces: u32,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
+    /// Perceptual roughness from which a surface has no ray, 0 to 1; 1: every surface has.
+    pub roughness_limit: f32,
+    /// Openness of ambient occlusion, 0 to 1, for the sky beyond that limit; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub openness: u32,
 }
 
 /// Push constants of `reconstruct.comp`.
@@ -76,6 +83,10 @@ pub struct ReconstructParams {
     pub firefly_limit: f32,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
+    /// As in [`TraceParams`].
+    pub roughness_limit: f32,
+    /// As in [`TraceParams`].
+    pub openness: u32,
 }
 
 /// Push constants of `resolve.comp`.

@@ -10,8 +10,6 @@ pub const MOST_CONFIDENCE: f32 = 4.0;
 pub const MARCH_HALF: u32 = 1;
 /// [`MarchParams::flags`]: along the mirror direction instead of one sampled from the lobe.
 pub const MARCH_MIRROR: u32 = 2;
-/// Below this share of the roughness limit confidence is whole.
-pub const ROUGHNESS_FADE: f32 = 0.75;
 
 /// Push constants of `march.comp`.
 #[repr(C)]

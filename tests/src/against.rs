@@ -38,8 +38,24 @@ pub fn mean_of(
     shown: Shown,
     frames: u32,
 ) -> Result<(Vec<DVec3>, f64)> {
+    mean_with(RenderOptions { check: true, ..RenderOptions::default() }, slot, gpu, scene, changes, shown, frames)
+}
+
+/// The same with other options; their size does not count.
+///
+/// # Errors
+/// Any error of the renderer, and with `check` values that are not finite.
+pub fn mean_with(
+    options: RenderOptions,
+    slot: &str,
+    gpu: &Gpu,
+    scene: &Scene,
+    changes: &[&str],
+    shown: Shown,
+    frames: u32,
+) -> Result<(Vec<DVec3>, f64)> {
     let [width, height] = shown.size;
-    let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
+    let options = RenderOptions { width, height, ..options };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
     renderer.read_slots(&[slot])?;
     let (mut sums, mut ns) = (vec![DVec3::ZERO; (width * height) as usize], 0);
@@ -65,13 +81,14 @@ pub fn truth(gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Est
     truth_of(ReferenceOptions { only: Only::Direct, ..ReferenceOptions::default() }, gpu, scene, shown, samples)
 }
 
-/// The ground truth of what the options say, at the centres of pixels.
+/// The ground truth of what the options say, at the centres of pixels. Seeds are other ones than those of frames.
 ///
 /// # Errors
 /// Any error of the reference.
 pub fn truth_of(options: ReferenceOptions, gpu: &Gpu, scene: &Scene, shown: Shown, samples: u32) -> Result<Estimate> {
     let Shown { size: [width, height], time } = shown;
-    let options = ReferenceOptions { width, height, pixel: PixelSampling::Centre, time, seed: 77, ..options };
+    let options =
+        ReferenceOptions { width, height, pixel: PixelSampling::Centre, time, seed: options.seed ^ 77, ..options };
     let mut reference = Reference::new(gpu, scene, &scene.cameras[0], options)?;
     reference.add(samples)?;
     Ok(reference.estimate().clone())
@@ -93,6 +110,46 @@ pub fn light_and_block_error(found: &[DVec3], truth: &[DVec3], width: u32) -> [f
     let (sum, wanted): (f64, f64) = (found.iter().sum(), truth.iter().sum());
     let square: f64 = found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum();
     [sum / wanted, (square / truth.len() as f64).sqrt() / (wanted / truth.len() as f64)]
+}
+
+/// How far the expected values of two ways to compute a picture are apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Bias {
+    /// relMSE of the expected values: noise adds nothing to it but an error, in both directions.
+    pub relmse: f64,
+    /// Standard error of that, from its spread over pixels.
+    pub error: f64,
+    /// Mean light of the one over that of the other.
+    pub light: f64,
+    /// Standard error of that, from its spread over runs.
+    pub light_error: f64,
+}
+
+/// The bias of `found` against `truth`, from at least two independent runs of each. The product of two independent errors of a pixel has the
+/// squared bias as its expected value; the mean over all pairs of runs is taken.
+pub fn bias(found: &[Vec<DVec3>], truth: &[Vec<DVec3>]) -> Bias {
+    let runs = found.len() as f64;
+    let pixels = found[0].len();
+    let squares: Vec<f64> = (0..pixels)
+        .map(|at| {
+            let wanted = truth.iter().map(|t| t[at]).sum::<DVec3>() / truth.len() as f64;
+            let apart = || found.iter().zip(truth).map(|(f, t)| f[at] - t[at]);
+            let (sum, own) = (apart().sum::<DVec3>(), apart().map(|d| d * d).sum::<DVec3>());
+            let square = (sum * sum - own) / (runs * (runs - 1.0));
+            (square / (wanted * wanted + DVec3::splat(RELMSE_EPSILON))).element_sum() / 3.0
+        })
+        .collect();
+    let of = |values: &[f64]| {
+        let (n, mean) = (values.len() as f64, values.iter().sum::<f64>() / values.len() as f64);
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        (mean, (variance / n).sqrt())
+    };
+    let (relmse, error) = of(&squares);
+    let light = |image: &Vec<DVec3>| image.iter().map(|v| v.element_sum()).sum::<f64>();
+    let wanted = truth.iter().map(light).sum::<f64>() / runs;
+    let shares: Vec<f64> = found.iter().zip(truth).map(|(f, t)| 1.0 + (light(f) - light(t)) / wanted).collect();
+    let (light, light_error) = of(&shares);
+    Bias { relmse, error, light, light_error }
 }
 
 /// relMSE, and the part of it that is due to the ground truth's noise.

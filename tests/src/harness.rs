@@ -1,5 +1,6 @@
 //! What GPU tests share: devices with the validation layers on, scenes, renders and goldens.
 use anyhow::{Context, Result, anyhow, bail, ensure};
+use glam::DVec3;
 use magpie::config::Config;
 use magpie::gpu::{Gpu, GpuOptions};
 use magpie::pixels::Pixels;
@@ -206,6 +207,28 @@ pub fn compare_with_golden(name: &str, actual: &Pixels, limit: f64) -> Result<()
         bail!("{name}: RMSE {rmse:.5} is over {limit}; see target/images/{name}.*.png");
     }
     Ok(())
+}
+
+/// Writes pictures of the same width, their radiance as it looks in sRGB, side by side to `target/images/NAME.png`, for a look at what a test
+/// found. `across`: how many in a row.
+pub fn save_picture(name: &str, width: u32, across: u32, images: &[Vec<DVec3>]) -> Result<()> {
+    let height = images.first().context("no picture")?.len() as u32 / width;
+    let rows = (images.len() as u32).div_ceil(across);
+    let mut sheet = image::RgbImage::new(width * across, height * rows);
+    for (k, values) in (0..).zip(images) {
+        for (at, value) in (0..).zip(values) {
+            let encode = |v: f64| {
+                let v = v.clamp(0.0, 1.0);
+                let encoded = if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
+                (encoded * 255.0).round() as u8
+            };
+            let (x, y) = (k % across * width + at % width, k / across * height + at / width);
+            sheet.put_pixel(x, y, image::Rgb(value.to_array().map(encode)));
+        }
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/images");
+    std::fs::create_dir_all(&folder)?;
+    Ok(sheet.save(folder.join(format!("{name}.png")))?)
 }
 
 /// Root mean square difference from the nearest image of one colour, which is the mean colour.

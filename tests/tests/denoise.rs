@@ -20,7 +20,8 @@ use magpie_tests::harness::{builtin, gpu};
 const SIZE: [u32; 2] = [96, 54];
 
 /// `low + (high - low) * x`, where x is, by `kind`: 0 the constant 1; 1 random per pixel; 2 random per pixel and frame; 3 the same on
-/// instances with odd numbers and its negative on the others; 4 the same in the left half of the picture and 0 in the right half.
+/// instances with odd numbers and its negative on the others; 4 the same in the left half of the picture and 0 in the right half; 5 mostly
+/// small and rarely up to 17, with a mean of 1.
 const PATTERN: &str = r#"#version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
@@ -32,6 +33,7 @@ void main() {
     if (any(greaterThanEqual(uvec2(p), size))) return;
     Random random = random_of(uint(p.y) * size.x + uint(p.x), kind == 1u ? 0u : frame, 7u);
     vec4 x = kind == 0u ? vec4(1.0) : random4(random);
+    if (kind == 5u) x = 17.0 * pow(x, vec4(16.0));
     if (kind == 4u && uint(p.x) >= size.x / 2u) x = vec4(0.0);
     if (kind == 3u) x = mix(vec4(low), vec4(high), x) * ((load_uint(ids, p).x & 1u) == 0u ? -1.0 : 1.0);
     else x = mix(vec4(low), vec4(high), x);
@@ -127,7 +129,7 @@ fn slots() -> Slots {
     settings.push(denoise::precision());
     settings.extend([
         SettingSpec::integer("channels", "", "Channels; 0 for radiance.", 1, 0..=4),
-        SettingSpec::integer("kind", "", "Which pattern.", 0, 0..=4),
+        SettingSpec::integer("kind", "", "Which pattern.", 0, 0..=5),
         float("low", 0.0),
         float("high", 1.0),
         float("reach", -1.0),
@@ -194,12 +196,21 @@ const PATTERN_MADE: (&str, &str) = ("shadows.pattern", "made");
 /// Output of the last of four levels.
 const SVGF: (&str, &str) = ("shadows.level_3", "result");
 const BILATERAL: (&str, &str) = ("shadows.bilateral", "filtered");
+const RECURRENT: (&str, &str) = ("shadows.post_blur", "result");
+const PICA_PICA: (&str, &str) = ("shadows.clean_up", "result");
+/// The denoisers with the setting that chooses them.
+const DENOISERS: [(&str, (&str, &str)); 4] = [
+    ("denoiser=svgf", SVGF),
+    ("denoiser=pica-pica", PICA_PICA),
+    ("denoiser=recurrent-blur", RECURRENT),
+    ("denoiser=bilateral", BILATERAL),
+];
 const IDS: (&str, &str) = ("gbuffer.draw", "ids");
 
 #[test]
 fn constant_input_stays_constant() -> Result<()> {
     for (scene, values) in [(builtin("courtyard")?, &[0.3_f32][..]), (boards(), &[0.3, 1e6])] {
-        for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+        for (denoiser, output) in DENOISERS {
             for &value in values {
                 for (channels, reach) in
                     [("channels=1", "reach=-1"), ("channels=0", "reach=-1"), ("channels=1", "reach=6")]
@@ -249,7 +260,8 @@ fn no_noise_goes_further_than_its_reach() -> Result<()> {
         s
     };
     let [width, middle] = [SIZE[0] as usize, SIZE[0] as usize / 2];
-    for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+    // `pica-pica` blurs what is noisy, and zero is not.
+    for (denoiser, output) in DENOISERS.into_iter().filter(|(denoiser, _)| *denoiser != "denoiser=pica-pica") {
         let mut farthest = Vec::new();
         for reach in [0, 6, 24] {
             let config = patterned(&[denoiser, "kind=4", "low=0", "radius=16", "sigma=16", &format!("reach={reach}")])?;
@@ -350,10 +362,8 @@ fn surfaces_do_not_mix() -> Result<()> {
     // Values from 0.5 to 1.5 on one of two neighbours, their negatives on the other: values between -0.5 and 0.5 would show that they mix.
     let Some(ids) = images(&boards(), &patterned(&[])?, 1, &[IDS])? else { return Ok(()) };
     let ids = ids[0].values();
-    for (denoiser, output, reach) in
-        [("svgf", SVGF, "reach=-1"), ("bilateral", BILATERAL, "reach=-1"), ("svgf", SVGF, "reach=24")]
-    {
-        let denoiser = &format!("denoiser={denoiser}");
+    let with = |reach: &'static str| DENOISERS.map(|(denoiser, output)| (denoiser, output, reach));
+    for (denoiser, output, reach) in [with("reach=-1"), with("reach=24")].concat() {
         let config = patterned(&[denoiser, "kind=3", "low=0.5", "high=1.5", "channels=1", "sigma=16", reach])?;
         let Some(found) = images(&boards(), &config, 6, &[output])? else { return Ok(()) };
         let filtered = found[0].values();
@@ -378,7 +388,7 @@ fn nothing_becomes_nan() -> Result<()> {
     let mut empty = scene("empty", camera(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 1.0, 0.0)));
     empty.lights.push(sun(Vec3::Y));
     for scene in [empty, boards()] {
-        for (denoiser, output) in [("denoiser=svgf", SVGF), ("denoiser=bilateral", BILATERAL)] {
+        for (denoiser, output) in DENOISERS {
             for (kind, high) in [("kind=0", "high=0"), ("kind=2", "high=1e6"), ("kind=1", "high=1e6")] {
                 for (channels, reach) in
                     [("channels=0", "reach=-1"), ("channels=2", "reach=-1"), ("channels=2", "reach=2")]
@@ -429,5 +439,84 @@ fn what_was_not_seen_before_has_no_history() -> Result<()> {
     }
     println!("{uncovered} pixels were uncovered, {kept} have a history");
     ensure!(uncovered > 20 && kept > 1000, "{uncovered} uncovered, {kept} with a history");
+    Ok(())
+}
+
+/// Means of what the effect gets and of what it returns over all surfaces and frames from `first` on.
+fn mean_light(config: &Config, output: (&str, &str), first: u32, frames: u32) -> Result<Option<f64>> {
+    let scene = boards();
+    let Some(ids) = images(&scene, config, 1, &[IDS])? else { return Ok(None) };
+    let ids = ids[0].values();
+    let Some(gpu) = gpu()? else { return Ok(None) };
+    let [width, height] = SIZE;
+    let options = RenderOptions { width, height, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(&gpu, &scene, &slots(), config, options)?;
+    let (mut sum, mut count) = (0.0, 0.0);
+    for frame in 0..frames {
+        let read_back = frame >= first;
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: Some(output), read_back };
+        let result = renderer.frame(request)?.context("no frame")?;
+        let Some(image) = result.images else { continue };
+        for (value, id) in image.linear.values().iter().zip(&ids) {
+            if id[0] > 0.0 {
+                sum += f64::from(value[0]);
+                count += 1.0;
+            }
+        }
+    }
+    Ok(Some(sum / count))
+}
+
+/// The blur is fed back: nothing may grow or drift over many frames.
+#[test]
+fn a_constant_stays_for_a_thousand_frames() -> Result<()> {
+    for (channels, rounding) in [("channels=0", 1.3e-4), ("channels=1", 8e-6)] {
+        let config = patterned(&["denoiser=recurrent-blur", "low=0.3", "high=0.3", "precision=16", channels])?;
+        let Some(mean) = mean_light(&config, RECURRENT, 999, 1000)? else { return Ok(()) };
+        println!("{channels}: 0.3 has become {mean}");
+        ensure!((mean - 0.3).abs() < rounding, "{channels}: 0.3 has become {mean}");
+    }
+    Ok(())
+}
+
+/// Clamps and weights that compare values could take light from noise, or give it some.
+#[test]
+fn noise_keeps_its_light() -> Result<()> {
+    for (name, pattern) in [
+        ("even noise", ["kind=2", "low=0", "high=1", "channels=0"]),
+        ("even noise of visibility", ["kind=2", "low=0", "high=1", "channels=1"]),
+        ("bright specks", ["kind=5", "low=0", "high=1", "channels=0"]),
+    ] {
+        let light =
+            |denoiser: &str, output| mean_light(&patterned(&[&pattern[..], &[denoiser]].concat())?, output, 16, 112);
+        let Some(raw) = light("denoiser=none", PATTERN_MADE)? else { return Ok(()) };
+        for (denoiser, output) in DENOISERS {
+            let Some(found) = light(denoiser, output)? else { return Ok(()) };
+            println!("{name}, {denoiser}: {:.4} of the light", found / raw);
+            // Only this one is made to keep it.
+            let is_bound = denoiser == "denoiser=recurrent-blur";
+            ensure!(!is_bound || (found / raw - 1.0).abs() < 0.01, "{name}: {found} of {raw}");
+        }
+    }
+    Ok(())
+}
+
+/// What stands still becomes as sharp as the samples are, though the first frames were blurred and fed back.
+#[test]
+fn at_rest_the_blur_goes_away() -> Result<()> {
+    // Random per pixel, the same in all frames: all differences between pixels are true.
+    let pattern = ["kind=1", "channels=0", "denoiser=recurrent-blur"];
+    let mut errors = Vec::new();
+    for frames in [1, 8, 32, 128] {
+        let Some(found) = images(&boards(), &patterned(&pattern)?, frames, &[PATTERN_MADE, RECURRENT, IDS])? else {
+            return Ok(());
+        };
+        let [made, blurred, ids] = [0, 1, 2].map(|k| found[k].values());
+        let seen = (0..made.len()).filter(|at| ids[*at][0] > 0.0);
+        let squares: Vec<f64> = seen.map(|at| f64::from(made[at][0] - blurred[at][0]).powi(2)).collect();
+        errors.push((squares.iter().sum::<f64>() / squares.len() as f64).sqrt());
+    }
+    println!("difference in frames 1, 8, 32, 128: {errors:.4?}");
+    ensure!(errors.is_sorted_by(|a, b| a > b) && errors[3] < 0.05 * errors[0], "{errors:?}");
     Ok(())
 }

@@ -91,6 +91,17 @@ fn few() -> Vec<Case> {
             ],
             false,
         ),
+        case(
+            &[
+                "stages.reflections=ray-traced",
+                "reflections.denoiser=recurrent-blur",
+                "reflections.pixels_per_ray=4",
+                "stages.ao=ray-traced",
+                "ao.denoiser=recurrent-blur",
+                "shadows.denoiser=recurrent-blur",
+            ],
+            true,
+        ),
         case(&["stages.reflections=probe", "reflections.resolution=16", "post.anti_aliasing=taa"], false),
         case(
             &["stages.shadows=hybrid", "shadows.map_size=512", "shadows.lamp_map_size=512", "post.anti_aliasing=none"],

@@ -177,12 +177,82 @@ fn each_phase_lowers_the_error() -> Result<()> {
     Ok(())
 }
 
+/// The recurrent blur in place of accumulation and clean-up.
+#[test]
+fn a_recurrent_blur_lowers_the_error() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = wall(0.3);
+    let shown = Shown { size: [64, 48], time: 0.0 };
+    let raw = ["reflections.denoiser=none", "reflections.reconstruct=false", "reflections.reuse=false"];
+    let (truth, _) = mean_of("reflections", &gpu, &scene, &[&CHAIN[..], &raw].concat(), shown, 256)?;
+    let error = |changes: &[&str], count: usize| -> Result<f64> {
+        let changes = [&["reflections.denoiser=recurrent-blur", "reflections.reuse=false"], changes].concat();
+        Ok(error(&radiance(&gpu, &scene, shown.size, &changes, count)?, &truth))
+    };
+    let (raw_error, eight) = (error(&raw, 1)?, error(&[&raw[..], &["reflections.rays=8"]].concat(), 1)?);
+    for sparse in [&["reflections.reconstruct=false"][..], &[], &["reflections.pixels_per_ray=4"]] {
+        let errors = [1, 8, 32].map(|count| error(sparse, count));
+        let [first, eighth, late] = errors;
+        let (first, eighth, late) = (first?, eighth?, late?);
+        println!(
+            "{sparse:?}: raw {raw_error:.4}, eight raw rays {eight:.4}, frames 1, 8, 32: {first:.4} {eighth:.4} {late:.4}"
+        );
+        ensure!(raw_error > first && first > eighth && eighth > late, "{sparse:?}: {first}, {eighth}, {late}");
+        ensure!(late < 0.6 * eight, "{sparse:?}: {late}, eight raw rays {eight}");
+    }
+    Ok(())
+}
+
+/// In a closed box of rough metal that is lit by what the previous frame showed, a blur that is fed back neither adds light nor loses any.
+#[test]
+fn a_recurrent_blur_keeps_the_light_of_a_box() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = magpie_tests::harness::builtin("cornell")?;
+    for m in &mut scene.materials {
+        (m.roughness, m.metalness) = (0.7, 1.0);
+    }
+    let light = |denoiser: &str, frames: usize| -> Result<f64> {
+        let changes = ["reflections.reconstruct=false", "reflections.bounces=1", denoiser];
+        let config = config(&[&CHAIN[..], &changes].concat())?;
+        let mut renderer = Renderer::new(
+            &gpu,
+            &scene,
+            &Slots::default(),
+            &config,
+            RenderOptions { width: 32, height: 24, ..RenderOptions::default() },
+        )?;
+        renderer.read_slots(&["reflections"])?;
+        let mut sum = 0.0;
+        for frame in 0..frames {
+            let read_back = frame >= frames / 2;
+            let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back };
+            let result = renderer.frame(request)?.context("no frame")?;
+            let Some((_, Some(image))) = result.slots.into_iter().next() else { continue };
+            sum += image.values().iter().map(|v| f64::from(v[0] + v[1] + v[2])).sum::<f64>();
+        }
+        Ok(sum / (frames - frames / 2) as f64)
+    };
+    let raw = light("reflections.denoiser=none", 192)?;
+    let (soon, late) =
+        (light("reflections.denoiser=recurrent-blur", 192)?, light("reflections.denoiser=recurrent-blur", 768)?);
+    println!("of the light of raw rays: {:.4} over 192 frames, {:.4} over 768", soon / raw, late / raw);
+    ensure!((soon / raw - 1.0).abs() < 0.02 && (late / raw - 1.0).abs() < 0.02, "{raw}, {soon}, {late}");
+    Ok(())
+}
+
 /// Every pixel of a mirror shows what its own ray found, even where only a quarter of them have one per frame.
 #[test]
 fn mirrors_stay_sharp() -> Result<()> {
+    ["reflections.denoiser=pica-pica", "reflections.denoiser=recurrent-blur"]
+        .iter()
+        .try_for_each(|d| mirrors_stay_sharp_with(d))
+}
+
+fn mirrors_stay_sharp_with(denoiser: &str) -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = wall(0.0);
-    let shown = |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], changes, count);
+    let shown =
+        |changes: &[&str], count: usize| radiance(&gpu, &scene, [64, 48], &[&[denoiser], changes].concat(), count);
     let raw = shown(&["reflections.denoiser=none", "reflections.reconstruct=false"], 1)?;
     let first = shown(&[], 1)?;
     let changed = raw.iter().zip(&first).filter(|(a, b)| a.distance(**b) > 2e-3 * a.length()).count();
@@ -190,7 +260,9 @@ fn mirrors_stay_sharp() -> Result<()> {
     let (full, settled) = (shown(&[], 24)?, shown(&["reflections.pixels_per_ray=4"], 24)?);
     let size = full.iter().map(|v| v.length()).sum::<f64>();
     let error = full.iter().zip(&settled).map(|(a, b)| a.distance(*b)).sum::<f64>() / size;
-    println!("{changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light");
+    println!(
+        "{denoiser}: {changed} pixels changed with a ray for each; with quarter rays the error is {error:.4} of the light"
+    );
     ensure!(changed == 0, "{changed} pixels of a mirror are filtered");
     ensure!(error < 0.02, "with quarter rays the error is {error} of the light");
     Ok(())
@@ -220,7 +292,11 @@ fn history_follows_the_reflection() -> Result<()> {
     };
     let (raw, surface) = (moving("reflections.denoiser=none")?, moving("reflections.denoiser=svgf")?);
     let image = moving("reflections.denoiser=pica-pica")?;
-    println!("raw {raw:.4}, history of the surface {surface:.4}, of surface and image {image:.4}");
+    let blurred = moving("reflections.denoiser=recurrent-blur")?;
+    println!(
+        "raw {raw:.4}, history of the surface {surface:.4}, of surface and image {image:.4}, blurred {blurred:.4}"
+    );
     ensure!(image < 0.6 * surface && image < 0.6 * raw, "raw {raw}, surface {surface}, image {image}");
+    ensure!(blurred < 0.6 * surface && blurred < 0.6 * raw, "raw {raw}, surface {surface}, blurred {blurred}");
     Ok(())
 }

@@ -83,6 +83,12 @@ pub struct BenchMotionArguments {
     /// The slot, one with a denoiser
     #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections"])]
     pub slot: String,
+    /// Compare the picture at the end of the frame in place of the slot's image
+    #[arg(long)]
+    pub picture: bool,
+    /// The paths and contestants that take part, separated by semicolons; without it, all
+    #[arg(long, value_name = "NAMES", value_delimiter = ';')]
+    pub only: Vec<String>,
     /// Width and height, pixels
     #[arg(long, value_name = "WxH", default_value = "160x90", allow_hyphen_values = true)]
     pub size: Extent,

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use std::hash::{DefaultHasher, Hasher};
 
 /// Version of the models of lights and surfaces. Raise it when a change alters the reference picture of any scene.
-const MODEL: u32 = 4;
+const MODEL: u32 = 5;
 
 impl ReferenceOptions {
     /// The subject of estimates with these options. Two estimates of the same subject can be merged if their samples are independent.

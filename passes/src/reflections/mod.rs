@@ -25,6 +25,9 @@ const PRESETS: [Preset; 4] = [
     Preset { name: "ultra", implementation: "ray-traced", settings: &[("denoiser", "pica-pica")] },
 ];
 
+/// Why implementations with a limit of roughness are idle in scenes without a sky.
+const ALL_ROUGH: &str = "all surfaces are rougher than `roughness_limit`, and the scene has no sky";
+
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("reflections")
         .about("Specular indirect light.")
@@ -63,6 +66,13 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
         .presets(&PRESETS)
+}
+
+/// Whether any surface may be smoother than a limit of perceptual roughness. Of clear coats nothing is known but that there are any.
+fn has_smooth(facts: &SceneFacts, limit: f32) -> bool {
+    let bins = &facts.roughness.0;
+    let is_smooth = |bin: usize| (bin as f32) < limit * bins.len() as f32;
+    facts.has_coat || bins.iter().enumerate().any(|(bin, share)| *share > 0.0 && is_smooth(bin))
 }
 
 /// The reason why no surface of the scene has a specular reflection, if none does.

@@ -1,18 +1,20 @@
 //! Reflections by rays: sampled from the specular lobe, shaded where they hit, denoised over what the lobe covers of the screen.
-use super::idle_reason;
-use crate::contracts::{Channel, GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
+use super::{ALL_ROUGH, has_smooth, idle_reason};
+use crate::contracts::{Channel, GBufferToken, GEOMETRY, LightingIn, LightingOut, RAY_START, SceneToken};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::hit_shading::{HitShading, HitShadingToken};
 use crate::precision;
+use crate::sky_light::SkyLight;
 use magpie::gpu::Kernel;
-use magpie::graph::{BufferToken, PassBuilder, StorageToken};
+use magpie::graph::{BufferToken, PassBuilder, SampleToken, StorageToken};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::NO_IMAGE;
 use magpie_shaders::reflections::{MOST_TAPS, ReconstructParams, ResolveParams, TraceParams};
 use magpie_shaders::{
-    REFLECTIONS_RECONSTRUCT_COMP, REFLECTIONS_RESOLVE_COMP, REFLECTIONS_TINTED_TRACE_RAY, REFLECTIONS_TRACE_RAY,
+    REFLECTIONS_RECONSTRUCT_COMP, REFLECTIONS_RESOLVE_COMP, REFLECTIONS_SKY_COMP, REFLECTIONS_TINTED_TRACE_RAY,
+    REFLECTIONS_TRACE_RAY,
 };
 
 /// Format of hit distances.
@@ -38,6 +40,9 @@ pub struct RayTraced {
     bounces: u32,
     reuse: bool,
     reconstruction: Option<Reconstruction>,
+    roughness_limit: f32,
+    /// For scenes that are rougher than that throughout.
+    fallback: SkyLight,
     format: Format,
     denoiser: Denoiser,
 }
@@ -88,8 +93,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let rays = "Rays per pixel, if `pixels_per_ray` is 1. Higher: less noise, with time proportional to the number.";
     let pixels_per_ray = "Pixels that share a ray, which starts from another one of them in every frame: 1, 2 side by side, or 4 in a square. \
                           Higher: less time, more noise.";
-    let bounces = "Surfaces that a path may meet one after another. Higher: more reflections of reflections, more time. What lies beyond \
-                   is the sky for smooth surfaces and direct light for others.";
+    let bounces = "Surfaces that a path may meet one after another. Higher: more reflections of reflections, more time. Beyond, one more \
+                   ray from smooth surfaces finds the sky, lights and what the previous frame shows.";
     let reuse = "Hits that the previous frame shows take its light, with all its bounces, instead of sampling lights. Smooth surfaces are \
                  always shaded anew.";
     let reconstruct = "Each pixel takes the rays of its neighbours as samples of its own lobe, before the denoiser: less noise in the first frames, a \
@@ -99,6 +104,8 @@ pub fn settings() -> Vec<SettingSpec> {
                  softer.";
     let firefly_limit = "Of `reconstruct`: limit for the brightest of these rays, over the mean of the others. Lower: fewer bright specks, but \
                          light of small bright things is lost.";
+    let limit = "Roughness from which a surface has no ray and reflects the sky as `sky` does; from three quarters of it on the two are blended. \
+                 1: every surface has rays. Lower: less time, and glossy surfaces lose reflections of things.";
     let mut settings = vec![
         SettingSpec::among("rays", "", rays, 1, &[1, 2, 4, 8]).sweep_all(),
         SettingSpec::among("pixels_per_ray", "", pixels_per_ray, 1, &[1, 2, 4]).sweep_all(),
@@ -108,6 +115,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::integer("taps", "", taps, 8, 1..=MOST_TAPS.into()).sweep([4, 8, 16]),
         SettingSpec::float("reach", "pixels", reach, 16.0, 1.0..=64.0).sweep([8.0, 16.0, 32.0]),
         SettingSpec::float("firefly_limit", "", firefly_limit, 8.0, 1.0..=1e6),
+        SettingSpec::float("roughness_limit", "", limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
     ];
     settings.extend(denoise::settings());
     settings.push(precision::setting());
@@ -138,6 +146,8 @@ impl RayTraced {
             bounces: settings.u32("bounces")?,
             reuse: settings.switch("reuse")?,
             reconstruction: reconstructs.then_some(reconstruction),
+            roughness_limit: settings.f32("roughness_limit")?,
+            fallback: SkyLight::new(build, "reflections.sky", &REFLECTIONS_SKY_COMP, false, idle_reason, settings)?,
             format: precision::format(settings)?,
             denoiser: Denoiser::new(build, "reflections", Options::read(settings)?)?,
         })
@@ -184,8 +194,8 @@ impl RayTraced {
 
     fn launch(&self, view: &View) -> Launch {
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let Self { samples, cell, bounces, format, .. } = *self;
-        Launch { kernel, view: view.block, samples, cell, bounces, greatest: format.greatest() }
+        let Self { samples, cell, bounces, roughness_limit, format, .. } = *self;
+        Launch { kernel, view: view.block, samples, cell, bounces, roughness_limit, greatest: format.greatest() }
     }
 
     /// Makes a full image of the rays of cells.
@@ -198,10 +208,12 @@ impl RayTraced {
         settings: Reconstruction,
     ) -> Traced {
         let (kernel, block, cell, format) = (self.reconstruct, view.block, self.cell, self.format);
+        let roughness_limit = self.roughness_limit;
         g.pass("reflections.reconstruct", Queue::AsyncCompute, |p| {
             let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
-            let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
+            let gbuffer = i.gbuffer.read(p, &[GEOMETRY, MATERIAL].concat());
             let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
+            let openness = openness(p, i, roughness_limit);
             let extent = p.extent(i.gbuffer.depth);
             let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
             (traced, move |c: &mut Record<'_>| {
@@ -220,6 +232,8 @@ impl RayTraced {
                     radius: settings.reach,
                     firefly_limit: settings.firefly_limit,
                     greatest: format.greatest(),
+                    roughness_limit,
+                    openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
                 };
                 c.dispatch(kernel, &params, extent);
             })
@@ -256,10 +270,16 @@ impl Effect for RayTraced {
         if let Some(reason) = idle_reason(facts) {
             return Needs::idle(reason);
         }
-        Needs { light_tables: true, previous_radiance: self.reuse, ..Needs::default() }
+        if has_smooth(facts, self.roughness_limit) {
+            return Needs { light_tables: true, previous_radiance: self.reuse, ..Needs::default() };
+        }
+        if facts.has_sky { Needs::default() } else { Needs::idle(ALL_ROUGH) }
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
+        if !has_smooth(&view.facts, self.roughness_limit) {
+            return self.fallback.add(g, view, i);
+        }
         let is_idle = self.needs(&view.facts).idle.is_some();
         let Some(hits) = HitShading::new(&i, self.reuse).filter(|_| !is_idle) else { return LightingOut::default() };
         let traced = match self.reconstruction {
@@ -288,7 +308,13 @@ struct Launch {
     samples: u32,
     cell: [u32; 2],
     bounces: u32,
+    roughness_limit: f32,
     greatest: f32,
+}
+
+/// Ambient occlusion, where surfaces beyond a limit of roughness reflect the sky.
+fn openness(p: &mut PassBuilder<'_>, i: LightingIn, roughness_limit: f32) -> Option<SampleToken> {
+    i.ao.openness.filter(|_| roughness_limit < 1.0).map(|image| p.sample(image))
 }
 
 /// What a pass that launches rays reads.
@@ -298,12 +324,14 @@ struct Declared {
     scene: SceneToken,
     hits: HitShadingToken,
     gbuffer: GBufferToken,
+    openness: Option<SampleToken>,
 }
 
 impl Launch {
     fn declare(self, p: &mut PassBuilder<'_>, i: LightingIn, hits: HitShading) -> Declared {
         let gbuffer = i.gbuffer.read(p, &[RAY_START, MATERIAL].concat());
-        Declared { view: p.read(self.view), scene: i.scene.trace(p), hits: hits.read(p), gbuffer }
+        let openness = openness(p, i, self.roughness_limit);
+        Declared { view: p.read(self.view), scene: i.scene.trace(p), hits: hits.read(p), gbuffer, openness }
     }
 
     /// The parameters but for the images that are written.
@@ -318,6 +346,8 @@ impl Launch {
             cell: self.cell,
             bounces: self.bounces,
             greatest: self.greatest,
+            roughness_limit: self.roughness_limit,
+            openness: declared.openness.map_or(NO_IMAGE, |token| c.id(token).index()),
             ..TraceParams::default()
         }
     }

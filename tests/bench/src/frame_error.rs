@@ -24,6 +24,17 @@ pub enum FrameBenchError {
         /// Name of the slot.
         slot: String,
     },
+    /// What is seen cannot be compared with the truth.
+    #[error("{0}")]
+    Perceived(String),
+    /// There is no contestant or path of that name.
+    #[error("nothing is named `{name}` here; there are {known}")]
+    UnknownContestant {
+        /// The given name.
+        name: String,
+        /// Names of all paths and contestants.
+        known: String,
+    },
     /// The scene has no camera.
     #[error("the scene has no camera")]
     NoCamera,

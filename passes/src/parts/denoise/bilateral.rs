@@ -1,10 +1,11 @@
 //! The denoiser `bilateral`: one edge-aware blur.
+use super::inputs::index_of;
 use super::{DenoiseIn, Options, Precision, Signal};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::DENOISE_BILATERAL_COMP;
-use magpie_shaders::denoise::{BilateralParams, NO_IMAGE};
+use magpie_shaders::denoise::BilateralParams;
 
 /// The denoiser `bilateral`.
 pub struct Bilateral {
@@ -37,10 +38,10 @@ impl Bilateral {
                     view: c.id(block),
                     not_finite: c.not_finite(),
                     guide: c.id(guide),
-                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    normals: index_of(c, normals),
                     noisy: c.id(noisy),
                     filtered: c.id(target),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: index_of(c, noise_width),
                     radius,
                     packing,
                     greatest: format.greatest(),

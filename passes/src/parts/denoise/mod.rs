@@ -1,10 +1,13 @@
-//! Denoisers for effects that trace few rays: `svgf`, `pica-pica`, `bilateral` or `none`.
+//! Denoisers for effects that trace few rays: `svgf`, `pica-pica`, `recurrent-blur`, `bilateral` or `none`.
 //!
 //! A [`Denoiser`] takes a [`Signal`], the visible [`Surfaces`], and [`Hints`] about the noise. An effect may have several denoisers, each with
 //! its own [`Options`]. Effects divide radiance by the albedo before denoising and multiply by it afterwards.
 mod bilateral;
+mod changes;
+mod inputs;
 mod options;
 mod pica_pica;
+mod recurrent_blur;
 mod signal;
 mod svgf;
 
@@ -14,6 +17,7 @@ use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 pub use options::{Method, Options, adaptive, is_adaptive, precision, settings};
 use pica_pica::PicaPica;
+use recurrent_blur::RecurrentBlur;
 pub use signal::{Content, Precision, Signal};
 use svgf::Svgf;
 
@@ -38,10 +42,11 @@ pub struct Hints {
     pub width: Option<Handle<Image>>,
     /// A bit for each channel whose contents move across static surfaces, as the shadows of a moving light do. Bit 0 is red.
     pub moved: u32,
-    /// Distance from each surface to what it reflects, metres. The denoiser `pica-pica` also looks for the history where the reflected thing
-    /// was.
+    /// Distance from each surface to what it reflects, metres. The denoisers `pica-pica` and `recurrent-blur` also look for the history
+    /// where the reflected thing was.
     pub hit_distance: Option<Handle<Image>>,
-    /// Of radiance: alpha of the signal is the weight of the sample in a mean over frames, 0 to 1, for `pica-pica`. Else all weights are 1.
+    /// Of radiance: alpha of the signal is the weight of the sample in a mean over frames, 0 to 1, for `pica-pica` and
+    /// `recurrent-blur`. Else all weights are 1.
     pub weighted: bool,
 }
 
@@ -97,6 +102,7 @@ enum Kind {
     None,
     Bilateral(Bilateral),
     PicaPica(PicaPica),
+    RecurrentBlur(RecurrentBlur),
     Svgf(Box<Svgf>),
 }
 
@@ -109,6 +115,7 @@ impl Denoiser {
         Ok(Self(match options.method {
             Method::Svgf => Kind::Svgf(Box::new(Svgf::new(build, effect, options)?)),
             Method::PicaPica => Kind::PicaPica(PicaPica::new(build, effect, options)?),
+            Method::RecurrentBlur => Kind::RecurrentBlur(RecurrentBlur::new(build, effect, options)?),
             Method::Bilateral => Kind::Bilateral(Bilateral::new(build, effect, options)?),
             Method::None => Kind::None,
         }))
@@ -122,6 +129,7 @@ impl Denoiser {
             Kind::None => i.signal.image,
             Kind::Bilateral(bilateral) => bilateral.add(g, view, i, name),
             Kind::PicaPica(pica_pica) => pica_pica.add(g, view, i, name),
+            Kind::RecurrentBlur(recurrent_blur) => recurrent_blur.add(g, view, i, name),
             Kind::Svgf(svgf) => svgf.add(g, view, i, name),
         }
     }

@@ -11,6 +11,8 @@ pub enum Method {
     Bilateral,
     /// Temporal accumulation along surfaces and reflections, then a bilateral blur where noise is left.
     PicaPica,
+    /// Temporal accumulation along surfaces and reflections of blurred frames, with a blur that gets narrower with the length of the history.
+    RecurrentBlur,
     /// Spatiotemporal variance-guided filtering.
     Svgf,
 }
@@ -20,16 +22,20 @@ pub enum Method {
 pub struct Options {
     /// The algorithm.
     pub method: Method,
-    /// Of `svgf` and `pica-pica`: limit of the history length, frames, 1 to 255.
+    /// Of denoisers with histories: limit of the history length, frames, 1 to 255.
     pub history: u32,
+    /// Of `recurrent-blur`: the same for the mean that follows changes fast.
+    pub fast_history: u32,
     /// Of `svgf`: levels of the à-trous filter, 1 to 6.
     pub levels: u32,
-    /// Of `svgf`: difference in standard deviations at which the weight of a neighbour is 1/e.
+    /// Of `svgf`: difference in standard deviations at which the weight of a neighbour is 1/e; of `recurrent-blur` 1/2.
     pub sigma: f32,
-    /// Of `bilateral` and the clean-up of `pica-pica`: radius, pixels.
+    /// Of `bilateral` and the clean-up of `pica-pica`: radius, pixels. Of `recurrent-blur` that of a full history.
     pub radius: u32,
     /// Of `pica-pica`: deviation of the mean, over the mean, above which a pixel is blurred.
     pub clean_up: f32,
+    /// Of `recurrent-blur`: standard deviations above the mean at which a sample of radiance is limited.
+    pub outliers: f32,
     /// Bits per channel of the denoiser's images.
     pub precision: Precision,
 }
@@ -39,10 +45,12 @@ impl Default for Options {
         Self {
             method: Method::Svgf,
             history: 32,
+            fast_history: 6,
             levels: 4,
             sigma: 2.0,
             radius: 4,
             clean_up: 0.05,
+            outliers: 8.0,
             precision: Precision::Sixteen,
         }
     }
@@ -57,16 +65,19 @@ impl Options {
         let method = match settings.choice("denoiser")? {
             "svgf" => Method::Svgf,
             "pica-pica" => Method::PicaPica,
+            "recurrent-blur" => Method::RecurrentBlur,
             "bilateral" => Method::Bilateral,
             _ => Method::None,
         };
         Ok(Self {
             method,
             history: settings.u32("history")?,
+            fast_history: settings.u32("fast_history")?,
             levels: settings.u32("levels")?,
             sigma: settings.f32("sigma")?,
             radius: settings.u32("radius")?,
             clean_up: settings.f32("clean_up")?,
+            outliers: settings.f32("outliers")?,
             precision: if settings.u32("precision")? < 32 { Precision::Sixteen } else { Precision::ThirtyTwo },
         })
     }
@@ -78,18 +89,28 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::choice(
             "denoiser",
             "`svgf`: temporal accumulation, then a spatial filter as wide as the variance asks for. `pica-pica`: temporal accumulation along \
-             surfaces and along what they reflect, then a blur where noise is left. `bilateral`: one edge-aware blur, cheap, which blurs \
+             surfaces and along what they reflect, then a blur where noise is left. `recurrent-blur`: the same, but of \
+             blurred frames, with a blur that gets narrower with every frame. `bilateral`: one edge-aware blur, cheap, which blurs \
              penumbrae as well as noise. `none`: no denoising.",
             "svgf",
-            &["svgf", "pica-pica", "bilateral", "none"],
+            &["svgf", "pica-pica", "recurrent-blur", "bilateral", "none"],
         )
         .sweep_all(),
         SettingSpec::integer(
             "history",
             "frames",
-            "Of `svgf` and `pica-pica`: greatest number of frames that are averaged. Higher: less noise, but changes of light show later.",
+            "Of `svgf`, `pica-pica` and `recurrent-blur`: greatest number of frames that are averaged. Higher: less noise, but changes of light \
+             show later.",
             32,
             1..=255,
+        ),
+        SettingSpec::integer(
+            "fast_history",
+            "frames",
+            "Of `recurrent-blur`: frames of a second mean, to whose range the long one is held. Higher: changes show later, but less noise \
+             is taken for a change.",
+            6,
+            2..=64,
         ),
         SettingSpec::integer(
             "levels",
@@ -102,11 +123,19 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float(
             "sigma",
             "standard deviations",
-            "Of `svgf`: difference, in standard deviations, at which the weight of a neighbour is 1/e. Higher: smoother, less detail.",
+            "Of `svgf` and `recurrent-blur`: difference, in standard deviations, at which the weight of a neighbour is 1/e or 1/2. Higher: \
+             smoother, less detail.",
             2.0,
             0.1..=16.0,
         ),
-        SettingSpec::integer("radius", "pixels", "Of `bilateral` and `pica-pica`: radius of the blur.", 4, 1..=16),
+        SettingSpec::integer(
+            "radius",
+            "pixels",
+            "Of `bilateral` and `pica-pica`: radius of the blur. Of `recurrent-blur`: that of a full history; of a shorter one it is larger, \
+             so that area times frames stay the same.",
+            4,
+            1..=16,
+        ),
         SettingSpec::float(
             "clean_up",
             "",
@@ -114,6 +143,14 @@ pub fn settings() -> Vec<SettingSpec> {
              Higher: sharper, noisier.",
             0.05,
             0.0..=10.0,
+        ),
+        SettingSpec::float(
+            "outliers",
+            "standard deviations",
+            "Of `recurrent-blur`, of radiance: a sample is limited to this much above the mean of the samples around and before. Lower: fewer \
+             bright specks, but light that is rarely found is lost.",
+            8.0,
+            1.0..=1e6,
         ),
     ]
 }
@@ -128,8 +165,8 @@ pub fn precision() -> SettingSpec {
 pub fn adaptive() -> SettingSpec {
     SettingSpec::switch(
         "adaptive",
-        "Of `svgf` at full resolution: one pixel of nine traces the previous frame's ray again, and history is discarded where the result \
-         differs. Moving shadows and switched lights show at once, for a ninth of a ray per pixel and some noise.",
+        "Of `svgf` and `recurrent-blur` at full resolution: one pixel of nine traces the previous frame's ray again, and history is discarded \
+         where the result differs. Moving shadows and switched lights show at once, for a ninth of a ray per pixel and some noise.",
         true,
     )
     .sweep_all()
@@ -137,5 +174,5 @@ pub fn adaptive() -> SettingSpec {
 
 /// Whether the denoiser uses [`Hints::change`](super::Hints::change).
 pub fn is_adaptive(settings: &Settings) -> Result<bool, SlotError> {
-    Ok(settings.choice("denoiser")? == "svgf" && settings.switch("adaptive")?)
+    Ok(["svgf", "recurrent-blur"].contains(&settings.choice("denoiser")?) && settings.switch("adaptive")?)
 }

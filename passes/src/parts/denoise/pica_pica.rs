@@ -2,9 +2,9 @@
 //! for Real-Time Ray Tracing", Ray Tracing Gems, chapter 25, section 25.3.2).
 //!
 //! The passes are `accumulate` → `clean_up`. What accumulates is the history of the next frame, so that the blur of the clean-up does not add up.
+use super::inputs::{Before, Samples, TwoHistories, index_of};
 use super::signal::Packed;
 use super::{DenoiseIn, Options};
-use crate::contracts::Channel;
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope};
 use magpie::prelude::*;
@@ -47,51 +47,36 @@ impl PicaPica {
     }
 
     fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, name: &str) -> Accumulated {
-        let (kernel, block, longest, noisy) =
-            (self.accumulate, view.block, self.options.history as f32, i.signal.image);
+        let (kernel, longest, noisy) = (self.accumulate, self.options.history as f32, i.signal.image);
         let packing = i.signal.content.packing(self.options.precision);
         let (previous, next) = packing.history(g, &self.scope, &format!("accumulated{name}"), noisy);
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(FRAMES, noisy));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
-            let block = p.read(block);
-            let gbuffer = i.surfaces.gbuffer.read(p, &[Channel::Depth, Channel::Normal, Channel::Motion]);
-            let reprojected = i.surfaces.reprojected;
-            let (taps, guide) = (p.sample(reprojected.taps), p.sample(reprojected.guide));
-            let previous_guide = p.sample(reprojected.previous_guide);
-            let (noise_width, hit_distance) =
-                (i.hints.width.map(|h| p.sample(h)), i.hints.hit_distance.map(|h| p.sample(h)));
-            let (previous, previous_frames) = (previous.sample(p), p.sample(previous_frames));
+            let samples = Samples::declare(p, view, &i, packing.layout, TwoHistories::CHANNELS);
+            let before = Before { signal: previous, frames: previous_frames, fast: None };
+            let histories = TwoHistories::declare(p, &i, before);
             let (signal, target) = next.write(p);
             let (counted, frames) = p.write(next_frames);
             let source = p.is_watched("source").then(|| p.create("source", ImageDesc::like(SOURCE, noisy)).1);
-            let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
             (Accumulated { signal, frames: counted.read() }, move |c: &mut Record<'_>| {
                 let (accumulated, accumulated_deviation) = target.ids(c);
-                let (previous, previous_deviation) = previous.ids(c);
+                let [motion, taps] = samples.motion(c);
                 let params = DualSourceParams {
-                    view: c.id(block),
+                    view: samples.view(c),
                     not_finite: c.not_finite(),
-                    gbuffer: gbuffer.images(c),
-                    noisy: c.id(noisy),
-                    guide: c.id(guide),
-                    previous_guide: c.id(previous_guide),
-                    taps: c.id(taps),
-                    previous,
-                    previous_deviation,
-                    previous_frames: c.id(previous_frames),
-                    hit_distance: hit_distance.map_or(NO_IMAGE, |t| c.id(t).index()),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noisy: samples.noisy(c),
+                    motion,
+                    taps,
+                    history: histories.images(c, &samples),
                     accumulated,
                     accumulated_deviation,
                     frames: c.id(frames),
                     source: source.map_or(NO_IMAGE, |t| c.id(t).index()),
                     longest,
-                    packing: packing.layout,
-                    weighted: i.hints.weighted.into(),
                     greatest: packing.values.greatest(),
                 };
-                c.dispatch(kernel, &params, extent);
+                c.dispatch(kernel, &params, samples.extent);
             })
         })
     }
@@ -111,11 +96,11 @@ impl PicaPica {
                 let params = CleanUpParams {
                     view: c.id(block),
                     guide: c.id(guide),
-                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    normals: index_of(c, normals),
                     accumulated,
                     accumulated_deviation,
                     frames: c.id(frames),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: index_of(c, noise_width),
                     result: c.id(target),
                     threshold: options.clean_up,
                     radius: options.radius as f32,

@@ -76,6 +76,24 @@ impl Content {
         }
     }
 
+    /// Format of history lengths that count samples by fractions, one for each variance.
+    pub(super) fn counts(self) -> Format {
+        match self.variances() {
+            1 => Format::R16Float,
+            2 => Format::Rg16Float,
+            _ => Format::Rgba16Float,
+        }
+    }
+
+    /// Format of what weights compare: each channel, or the luminance of radiance.
+    pub(super) fn compared(self, precision: Precision) -> Format {
+        match (self, precision) {
+            (Self::Radiance, Precision::Sixteen) => Format::R16Float,
+            (Self::Radiance, Precision::ThirtyTwo) => Format::R32Float,
+            _ => self.result(precision),
+        }
+    }
+
     /// Formats of the signal with its standard deviations.
     pub(super) fn packing(self, precision: Precision) -> Packing {
         let fixed = precision == Precision::Sixteen;

@@ -2,22 +2,16 @@
 //!
 //! The passes are (`blur_gradient_N` →) `accumulate` → `spatial_variance` → `level_N`. The result of the first level is the history of the next
 //! frame. Between passes, values are packed together with their standard deviations.
+use super::changes::Changes;
+use super::inputs::{Samples, index_of};
 use super::signal::{Packed, PackedWrite};
 use super::{DenoiseIn, Options};
-use crate::contracts::Channel;
 use magpie::gpu::Kernel;
 use magpie::graph::{Extent, History, HistoryScope};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-use magpie_shaders::denoise::{
-    AccumulateParams, BlurGradientParams, LevelParams, NO_IMAGE, SpatialVarianceParams, TILE,
-};
-use magpie_shaders::{
-    DENOISE_ACCUMULATE_COMP, DENOISE_BLUR_GRADIENT_COMP, DENOISE_LEVEL_COMP, DENOISE_SPATIAL_VARIANCE_COMP,
-};
-
-/// Number of blurs of the temporal gradients: over 5x5 texels, then 9x9. Their images have a third of the frame's width and height.
-const GRADIENT_BLURS: u32 = 2;
+use magpie_shaders::denoise::{AccumulateParams, LevelParams, NO_IMAGE, SpatialVarianceParams, TILE};
+use magpie_shaders::{DENOISE_ACCUMULATE_COMP, DENOISE_LEVEL_COMP, DENOISE_SPATIAL_VARIANCE_COMP};
 
 /// The denoiser `svgf`.
 pub struct Svgf {
@@ -29,7 +23,7 @@ pub struct Svgf {
 
 #[derive(Clone, Copy)]
 struct Kernels {
-    blur_gradient: Kernel,
+    changes: Changes,
     accumulate: Kernel,
     spatial_variance: Kernel,
     level: Kernel,
@@ -70,7 +64,7 @@ impl Svgf {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let kernels = Kernels {
-            blur_gradient: build.kernel(&DENOISE_BLUR_GRADIENT_COMP)?,
+            changes: Changes::new(build)?,
             accumulate: build.kernel(&DENOISE_ACCUMULATE_COMP)?,
             spatial_variance: build.kernel(&DENOISE_SPATIAL_VARIANCE_COMP)?,
             level: build.kernel(&DENOISE_LEVEL_COMP)?,
@@ -83,11 +77,7 @@ impl Svgf {
         let pass = |step: &str| format!("{}.{step}{name}", self.effect);
         let packing = i.signal.content.packing(self.options.precision);
         let (filtered, next) = packing.history(g, &self.scope, &format!("filtered{name}"), i.signal.image);
-        let gradient = i.hints.change.map(|change| {
-            (0..GRADIENT_BLURS).fold(change, |change, blur| {
-                self.blur_gradient(g, change, blur, &pass(&format!("blur_gradient_{blur}")))
-            })
-        });
+        let gradient = self.kernels.changes.add(g, i.hints.change, &pass);
         let accumulated = self.accumulate(g, view, i, Previous { filtered, gradient }, name);
         let mut filtered = self.spatial_variance(g, view, i, accumulated, &pass("spatial_variance"));
         let (mut next, mut result) = (Some(next), i.signal.image);
@@ -99,27 +89,8 @@ impl Svgf {
         result
     }
 
-    fn blur_gradient(&self, g: &mut FrameGraph, change: Handle<Image>, blur: u32, pass: &str) -> Handle<Image> {
-        let kernel = self.kernels.blur_gradient;
-        g.pass(pass, Queue::AsyncCompute, |p| {
-            let change_read = p.sample(change);
-            let (blurred, target) = p.create("blurred", p.desc(change));
-            let extent = p.extent(change);
-            (blurred.read(), move |c: &mut Record<'_>| {
-                let params = BlurGradientParams {
-                    size: [extent.width, extent.height],
-                    change: c.id(change_read),
-                    blurred: c.id(target),
-                    step: 1 << blur,
-                    is_last: (blur + 1 == GRADIENT_BLURS).into(),
-                };
-                c.dispatch(kernel, &params, extent);
-            })
-        })
-    }
-
     fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, previous: Previous, name: &str) -> Accumulated {
-        let (kernel, longest, block) = (self.kernels.accumulate, self.options.history as f32, view.block);
+        let (kernel, longest) = (self.kernels.accumulate, self.options.history as f32);
         let (content, noisy) = (i.signal.content, i.signal.image);
         let packing = content.packing(self.options.precision);
         let moments = content.moments(self.options.precision);
@@ -127,31 +98,29 @@ impl Svgf {
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(content.frames(), noisy));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
-            let (block, gbuffer) = (p.read(block), i.surfaces.gbuffer.read(p, &[Channel::Motion]));
-            let (taps, gradient) = (p.sample(i.surfaces.reprojected.taps), previous.gradient.map(|h| p.sample(h)));
-            let noise_width = i.hints.width.map(|h| p.sample(h));
+            let samples = Samples::declare(p, view, &i, packing.layout, &[]);
+            let gradient = previous.gradient.map(|gradient| p.sample(gradient));
             let (previous_filtered, previous_frames) = (p.sample(previous.filtered.values), p.sample(previous_frames));
             let previous_moments = previous_moments.sample(p);
             let (signal, signal_target) = packing.create(p, "accumulated", noisy);
             let (_, moments) = next_moments.write(p);
             let (counted, frames) = p.write(next_frames);
-            let (extent, noisy) = (p.extent(noisy), p.sample(noisy));
             (Accumulated { signal, frames: counted.read() }, move |c: &mut Record<'_>| {
+                let [motion, taps] = samples.motion(c);
                 let (accumulated, accumulated_deviation) = signal_target.ids(c);
                 let (previous_moments, previous_moments_deviation) = previous_moments.ids(c);
                 let (moments, moments_deviation) = moments.ids(c);
                 let params = AccumulateParams {
-                    view: c.id(block),
+                    view: samples.view(c),
                     not_finite: c.not_finite(),
-                    noisy: c.id(noisy),
-                    gbuffer: gbuffer.images(c),
-                    taps: c.id(taps),
+                    noisy: samples.noisy(c),
+                    motion,
+                    taps,
                     previous_filtered: c.id(previous_filtered),
                     previous_moments,
                     previous_moments_deviation,
                     previous_frames: c.id(previous_frames),
-                    gradient: gradient.map_or(NO_IMAGE, |t| c.id(t).index()),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    gradient: index_of(c, gradient),
                     moved: i.hints.moved,
                     accumulated,
                     accumulated_deviation,
@@ -159,10 +128,9 @@ impl Svgf {
                     moments_deviation,
                     frames: c.id(frames),
                     longest,
-                    packing: packing.layout,
                     greatest: packing.values.greatest(),
                 };
-                c.dispatch(kernel, &params, extent);
+                c.dispatch(kernel, &params, samples.extent);
             })
         })
     }
@@ -191,11 +159,11 @@ impl Svgf {
                 let params = SpatialVarianceParams {
                     view: c.id(block),
                     guide: c.id(guide),
-                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    normals: index_of(c, normals),
                     accumulated,
                     accumulated_deviation,
                     frames: c.id(frames),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: index_of(c, noise_width),
                     signal,
                     signal_deviation,
                     varied_tiles: c.id(varied_target),
@@ -241,11 +209,11 @@ impl Svgf {
                 let params = LevelParams {
                     view: c.id(block),
                     guide: c.id(guide),
-                    normals: normals.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    normals: index_of(c, normals),
                     signal,
                     signal_deviation,
                     varied_tiles: c.id(varied_tiles),
-                    noise_width: noise_width.map_or(NO_IMAGE, |t| c.id(t).index()),
+                    noise_width: index_of(c, noise_width),
                     filtered: filtered.map_or(NO_IMAGE, |(values, _)| values.index()),
                     filtered_deviation: filtered.map_or(NO_IMAGE, |(_, deviations)| deviations),
                     result: result_target.map_or(NO_IMAGE, |t| c.id(t).index()),

@@ -3,7 +3,7 @@
 mod cone;
 mod settings;
 
-use super::idle_reason;
+use super::{ALL_ROUGH, has_smooth, idle_reason};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Precision, Signal, Surfaces};
 use crate::parts::pyramid::{self, Pyramid};
@@ -113,9 +113,7 @@ impl ScreenSpace {
 
     /// Whether any surface is smooth enough for rays.
     fn marches(&self, facts: &SceneFacts) -> bool {
-        let bins = &facts.roughness.0;
-        let is_smooth = |bin: usize| (bin as f32) < self.roughness_limit * bins.len() as f32;
-        bins.iter().enumerate().any(|(bin, share)| *share > 0.0 && is_smooth(bin))
+        has_smooth(facts, self.roughness_limit)
     }
 
     /// Format of confidence between passes.
@@ -274,7 +272,7 @@ impl Effect for ScreenSpace {
         }
         let marches = self.marches(facts);
         if !marches && !facts.has_sky {
-            return Needs::idle("all surfaces are rougher than `roughness_limit`, and the scene has no sky");
+            return Needs::idle(ALL_ROUGH);
         }
         Needs { previous_radiance: marches, ..Needs::default() }
     }

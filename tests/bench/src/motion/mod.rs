@@ -8,13 +8,15 @@ pub use report::MotionReport;
 use crate::FrameBenchError;
 use magpie::config::{Catalogue, Config};
 use magpie::gpu::Gpu;
-use magpie::prelude::Rays;
+use magpie::prelude::{Extent, Rays};
 use magpie::scene::Scene;
-use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
+use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use serde::Serialize;
 
 /// Frames of eight rays per pixel that a ground truth is the mean of.
 const TRUTH_FRAMES: u32 = 16;
+/// The same for pictures, over whose pixels anti-aliasing averages: as many as its jitter has places.
+const PICTURE_TRUTH_FRAMES: u32 = 48;
 /// Frames at rest before the motion: more than the longest default history.
 pub const WARM_UP: u32 = 40;
 
@@ -23,6 +25,10 @@ pub const WARM_UP: u32 = 40;
 pub struct MotionOptions {
     /// Name of the slot, whose implementation must have a denoiser.
     pub slot: String,
+    /// Compares the picture at the end of the frame in place of the slot's image.
+    pub picture: bool,
+    /// Labels of the contestants that take part, and names of paths; empty for all.
+    pub only: Vec<String>,
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Frames per path.
@@ -35,6 +41,14 @@ pub struct MotionOptions {
     pub config: Config,
     /// Commit of the build, for the report.
     pub commit: String,
+}
+
+impl MotionOptions {
+    /// Whether `name` takes part: it is wanted, or none of the `names` of its kind is.
+    fn takes(&self, names: &[&str], name: &str) -> bool {
+        let is_wanted = |name: &str| self.only.iter().any(|only| only == name);
+        is_wanted(name) || !names.iter().any(|name| is_wanted(name))
+    }
 }
 
 /// A variant of the slot's settings to compare.
@@ -54,15 +68,53 @@ impl Contestant {
 }
 
 /// The variants to compare, the raw one first. What an effect has no settings for is skipped.
-pub const CONTESTANTS: [Contestant; 7] = [
+pub const CONTESTANTS: [Contestant; 11] = [
     Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none")]),
     Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
     Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
     Contestant::new("svgf, reconstructed", &[("rays", "1"), ("denoiser", "svgf"), ("reconstruct", "true")]),
+    Contestant::new("pica-pica, raw", &[("rays", "1"), ("denoiser", "pica-pica"), ("reconstruct", "false")]),
     Contestant::new("pica-pica", &[("rays", "1"), ("denoiser", "pica-pica"), ("reconstruct", "true")]),
     Contestant::new("pica-pica, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")]),
+    Contestant::new("blur", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "false")]),
+    Contestant::new("blur, reconstructed", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "true")]),
+    Contestant::new("blur, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "recurrent-blur")]),
     Contestant::new("eight rays", TRUE),
 ];
+
+/// What is compared: an image of the slot, or the picture.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Width and height, pixels.
+    pub size: Extent,
+    /// Number of channels in use.
+    pub channels: usize,
+    /// Linear values.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+impl Seen {
+    /// As colours: the first three channels, or grey.
+    #[must_use]
+    pub fn colours(&self) -> Vec<[f32; 3]> {
+        let colour = |v: &[f32; 4]| if self.channels == 1 { [v[0]; 3] } else { [v[0], v[1], v[2]] };
+        self.pixels.iter().map(colour).collect()
+    }
+}
+
+/// Perceived difference of what is seen from the truth, 0 to 1, or why it cannot be told.
+pub type Perceived<'a> = &'a dyn Fn(&Seen, &Seen) -> Result<f64, String>;
+
+/// What the passes of the slot cost.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Least time over the frames of the path, milliseconds; none without timestamps.
+    pub ms: Option<f64>,
+    /// Bytes that are read and written, as declared, over pixels.
+    pub traffic: f64,
+    /// Bytes that are kept for the next frame, over pixels.
+    pub kept: f64,
+}
 
 /// Results of one contestant on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -73,6 +125,10 @@ pub struct Course {
     pub label: &'static str,
     /// Root mean square error of each frame.
     pub errors: Vec<f64>,
+    /// Perceived difference of each frame; none but in the first, the eighth, the 32nd and the last.
+    pub perceived: Vec<Option<f64>>,
+    /// Cost of the slot.
+    pub cost: Cost,
     /// Root mean square change of the error since the frame before, of each frame but the first: flicker.
     pub flicker: Vec<f64>,
     /// Mean value of each frame's image.
@@ -90,15 +146,18 @@ impl Course {
     }
 }
 
-/// Values of all pixels and channels of an image.
+/// Values of all pixels and channels of an image, as they are compared.
 type Values = Vec<f64>;
 
-/// A renderer of which one slot's image is read back.
+/// A renderer of which one slot's image, or the picture, is read back.
 struct Bench {
     renderer: Renderer,
     slot: String,
+    /// The picture at the end of the frame; of a truth the one before anti-aliasing.
+    picture: bool,
     lights: u32,
     label: String,
+    last: Option<FrameResult>,
 }
 
 impl Bench {
@@ -110,28 +169,51 @@ impl Bench {
         changes: &[(&str, &str)],
     ) -> Result<Self, FrameBenchError> {
         let config = config(options, changes)?;
-        let MotionOptions { size: [width, height], rays, seed, .. } = *options;
+        let MotionOptions { size: [width, height], rays, seed, picture, .. } = *options;
         let render = RenderOptions { width, height, seed, rays, check: false };
         let failed = FrameBenchError::render(label);
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, render).map_err(failed)?;
-        renderer.read_slots(&[&options.slot]).map_err(failed)?;
-        Ok(Self { renderer, slot: options.slot.clone(), lights: scene.lights.len() as u32, label: label.to_owned() })
+        let slot = if picture { "sky" } else { options.slot.as_str() };
+        renderer.read_slots(&[slot]).map_err(failed)?;
+        let (lights, label) = (scene.lights.len() as u32, label.to_owned());
+        Ok(Self { renderer, slot: options.slot.clone(), picture, lights, label, last: None })
     }
 
-    fn frame(&mut self, path: &Path, moment: &Moment) -> Result<Values, FrameBenchError> {
+    fn frame(&mut self, path: &Path, moment: &Moment, is_truth: bool) -> Result<Seen, FrameBenchError> {
         (0..self.lights).for_each(|light| self.renderer.scale_light(light, moment.light));
         let request = FrameRequest { camera: &moment.camera, time: moment.time, view: None, read_back: true };
         let failed = FrameBenchError::render(&self.label);
-        let result = self.renderer.frame(request).map_err(failed)?;
-        let image = result.and_then(|r| r.slots.into_iter().next()).and_then(|(_, image)| image);
+        self.last = self.renderer.frame(request).map_err(failed)?;
+        let image = self.last.as_ref().and_then(|result| {
+            if self.picture && !is_truth {
+                return result.images.as_ref().map(|images| &images.linear);
+            }
+            result.slots.first().and_then(|(_, image)| image.as_ref())
+        });
         let none = || FrameBenchError::NoImage { path: path.name, slot: self.slot.clone() };
         let image = image.ok_or_else(none)?;
-        let channels = image.format.channels() as usize;
-        // Alpha of radiance says nothing, and single bright pixels must not decide.
-        let is_radiance = self.slot == "reflections";
-        let channels = if is_radiance { 3 } else { channels };
-        let shown = |x: f64| if is_radiance { x / (1.0 + x) } else { x };
-        Ok(image.values().iter().flat_map(|v| v[..channels].iter().map(|x| shown(f64::from(*x)))).collect())
+        // Alpha of radiance says nothing.
+        let channels = (image.format.channels() as usize).min(if self.is_radiance() { 3 } else { 4 });
+        Ok(Seen { size: image.extent, channels, pixels: image.values() })
+    }
+
+    fn is_radiance(&self) -> bool {
+        self.picture || self.slot == "reflections"
+    }
+
+    /// What errors are measured of: single bright pixels must not decide.
+    fn compared(&self, seen: &Seen) -> Values {
+        let shown = |x: f64| if self.is_radiance() { x / (1.0 + x) } else { x };
+        seen.pixels.iter().flat_map(|v| v[..seen.channels].iter().map(|x| shown(f64::from(*x)))).collect()
+    }
+
+    /// Time of the slot's passes in the last frame, milliseconds, and their bytes.
+    fn cost(&self) -> Option<Cost> {
+        let result = self.last.as_ref()?;
+        let passes = result.sample.passes.iter().filter(|pass| pass.stage == self.slot);
+        let ms = passes.map(|pass| pass.gpu_ns).sum::<Option<u64>>().map(|ns| ns as f64 / 1e6);
+        let report = result.what_runs().into_iter().find(|report| report.slot == self.slot)?;
+        Some(Cost { ms, traffic: report.bytes as f64, kept: report.history_bytes as f64 })
     }
 }
 
@@ -152,16 +234,26 @@ fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, F
 }
 
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
-fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Values>, FrameBenchError> {
+fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, FrameBenchError> {
     let mut bench = Bench::new(gpu, &path.scene, options, "truth", TRUE)?;
-    let mut truths = Vec::with_capacity(path.moments.len());
-    for moment in &path.moments {
-        let mut sums = bench.frame(path, moment)?;
-        for _ in 1..TRUTH_FRAMES {
-            sums.iter_mut().zip(bench.frame(path, moment)?).for_each(|(sum, v)| *sum += v);
+    let frames = if options.picture { PICTURE_TRUTH_FRAMES } else { TRUTH_FRAMES };
+    let mut truths: Vec<Seen> = Vec::with_capacity(path.moments.len());
+    for (at, moment) in path.moments.iter().enumerate() {
+        // Where nothing moves, all frames have the same truth.
+        if path.is_still() && at > 0 {
+            truths.push(truths[0].clone());
+            continue;
         }
-        sums.iter_mut().for_each(|sum| *sum /= f64::from(TRUTH_FRAMES));
-        truths.push(sums);
+        let Seen { size, channels, pixels } = bench.frame(path, moment, true)?;
+        let mut sums: Vec<[f64; 4]> = pixels.iter().map(|p| p.map(f64::from)).collect();
+        for _ in 1..frames {
+            let next = bench.frame(path, moment, true)?;
+            for (sum, v) in sums.iter_mut().zip(next.pixels) {
+                (0..4).for_each(|k| sum[k] += f64::from(v[k]));
+            }
+        }
+        let pixels = sums.iter().map(|sum| sum.map(|x| (x / f64::from(frames)) as f32)).collect();
+        truths.push(Seen { size, channels, pixels });
     }
     Ok(truths)
 }
@@ -171,44 +263,75 @@ fn root_mean_square(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     (values.map(|value| value * value).sum::<f64>() / count).sqrt()
 }
 
-/// Renders one path with every contestant.
+/// Frames, from 1, that are also compared as they are perceived, beside the last.
+const PERCEIVED: [usize; 3] = [1, 8, 32];
+
+/// Renders one path with every contestant that takes part.
 ///
 /// # Errors
 /// [`FrameBenchError`].
-pub fn walk(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Course>, FrameBenchError> {
+pub fn walk(
+    gpu: &Gpu,
+    path: &Path,
+    options: &MotionOptions,
+    perceived: Perceived<'_>,
+) -> Result<Vec<Course>, FrameBenchError> {
     let truths = truths(gpu, path, options)?;
-    let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
-    let true_means: Vec<f64> = truths.iter().map(mean).collect();
     let mut courses = Vec::new();
     let mut configs: Vec<Config> = Vec::new();
-    for Contestant { label, changes } in CONTESTANTS {
-        let config = config(options, changes)?;
-        if configs.contains(&config) {
-            continue; // the effect does not have this setting
+    for contestant in CONTESTANTS {
+        let config = config(options, contestant.changes)?;
+        if !options.takes(&CONTESTANTS.map(|c| c.label), contestant.label) || configs.contains(&config) {
+            continue; // not wanted, or the effect does not have this setting
         }
         configs.push(config);
-        let mut bench = Bench::new(gpu, &path.scene, options, label, changes)?;
-        if let Some(before) = &path.before {
-            for _ in 0..WARM_UP {
-                bench.frame(path, before)?;
-            }
-        }
-        let (mut errors, mut flicker, mut means) = (Vec::new(), Vec::new(), Vec::new());
-        let mut before: Option<Values> = None;
-        for (moment, truth) in path.moments.iter().zip(&truths) {
-            let seen = bench.frame(path, moment)?;
-            let apart: Values = seen.iter().zip(truth).map(|(a, b)| a - b).collect();
-            errors.push(root_mean_square(apart.iter().copied()));
-            flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
-            before = Some(apart);
-            means.push(mean(&seen));
-        }
-        courses.push(Course { path: path.name, label, errors, flicker, means, true_means: true_means.clone() });
+        courses.push(course(gpu, path, options, contestant, &truths, perceived)?);
     }
     Ok(courses)
 }
 
-/// Renders every path of the scene.
+/// One contestant on one path.
+fn course(
+    gpu: &Gpu,
+    path: &Path,
+    options: &MotionOptions,
+    Contestant { label, changes }: Contestant,
+    truths: &[Seen],
+    perceived: Perceived<'_>,
+) -> Result<Course, FrameBenchError> {
+    let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
+    let mut bench = Bench::new(gpu, &path.scene, options, label, changes)?;
+    if let Some(before) = &path.before {
+        for _ in 0..WARM_UP {
+            bench.frame(path, before, false)?;
+        }
+    }
+    let pixels = options.size.iter().map(|n| f64::from(*n)).product::<f64>();
+    let cost = Cost { ms: None, traffic: 0.0, kept: 0.0 };
+    let true_means = truths.iter().map(|truth| mean(&bench.compared(truth))).collect();
+    let (errors, means, flicker, noticed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut course = Course { path: path.name, label, errors, perceived: noticed, cost, flicker, means, true_means };
+    let mut before: Option<Values> = None;
+    for (at, (moment, truth)) in path.moments.iter().zip(truths).enumerate() {
+        let seen = bench.frame(path, moment, false)?;
+        let (values, true_values) = (bench.compared(&seen), bench.compared(truth));
+        let apart: Values = values.iter().zip(true_values).map(|(a, b)| a - b).collect();
+        course.errors.push(root_mean_square(apart.iter().copied()));
+        let is_perceived = PERCEIVED.contains(&(at + 1)) || at + 1 == truths.len();
+        let difference = is_perceived.then(|| perceived(&seen, truth)).transpose();
+        course.perceived.push(difference.map_err(FrameBenchError::Perceived)?);
+        course.flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
+        before = Some(apart);
+        course.means.push(mean(&values));
+        if let Some(now) = bench.cost() {
+            let least = course.cost.ms.map_or(now.ms, |least| now.ms.map(|ms| ms.min(least)));
+            course.cost = Cost { ms: least, traffic: now.traffic / pixels, kept: now.kept / pixels };
+        }
+    }
+    Ok(course)
+}
+
+/// Renders every path of the scene that takes part.
 ///
 /// # Errors
 /// [`FrameBenchError`].
@@ -216,12 +339,22 @@ pub fn run(
     gpu: &Gpu,
     scene: &Scene,
     options: &MotionOptions,
+    perceived: Perceived<'_>,
     mut progress: impl FnMut(&str),
 ) -> Result<MotionReport, FrameBenchError> {
+    let paths = paths(scene, options.frames);
+    let labels = CONTESTANTS.map(|contestant| contestant.label);
+    for name in &options.only {
+        if !paths.iter().any(|path| path.name == name) && !labels.contains(&name.as_str()) {
+            let known = paths.iter().map(|path| path.name).chain(labels).collect::<Vec<_>>().join(", ");
+            return Err(FrameBenchError::UnknownContestant { name: name.clone(), known });
+        }
+    }
+    let names: Vec<&str> = paths.iter().map(|path| path.name).collect();
     let mut courses = Vec::new();
-    for path in paths(scene, options.frames) {
+    for path in paths.iter().filter(|path| options.takes(&names, path.name)) {
         progress(path.name);
-        courses.extend(walk(gpu, &path, options)?);
+        courses.extend(walk(gpu, path, options, perceived)?);
     }
     Ok(MotionReport::new(gpu, scene, options, courses))
 }

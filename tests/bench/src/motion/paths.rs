@@ -33,6 +33,14 @@ pub struct Path {
     pub moments: Vec<Moment>,
 }
 
+impl Path {
+    /// Whether nothing moves or changes.
+    #[must_use]
+    pub fn is_still(&self) -> bool {
+        matches!(self.name, "still" | "switch")
+    }
+}
+
 /// A camera that can orbit a point.
 pub trait Turned {
     /// Rotated about the vertical axis through `around` by this angle, radians.

@@ -26,6 +26,8 @@ pub struct MotionReport {
     pub scene: String,
     /// Name of the slot.
     pub slot: String,
+    /// Whether the picture at the end of the frame was compared in place of the slot's image.
+    pub picture: bool,
     /// Width and height, pixels.
     pub size: [u32; 2],
     /// Results of every contestant on every path.
@@ -42,6 +44,7 @@ impl MotionReport {
             driver: report.driver.clone(),
             scene: scene.name.clone(),
             slot: options.slot.clone(),
+            picture: options.picture,
             size: options.size,
             courses,
         }
@@ -69,23 +72,38 @@ impl MotionReport {
     /// The report as a table, a line per path and contestant.
     #[must_use]
     pub fn table(&self) -> String {
-        let mut text = format!("{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
-        let _ = writeln!(
-            text,
-            "{:<8} {:<24} {:>8} {:>8} {:>8} {:>8} {:>8}",
-            "path", "", "frame 1", "frame 8", "mean", "last", "flicker"
-        );
+        let what = if self.picture { "the picture, for " } else { "" };
+        let mut text = format!("{what}{} of {}, {}x{}, RMSE\n", self.slot, self.scene, self.size[0], self.size[1]);
+        let names =
+            ["frame 1", "8", "32", "mean", "last", "flicker", "FLIP 1", "8", "32", "last", "ms", "B/px", "kept"];
+        let _ = write!(text, "{:<8} {:<24}", "path", "");
+        names.iter().for_each(|name| write!(text, " {name:>8}").unwrap_or_default());
+        text.push('\n');
         for course in &self.courses {
-            let errors = &course.errors;
+            let (errors, end) = (&course.errors, course.errors.len() - 1);
             let mean_of = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-            let (mean, flicker) = (mean_of(errors), mean_of(&course.flicker));
-            let at = |k: usize| errors.get(k).copied().unwrap_or(f64::NAN);
-            let (first, eighth, last) = (at(0), at(7), at(errors.len() - 1));
-            let _ = write!(
-                text,
-                "{:<8} {:<24} {first:>8.4} {eighth:>8.4} {mean:>8.4} {last:>8.4} {flicker:>8.4}",
-                course.path, course.label
-            );
+            let error = |k: usize| errors.get(k).copied();
+            let perceived = |k: usize| course.perceived.get(k).copied().flatten();
+            let small = [
+                error(0),
+                error(7),
+                error(31),
+                Some(mean_of(errors)),
+                error(end),
+                Some(mean_of(&course.flicker)),
+                perceived(0),
+                perceived(7),
+                perceived(31),
+                perceived(end),
+            ];
+            let cost = [course.cost.ms, Some(course.cost.traffic), Some(course.cost.kept)];
+            let _ = write!(text, "{:<8} {:<24}", course.path, course.label);
+            let mut cell = |value: Option<f64>, digits: usize| {
+                let value = value.map_or("-".to_owned(), |value| format!("{value:.digits$}"));
+                let _ = write!(text, " {value:>8}");
+            };
+            small.into_iter().for_each(|value| cell(value, 4));
+            cost.into_iter().for_each(|value| cell(value, 1));
             if course.path == "switch" {
                 let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
                 let _ = write!(text, "  90 % {frame}");

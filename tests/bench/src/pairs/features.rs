@@ -38,22 +38,28 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 21] = [
+pub const FEATURES: [Feature; 24] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
     Feature::set("half ao", &["stages.ao=ray-traced", "ao.resolution=half"]),
     Feature::set("svgf", &["shadows.denoiser=svgf"]),
     Feature::set("bilateral", &["shadows.denoiser=bilateral"]),
+    Feature::set("blur", &["shadows.denoiser=recurrent-blur"]),
     Feature::set("no denoiser", &["shadows.denoiser=none"]),
     Feature::set("fixed history", &["shadows.adaptive=false"]),
     Feature::set("ray-traced ao", &["stages.ao=ray-traced"]),
     Feature::set("bilateral ao", &["stages.ao=ray-traced", "ao.denoiser=bilateral"]),
+    Feature::set("blurred ao", &["stages.ao=ray-traced", "ao.denoiser=recurrent-blur"]),
     Feature::set("probes", &["stages.reflections=probe"]),
     Feature::set("traced reflections", &["stages.reflections=ray-traced"]),
     Feature::set(
         "quarter reflections",
         &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],
+    ),
+    Feature::set(
+        "blurred reflections",
+        &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=recurrent-blur"],
     ),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature { coats: true, ..Feature::set("clear coats", &[]) },

@@ -1,0 +1,51 @@
+//! Where the signal has changed since the previous frame: the blurred hint [`Hints::change`](super::Hints::change).
+use magpie::gpu::Kernel;
+use magpie::prelude::*;
+use magpie::slot::{Build, SlotError};
+use magpie_shaders::DENOISE_BLUR_GRADIENT_COMP;
+use magpie_shaders::denoise::BlurGradientParams;
+
+/// Number of blurs: over 5x5 texels, then 9x9. Their images have a third of the frame's width and height.
+const BLURS: u32 = 2;
+
+/// Turns changes of single pixels into the share of the history to discard.
+#[derive(Clone, Copy)]
+pub struct Changes(Kernel);
+
+impl Changes {
+    /// Creates the pipeline.
+    pub fn new(build: &Build<'_>) -> Result<Self, SlotError> {
+        Ok(Self(build.kernel(&DENOISE_BLUR_GRADIENT_COMP)?))
+    }
+
+    /// Adds the blurs `PASS_0` and so on. Returns the share of the history to discard, 0 to 1, if there is a hint.
+    pub fn add(
+        self,
+        g: &mut FrameGraph,
+        change: Option<Handle<Image>>,
+        pass: &dyn Fn(&str) -> String,
+    ) -> Option<Handle<Image>> {
+        let blurs = |change| {
+            (0..BLURS).fold(change, |change, blur| self.blur(g, change, blur, &pass(&format!("blur_gradient_{blur}"))))
+        };
+        change.map(blurs)
+    }
+
+    fn blur(self, g: &mut FrameGraph, change: Handle<Image>, blur: u32, pass: &str) -> Handle<Image> {
+        g.pass(pass, Queue::AsyncCompute, |p| {
+            let change_read = p.sample(change);
+            let (blurred, target) = p.create("blurred", p.desc(change));
+            let extent = p.extent(change);
+            (blurred.read(), move |c: &mut Record<'_>| {
+                let params = BlurGradientParams {
+                    size: [extent.width, extent.height],
+                    change: c.id(change_read),
+                    blurred: c.id(target),
+                    step: 1 << blur,
+                    is_last: (blur + 1 == BLURS).into(),
+                };
+                c.dispatch(self.0, &params, extent);
+            })
+        })
+    }
+}

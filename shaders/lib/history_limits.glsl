@@ -1,0 +1,42 @@
+#ifndef LIB_HISTORY_LIMITS_GLSL
+#define LIB_HISTORY_LIMITS_GLSL
+#include "lib/noise_width.glsl"
+// How many frames a mean may go over where the width of the noise is known: values of a penumbra that moves.
+
+struct HistoryLimits {
+    vec4 longest;   // frames, of each channel
+    bvec4 moves;    // channels whose history may belong to another place or time
+    bvec4 alone;    // channels that use the sample without its history
+};
+
+// Whether the reprojected position lies between pixels of the previous frame.
+bool is_between(vec2 was) {
+    return any(greaterThan(abs(was - round(was)), vec2(0.01)));
+}
+
+// Greatest history length where things move. Each interpolation widens an edge by f (1 - f) square pixels of variance in each direction, 1/6
+// on average. A penumbra W pixels wide has a variance of W² / 12, which may at most triple. Outside of penumbrae there is no noise to average.
+// Without interpolation nothing is widened, and a second frame halves the variance.
+vec4 most_frames(vec4 width, bool between) {
+    return max(floor(width * width), vec4(between ? 1.0 : 2.0));
+}
+
+// A history may belong to another place or time if it is interpolated (`between`), if what the channel shows moves by itself (its bit in
+// `moved`), or if a change was found nearby (`forgotten` is above 0).
+HistoryLimits history_limits(ViewBuffer view, vec4 width, vec2 was, bool between, uint moved, vec4 forgotten) {
+    HistoryLimits limits;
+    uvec4 moves = uvec4(between ? 15u : moved) & uvec4(1u, 2u, 4u, 8u);
+    limits.moves = bvec4(moves | uvec4(greaterThan(forgotten, vec4(0.0))));
+    limits.longest = mix(vec4(LONGEST), most_frames(width, between), limits.moves);
+    limits.alone = bvec4(false);
+    if (is_jittered(view)) {
+        vec4 averaged = averaged_width(view, width);
+        limits.alone = equal(averaged, vec4(0.0));
+        // A pixel that does not move keeps its history even while it is not used: rays of later frames may find a penumbra there.
+        bvec4 kept = bvec4(uvec4(limits.alone) & uvec4(is_between(was) ? 0u : 1u));
+        limits.longest = mix(min(limits.longest, most_frames(averaged, true)), vec4(LONGEST), kept);
+    }
+    return limits;
+}
+
+#endif

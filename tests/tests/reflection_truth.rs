@@ -1,0 +1,181 @@
+//! Reflections by rays converge to the reference, whatever the surface, the scene and the way to trace.
+use anyhow::{Result, ensure};
+use glam::{Affine3A, DVec3, Vec3};
+use magpie::gpu::Gpu;
+use magpie::scene::{Light, Material, Scene};
+use magpie_passes::RenderOptions;
+use magpie_passes::reference::{Only, ReferenceOptions};
+use magpie_shaders::Rays;
+use magpie_tests::against::{Bias, Shown, bias, mean_with, truth_of};
+use magpie_tests::fixtures::{add, block, camera, material, scene, sphere};
+use magpie_tests::harness::{builtin, gpu};
+use std::env;
+
+/// Rays of each pixel and frame.
+const RAYS_PER_FRAME: u32 = 8;
+/// Surfaces that a path meets; the reference scatters once more, at the pixel's own.
+const BOUNCES: u32 = 8;
+/// What makes `ray-traced` unbiased: all bounces, every ray shaded anew, nothing shared between pixels or frames, nothing rounded.
+const UNBIASED: [&str; 12] = [
+    "stages.reflections=ray-traced",
+    "reflections.denoiser=none",
+    "reflections.reconstruct=false",
+    "reflections.reuse=false",
+    "reflections.bounces=8",
+    "reflections.rays=8",
+    "reflections.precision=32",
+    "gbuffer.precision=full",
+    "stages.shadows=off",
+    "stages.gi=off",
+    "stages.ao=off",
+    "direct.emitter_rays=0",
+];
+
+/// What all surfaces of a scene are made of.
+#[derive(Clone, Copy, Debug)]
+enum Made {
+    Metal,
+    Dielectric,
+    /// A coat of that roughness over rough paint.
+    Coat,
+}
+
+fn made(mut scene: Scene, of: Made, roughness: f32) -> Scene {
+    for m in &mut scene.materials {
+        (m.metallic_roughness_texture, m.normal_texture) = (None, None);
+        (m.metalness, m.roughness) = (if matches!(of, Made::Metal) { 1.0 } else { 0.0 }, roughness);
+        m.clearcoat = 0.0;
+        if matches!(of, Made::Coat) {
+            (m.roughness, m.clearcoat, m.clearcoat_roughness) = (0.7, 1.0, roughness);
+        }
+    }
+    scene
+}
+
+/// A closed box whose ceiling shines, so that even mirrors on all sides make little noise, and a ball and a block in it.
+fn box_of(of: Made, roughness: f32) -> Scene {
+    let mut s = scene("box", camera([0.3, -0.2, 1.3], [-0.2, -0.5, 0.0]));
+    let walls = Material { double_sided: true, ..material([0.85, 0.9, 0.9], 0.0, 0.0) };
+    add(&mut s, block(Vec3::new(1.5, 1.2, 1.5)), walls, Affine3A::IDENTITY);
+    let mut s = made(s, of, roughness);
+    let ball =
+        Affine3A::from_scale_rotation_translation(Vec3::splat(0.4), glam::Quat::IDENTITY, Vec3::new(-0.5, -0.7, -0.4));
+    add(&mut s, sphere(24), material([0.8, 0.2, 0.1], 0.0, 1.0), ball);
+    add(
+        &mut s,
+        block(Vec3::new(0.25, 0.5, 0.25)),
+        material([0.2, 0.6, 0.3], 0.0, 0.9),
+        Affine3A::from_translation(Vec3::new(0.6, -0.7, -0.6)),
+    );
+    s.lights.push(Light::Rectangle {
+        centre: DVec3::new(0.0, 1.199, 0.0),
+        half_u: Vec3::X * 1.45,
+        half_v: Vec3::Z * 1.45,
+        radiance: Vec3::new(1.0, 0.9, 0.7),
+    });
+    s.light_nodes.resize(1, None);
+    s
+}
+
+/// A scene, and the time at which it is shown.
+fn scene_of(name: &str, of: Made, roughness: f32) -> Result<(Scene, f64)> {
+    Ok(match name {
+        "box" => (box_of(of, roughness), 0.0),
+        "carousel" => (made(builtin(name)?, of, roughness), 1.3),
+        _ => (made(builtin(name)?, of, roughness), 0.0),
+    })
+}
+
+/// How much is computed.
+#[derive(Clone, Copy)]
+struct Effort {
+    size: [u32; 2],
+    /// Independent runs of each kind.
+    runs: u32,
+    /// Rays of each pixel and run, in frames and reference.
+    rays: u32,
+}
+
+/// The bias of the frame's reflections by one way to trace; the reference is traced in software.
+fn bias_of(gpu: &Gpu, scene: &Scene, time: f64, rays: Rays, effort: Effort) -> Result<Bias> {
+    let shown = Shown { size: effort.size, time };
+    let (mut found, mut truth) = (Vec::new(), Vec::new());
+    for seed in 1..=effort.runs {
+        let options = RenderOptions { seed, rays, ..RenderOptions::default() };
+        let frames = effort.rays.div_ceil(RAYS_PER_FRAME);
+        found.push(mean_with(options, "reflections", gpu, scene, &UNBIASED, shown, frames)?.0);
+        let options =
+            ReferenceOptions { only: Only::Reflections, depth: BOUNCES + 1, seed, ..ReferenceOptions::default() };
+        truth.push(truth_of(options, gpu, scene, shown, effort.rays)?.mean);
+    }
+    let bias = bias(&found, &truth);
+    ensure!(bias.relmse.is_finite() && bias.light.is_finite(), "not finite: {bias:?}");
+    Ok(bias)
+}
+
+fn row(name: &str, of: Made, roughness: f32, rays: Rays, b: Bias) -> String {
+    format!(
+        "| {name} | {of:?} | {roughness} | {rays:?} | {:.1e} ± {:.0e} | {:.4} ± {:.4} |",
+        b.relmse, b.error, b.light, b.light_error
+    )
+}
+
+/// Small pictures of surfaces with little noise, so that a bias cannot hide in it.
+#[test]
+fn rays_have_no_bias() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let effort = Effort { size: [16, 12], runs: 2, rays: 2048 };
+    for (name, of, roughness, rays) in [
+        ("box", Made::Metal, 0.0, Rays::Software),
+        ("box", Made::Coat, 0.1, Rays::Query),
+        ("box", Made::Dielectric, 0.3, Rays::Pipeline),
+        ("cornell", Made::Dielectric, 0.6, Rays::Software),
+        ("cornell", Made::Metal, 1.0, Rays::Pipeline),
+        ("courtyard", Made::Dielectric, 0.6, Rays::Query),
+    ] {
+        if gpu.check_rays(rays).is_err() {
+            println!("{name}: the device has no {rays:?}");
+            continue;
+        }
+        let (scene, time) = scene_of(name, of, roughness)?;
+        let started = std::time::Instant::now();
+        let bias = bias_of(&gpu, &scene, time, rays, effort)?;
+        println!("{} {:.1?}", row(name, of, roughness, rays, bias), started.elapsed());
+        ensure!(bias.error < 7e-4, "{name}, {of:?}, {roughness}: too much noise to tell: {bias:?}");
+        ensure!(bias.relmse < 1e-3, "{name}, {of:?}, {roughness}, {rays:?}: {bias:?}");
+    }
+    Ok(())
+}
+
+/// All of them, with `MAGPIE_FULL`: a table, and bounds where noise allows to tell.
+#[test]
+fn rays_have_no_bias_on_any_surface() -> Result<()> {
+    if env::var_os("MAGPIE_FULL").is_none() {
+        return Ok(());
+    }
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let effort = Effort { size: [16, 12], runs: 2, rays: 2048 };
+    let mut failed = Vec::new();
+    for name in ["box", "cornell", "carousel", "courtyard"] {
+        for of in [Made::Metal, Made::Dielectric, Made::Coat] {
+            for (roughness, rays) in [
+                (0.0, Rays::Software),
+                (0.1, Rays::Query),
+                (0.3, Rays::Pipeline),
+                (0.6, Rays::Software),
+                (1.0, Rays::Query),
+            ] {
+                let rays = if gpu.check_rays(rays).is_ok() { rays } else { Rays::Software };
+                let (scene, time) = scene_of(name, of, roughness)?;
+                let bias = bias_of(&gpu, &scene, time, rays, effort)?;
+                let row = row(name, of, roughness, rays, bias);
+                println!("{row}");
+                if bias.relmse > 1e-3 + 3.0 * bias.error || (bias.light - 1.0).abs() > 0.01 + 3.0 * bias.light_error {
+                    failed.push(row);
+                }
+            }
+        }
+    }
+    ensure!(failed.is_empty(), "{failed:#?}");
+    Ok(())
+}
