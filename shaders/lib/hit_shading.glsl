@@ -106,9 +106,6 @@ vec3 direct_light_at(
     return chosen_light * (sum / chosen_luminance) * seen_along(scene, ray_towards(s, chosen), traced);
 }
 
-// Surfaces smoother than this alpha reflect too differently to the camera and to another viewer.
-const float LEAST_REUSED_ALPHA = 0.25;
-
 // Albedo of a surface for light towards `to_viewer`, unit.
 vec3 albedo_towards(SceneBuffer scene, SurfacePoint s, vec3 to_viewer) {
     float n_v = max(dot(s.normal, to_viewer), 1e-4);

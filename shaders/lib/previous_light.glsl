@@ -8,6 +8,9 @@
 const float LEAST_COSINE = 0.9;
 const float DEPTH_SLACK = 0.01;
 
+// Surfaces smoother than this alpha reflect too differently to the camera and to another viewer.
+const float LEAST_REUSED_ALPHA = 0.25;
+
 // A point one frame ago.
 struct PlaceBefore {
     vec3 position;  // world, metres

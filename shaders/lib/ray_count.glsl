@@ -8,6 +8,17 @@
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RayCounter { uint closest; uint any; };
 
+#ifndef RAYS_PIPELINE
+// Beside the counter of values that are not finite.
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer ScreenRayCounter { uint not_finite; uint screen; };
+
+// Adds the rays of this invocation through the depth image. All invocations of a subgroup call it. `not_finite`: `Record::not_finite`.
+void count_screen_rays(uvec2 not_finite, uint rays) {
+    rays = subgroupAdd(rays);
+    if (subgroupElect() && rays != 0u) atomicAdd(ScreenRayCounter(not_finite).screen, rays);
+}
+#endif
+
 // Adds the rays of this invocation; in compute shaders with one atomic per subgroup and kind of ray. Devices need not have subgroup
 // operations in ray-generation shaders.
 void count_rays(uvec2 counter, uint closest, uint any) {

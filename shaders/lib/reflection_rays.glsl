@@ -7,14 +7,12 @@
 #include "lib/precision.glsl"
 #include "lib/ray_cells.glsl"
 #include "lib/ray_count.glsl"
+#include "lib/reflector.glsl"
 #include "lib/roughness_limit.glsl"
-#include "lib/sequence.glsl"
 #include "lib/sky_lobe.glsl"
-#include "lib/specular_albedo.glsl"
-#include "shared/denoise.glsl"
 #include "shared/reflections.glsl"
-// Specular indirect light by rays: directions of visible normals of GGX (Heitz 2018, "Sampling the GGX Distribution of Visible Normals"),
-// each followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot `direct` has that.
+// Specular indirect light by rays along the lobe, each followed over some bounces. What lights and emissive surfaces send to the pixel
+// directly is not in it: the slot `direct` has that.
 // With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
 
 // Counters: closest-hit and any-hit rays.
@@ -109,76 +107,52 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
     return radiance;
 }
 
-// A surface that reflects, with what sampling its lobe needs.
-struct Reflector {
-    bool exists;   // false where nothing is reflected; the rest is undefined then
-    Surface surface;
-    RayStart start;
-    Bsdf bsdf;
-    mat3 around;   // axes of the shading normal in the columns
-    vec3 v;        // towards the viewer, in these axes
-};
-
-Reflector reflector_at(ViewBuffer view, TraceParams params, ivec2 pixel) {
-    Reflector r;
-    r.surface = load_surface(view, pixel, params.gbuffer);
-    r.exists = r.surface.exists && reflects(r.surface);
-    if (!r.exists) return r;
-    uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
-    r.start = seen_start(SceneBuffer(params.scene), ids, view.at[0].eye, pixel_ray(view, pixel), r.surface.position);
-    r.bsdf = bsdf_of(r.surface);
-    r.around = frame_of(r.surface.normal);
-    r.v = r.surface.to_eye * r.around;
-    r.v.z = eye_cosine(r.surface);
-    return r;
-}
-
 // A ray along the lobe.
 struct Reflected {
     bool exists;      // false where the lobe has no light in the direction
     vec3 direction;   // unit
     float pdf;        // of the direction, per steradian
-    vec3 share;       // BRDF times cosine over the pdf
     vec3 radiance;    // from that direction
     float distance;   // of the nearest hit, metres
 };
 
-// Traces ray `index` of a pixel.
-Reflected reflect_at(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector r, uint index) {
-    Reflected found = Reflected(false, vec3(0.0), 0.0, vec3(0.0), vec3(0.0), SKY_DISTANCE);
-    uint seed = view.at[0].seed;
-    vec3 l;
-    if (!sample_specular(r.bsdf, r.v, sequence2(pixel, index, SEQUENCE_REFLECTIONS, seed), l)) return found;
-    found.direction = r.around * l;
-    found.pdf = bsdf_pdf(r.bsdf, r.v, l, LOBE_SPECULAR);
-    if (!(found.pdf > 0.0)) return found;
-    found.exists = true;
-    found.share = bsdf_cosine(r.bsdf, r.v, l, LOBE_SPECULAR) / found.pdf;
+RayStart reflector_start(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector r) {
+    uvec2 ids = load_uint(params.gbuffer.ids, pixel).xy;
+    return seen_start(SceneBuffer(params.scene), ids, view.at[0].eye, pixel_ray(view, pixel), r.surface.position);
+}
+
+// Traces along a sampled direction; `index` as for the sample.
+Reflected reflect_along(ViewBuffer view, TraceParams params, ivec2 pixel, Reflector r, RayStart start, LobeSample s, uint index) {
+    Reflected found = Reflected(s.exists, r.around * s.l, s.pdf, vec3(0.0), SKY_DISTANCE);
     // The surface itself hides what lies below its plane.
-    if (dot(found.direction, r.start.normal) <= 0.0) return found;
-    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), index, seed);
-    Ray ray = surface_ray(r.start, found.direction, UNBOUNDED);
+    if (!s.exists || dot(found.direction, start.normal) <= 0.0) return found;
+    Random random = random_of(uint(pixel.y) * view.at[0].size.x + uint(pixel.x), index, view.at[0].seed);
+    Ray ray = surface_ray(start, found.direction, UNBOUNDED);
     found.radiance = follow(view, SceneBuffer(params.scene), params, ray, found.pdf, random, found.distance);
     return found;
 }
 
-// The mean of all rays of a pixel, over the albedo of its lobe; beyond the limit of roughness what the sky gives.
+// The mean of all rays of a pixel, over the albedo of its lobe.
 void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
-    Reflector r = reflector_at(view, params, pixel);
+    Reflector r = reflector_at(view, params.gbuffer, pixel);
     vec3 radiance = vec3(0.0);
     float nearest = SKY_DISTANCE;
     float width = 0.0;
     if (r.exists) {
-        float share = share_of_rays(r.surface, params.roughness_limit);
-        uint samples = share > 0.0 ? params.samples : 0u;
+        bool has_rays = share_of_rays(r.surface, params.roughness_limit, 0.0) > 0.0;
+        RayStart start = reflector_start(view, params, pixel, r);
+        uint samples = has_rays ? params.samples : 0u;
         for (uint i = 0u; i < samples; i++) {
-            Reflected found = reflect_at(view, params, pixel, r, view.at[0].frame * params.samples + i);
-            if (!found.exists) continue;
-            radiance += found.share * found.radiance;
+            uint index = view.at[0].frame * params.samples + i;
+            LobeSample s = sample_lobe(view, r, pixel, index);
+            if (!s.exists) continue;
+            Reflected found = reflect_along(view, params, pixel, r, start, s, index);
+            radiance += bsdf_cosine(r.bsdf, r.v, s.l, LOBE_SPECULAR) / s.pdf * found.radiance;
             nearest = min(nearest, found.distance);
         }
-        radiance *= share / (float(params.samples) * specular_albedo(r.surface));
-        if (share < 1.0) radiance += (1.0 - share) * sky_over_albedo(view, r.surface, params.openness, pixel);
+        // Without rays the sky, for denoisers that take it for that of a neighbour.
+        if (!has_rays) radiance = float(params.samples) * sky_reflected(view, r.surface, 1.0);
+        radiance /= float(params.samples) * specular_albedo(r.surface);
         width = lobe_width(view, r.surface, strongest_alpha(r.bsdf, r.v), nearest);
     }
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
@@ -186,25 +160,24 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
     store(params.width, pixel, vec4(min(width / WIDEST_NOISE, 1.0)));
 }
 
-// Greatest number of directions that are drawn for one ray, and how far apart they are in the pixel's sequence.
-const uint MOST_DRAWS = 4u;
-const uint DRAW_STRIDE = 1u << 24u;
-
-// The ray of a cell, for reconstruct.comp.
-void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
-    ivec2 side = ivec2(params.cell);
-    ivec2 pixel = ray_pixel(view, cell, side);
-    Reflector r = reflector_at(view, params, pixel);
-    r.exists = r.exists && share_of_rays(r.surface, params.roughness_limit) > 0.0;
+// One ray of a pixel, for reconstruct.comp. What it found goes to `at` of the images.
+void trace_found(ViewBuffer view, TraceParams params, ivec2 pixel, uint index, ivec2 at) {
+    Reflector r = reflector_at(view, params.gbuffer, pixel);
+    r.exists = r.exists && share_of_rays(r.surface, params.roughness_limit, 0.0) > 0.0;
     Reflected found;
     found.exists = false;
-    // Directions below the surface are drawn again: reconstruction does not ask how often that happened.
-    uint turn = ray_turns(view, side);
-    for (uint draw = 0u; r.exists && !found.exists && draw < MOST_DRAWS; draw++) {
-        found = reflect_at(view, params, pixel, r, turn + draw * DRAW_STRIDE);
+    if (r.exists) {
+        LobeSample s = draw_lobe(view, r, pixel, index);
+        if (s.exists) found = reflect_along(view, params, pixel, r, reflector_start(view, params, pixel, r), s, index);
     }
-    store(params.radiance, cell, found.exists ? vec4(representable(found.radiance, params.greatest), 1.0) : vec4(0.0));
-    store(params.rays_found, cell, found.exists ? pack_ray(found.direction, found.distance, found.pdf) : vec4(0.0));
+    store(params.radiance, at, found.exists ? vec4(representable(found.radiance, params.greatest), 1.0) : vec4(0.0));
+    store(params.rays_found, at, found.exists ? pack_ray(found.direction, found.distance, found.pdf) : vec4(0.0));
+}
+
+// The ray of a cell.
+void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
+    ivec2 side = ivec2(params.cell);
+    trace_found(view, params, ray_pixel(view, cell, side), ray_turns(view, side), cell);
 }
 
 // Which of both `params` asks for, at `at` of the launch.

@@ -10,6 +10,10 @@ struct ScreenFound {
     vec3 radiance;     // towards the ray's origin; 0 without confidence
     float confidence;  // 0 to 1
     float distance;    // of what the ray meets, metres
+    float alpha;       // of its narrowest lobe
+    float known;       // share of the pixels around the hit that the previous frame showed it in, 0 to 1
+    bool emits;
+    bool was_behind;   // on its way the ray passed behind something, which may be thicker than assumed
     uint steps;        // look-ups of depth
 };
 
@@ -82,7 +86,7 @@ ScreenFound light_on_screen(
     ViewBuffer view, SceneBuffer scene, ScreenLight p, GBufferImages gbuffer, uvec2 not_finite, Surface from, vec3 direction, float stride,
     float jitter
 ) {
-    ScreenFound found = ScreenFound(vec3(0.0), 0.0, SKY_DISTANCE, 0u);
+    ScreenFound found = ScreenFound(vec3(0.0), 0.0, SKY_DISTANCE, 0.0, 0.0, false, false, 0u);
     vec3 origin = march_origin(view, from);
     ScreenHit hit = march_screen(view, p.march, gbuffer, origin, direction, stride, jitter);
     found.steps = hit.steps;
@@ -95,13 +99,18 @@ ScreenFound light_on_screen(
     PlaceBefore before;
     if (!place_before(view, scene, instance, position, before)) return found;
     Surface there = load_surface(view, hit.pixel, gbuffer);
-    float known;
-    vec3 seen = radiance_before(view, p, not_finite, instance, there.geometric_normal, before, known);
+    vec3 seen = radiance_before(view, p, not_finite, instance, there.geometric_normal, before, found.known);
     // A single pixel of four has at least a quarter of the weights where it is the nearest.
-    found.confidence = min(4.0 * known, 1.0) * edge_confidence(view, hit.place, p.edge) * distance_confidence(found.distance, p.march.distance)
+    found.confidence = min(4.0 * found.known, 1.0) * edge_confidence(view, hit.place, p.edge) * distance_confidence(found.distance, p.march.distance)
         * direction_confidence(direction, from.to_eye);
     if (found.confidence <= 0.0) return found;
-    if (p.has_emission != 0u) seen = without_emission(seen, sampled_emission(view, scene, gbuffer, hit.pixel, instance));
+    found.alpha = narrowest_alpha(bsdf_of(there));
+    found.was_behind = hit.was_behind;
+    if (p.has_emission != 0u) {
+        vec3 emission = sampled_emission(view, scene, gbuffer, hit.pixel, instance);
+        found.emits = emission != vec3(0.0);
+        seen = without_emission(seen, emission);
+    }
     // What the camera saw is not what the surface sends along the ray. The share that its albedo tells is made good, as in
     // previous_light_at; what a smooth surface reflects differently to both is not.
     vec3 to_eye_before = safe_normalize(view.at[0].previous_eye - before.position, there.normal);

@@ -27,6 +27,7 @@ struct ScreenHit {
     vec2 place;      // pixels
     ivec2 pixel;     // of the surface
     float depth;     // reversed, of the surface
+    bool was_behind; // the ray passed behind something on its way
     uint steps;      // look-ups of depth
 };
 
@@ -73,6 +74,11 @@ bool meets(vec2 depths, vec2 occupied_depths) {
     return min(depths.x, depths.y) <= occupied_depths.y && max(depths.x, depths.y) >= occupied_depths.x && occupied_depths.y > 0.0;
 }
 
+// Whether a part of a ray is behind all that the camera sees there.
+bool is_behind_all(vec2 depths, vec2 occupied_depths) {
+    return max(depths.x, depths.y) < occupied_depths.x;
+}
+
 float depth_seen(GBufferImages gbuffer, ivec2 pixel) {
     SCREEN_MARCH_LOOKS_AT(pixel);
     return load(gbuffer.depth, pixel).r;
@@ -82,7 +88,7 @@ float depth_seen(GBufferImages gbuffer, ivec2 pixel) {
 // and Mara 2014). `stride`: pixels, 1 or more. `jitter`, 0 to 1, moves the first step within the stride. A hit between two steps is found by
 // bisection, to less than a pixel.
 ScreenHit march_linear(ViewBuffer view, ScreenMarch march, GBufferImages gbuffer, ScreenRay ray, float stride, float jitter) {
-    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, 0u);
+    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, false, 0u);
     bool is_wide = abs(ray.change.x) >= abs(ray.change.y);
     float start = is_wide ? ray.from.x : ray.from.y;
     float reach = is_wide ? ray.change.x : ray.change.y;
@@ -97,7 +103,10 @@ ScreenHit march_linear(ViewBuffer view, ScreenMarch march, GBufferImages gbuffer
         ivec2 pixel = clamp(ivec2(floor(at.xy)), ivec2(0), last_pixel);
         float depth = depth_seen(gbuffer, pixel);
         hit.steps++;
-        if (meets(vec2(ray.from.z + before * ray.change.z, at.z), occupied(view, march, depth, depth))) {
+        vec2 depths = vec2(ray.from.z + before * ray.change.z, at.z);
+        vec2 taken = occupied(view, march, depth, depth);
+        hit.was_behind = hit.was_behind || is_behind_all(depths, taken);
+        if (meets(depths, taken)) {
             // Lower end in front of what is seen, upper end behind.
             float low = before;
             float high = share;
@@ -130,7 +139,7 @@ ScreenHit march_linear(ViewBuffer view, ScreenMarch march, GBufferImages gbuffer
 // Through the pyramid: as large a step as the cell of a level allows through which the ray passes in front of everything or behind
 // everything. From cell to cell the place is kept as a whole pixel, so that rounding can neither skip one nor stay in one.
 ScreenHit march_pyramid(ViewBuffer view, ScreenMarch march, GBufferImages gbuffer, ScreenRay ray) {
-    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, 0u);
+    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, false, 0u);
     ivec2 size = ivec2(view.at[0].size);
     // An axis along which the ray does not move is never left.
     vec2 inverse = vec2(ray.change.x == 0.0 ? 1e30 : 1.0 / ray.change.x, ray.change.y == 0.0 ? 1e30 : 1.0 / ray.change.y);
@@ -151,7 +160,9 @@ ScreenHit march_pyramid(ViewBuffer view, ScreenMarch march, GBufferImages gbuffe
             vec2 depths = ray.from.z + vec2(share, end) * ray.change.z;
             vec2 seen = level == 0 ? vec2(depth_seen(gbuffer, pixel)) : load_mip(march.pyramid, cell, level - 1).rg;
             hit.steps++;
-            if (meets(depths, occupied(view, march, seen.x, seen.y))) {
+            vec2 taken = occupied(view, march, seen.x, seen.y);
+            hit.was_behind = hit.was_behind || is_behind_all(depths, taken);
+            if (meets(depths, taken)) {
                 if (depths.x > seen.y && ray.change.z != 0.0) {
                     // In front of all of the cell until it is as deep as the nearest of it.
                     share = clamp((seen.y - ray.from.z) / ray.change.z, share, end);
@@ -186,7 +197,7 @@ ScreenHit march_pyramid(ViewBuffer view, ScreenMarch march, GBufferImages gbuffe
 // Marches a ray in the world. What the camera sees from its other side is no hit, and ends the ray: something is there, and nobody knows
 // what it looks like from there. `stride` and `jitter` are for steps of equal length.
 ScreenHit march_screen(ViewBuffer view, ScreenMarch march, GBufferImages gbuffer, vec3 origin, vec3 direction, float stride, float jitter) {
-    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, 0u);
+    ScreenHit hit = ScreenHit(false, vec2(0.0), ivec2(0), 0.0, false, 0u);
     ScreenRay ray;
     if (!clip_to_screen(view, origin, direction, march.distance, ray)) return hit;
     if (march.pyramid == NO_IMAGE) hit = march_linear(view, march, gbuffer, ray, stride, jitter);

@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/bsdf.glsl"
 #include "lib/precision.glsl"
+#include "lib/ray_count.glsl"
 #include "lib/roughness_limit.glsl"
 #include "lib/screen_light.glsl"
 #include "lib/sequence.glsl"
@@ -69,8 +70,11 @@ void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 target = ivec2(gl_GlobalInvocationID.xy);
     ivec2 pixel = (params.flags & MARCH_HALF) != 0u ? 2 * target : target;
-    if (!inside(pixel, view.at[0].size)) return;
-    Marched m = march(view, pixel);
+    bool exists = inside(pixel, view.at[0].size);
+    Marched m;
+    if (exists) m = march(view, pixel);
+    count_screen_rays(params.not_finite, exists && m.steps > 0u ? 1u : 0u);
+    if (!exists) return;
     store(params.radiance, target, vec4(representable(m.radiance, params.greatest), float(m.steps)));
     store(params.confidence, target, vec4(m.confidence / MOST_CONFIDENCE));
     store(params.hit_distance, target, vec4(m.distance));

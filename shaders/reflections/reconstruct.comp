@@ -10,6 +10,7 @@
 #include "lib/precision.glsl"
 #include "lib/random.glsl"
 #include "lib/ray_cells.glsl"
+#include "lib/ray_rate.glsl"
 #include "lib/roughness_limit.glsl"
 #include "lib/specular_albedo.glsl"
 #include "shared/reflections.glsl"
@@ -22,6 +23,8 @@ layout(push_constant, scalar) uniform Push { ReconstructParams params; };
 const float ANY_SURFACE = 1e-4;
 // How much a smooth surface counts in the mean over frames where it has no ray of its own.
 const float BORROWED = 0.02;
+// Greatest distance of rays in cells, where the size of cells follows from the width of the lobe.
+const float FARTHEST_CELL = 2.0;
 // Weights below this are those of other surfaces.
 const float SAME_SURFACE = 0.01;
 
@@ -37,24 +40,38 @@ struct Lobe {
     float smoothness;  // 1 where the lobe is narrower than the distance of rays, 0 where it is wide
 };
 
+// Width and height of the cells that have a ray each, around a pixel.
+ivec2 side_at(ivec2 pixel) {
+    if (params.rate == NO_IMAGE) return ivec2(params.cell);
+    uint rate = rate_at(params.rate, pixel);
+    return ivec2(rate == RATE_FULL ? 1 : rate == RATE_QUARTER ? 2 : 4);
+}
+
+// Where the images have the ray of a cell.
+ivec2 texel_of(ViewBuffer view, ivec2 cell, ivec2 side) {
+    return params.rate == NO_IMAGE ? cell : ray_pixel(view, cell, side);
+}
+
 // Distance of what the rays around hit: the harmonic mean, so that near things count.
-float distance_around(ivec2 cell, ivec2 cells) {
+float distance_around(ViewBuffer view, ivec2 cell, ivec2 side, ivec2 cells) {
     const ivec2 PLUS[5] = ivec2[](ivec2(0), ivec2(1, 0), ivec2(-1, 0), ivec2(0, 1), ivec2(0, -1));
     vec2 sum = vec2(0.0);
     for (int k = 0; k < 5; k++) {
         ivec2 at = cell + PLUS[k];
         if (!inside(at, uvec2(cells))) continue;
-        float distance = load(params.rays_found, at).z;
-        if (distance > 0.0 && load(params.found, at).a > 0.0) sum += vec2(1.0, 1.0 / distance);
+        ivec2 texel = texel_of(view, at, side);
+        float distance = load(params.rays_found, texel).z;
+        if (distance > 0.0 && load(params.found, texel).a > 0.0) sum += vec2(1.0, 1.0 / distance);
     }
     return sum.x > 0.0 ? sum.x / sum.y : SKY_DISTANCE;
 }
 
-// Weight of a cell's ray, and what it found.
-float weight_of(ViewBuffer view, ivec2 pixel, ivec2 cell, ivec2 side, Lobe lobe, vec4 found, out FoundRay ray) {
+// Weight of a cell's ray, and what it found. `expected`: what the weight would be in the mean if the ray were of the pixel's own lobe.
+float weight_of(ViewBuffer view, ivec2 pixel, ivec2 cell, ivec2 side, Lobe lobe, vec4 found, out FoundRay ray, out float expected) {
+    expected = 0.0;
     ivec2 from = ray_pixel(view, cell, side);
     Guide there = load_guide(params.guide, from);
-    ray = unpack_ray(load(params.rays_found, cell));
+    ray = unpack_ray(load(params.rays_found, texel_of(view, cell, side)));
     if (!is_surface(there)) return 0.0;
     vec2 offset = vec2(from - pixel);
     vec3 direction = ray.direction;
@@ -66,22 +83,32 @@ float weight_of(ViewBuffer view, ivec2 pixel, ivec2 cell, ivec2 side, Lobe lobe,
     if (l.z <= 0.0) return 0.0;
     float ratio = luminance(bsdf_cosine(lobe.bsdf, lobe.v, l, LOBE_SPECULAR)) / (ray.pdf * lobe.albedo);
     float near = exp(-2.0 * dot(offset, offset) / float(side.x * side.x));
-    return max(edge_weight(lobe.guide, lobe.gradient, there, offset), ANY_SURFACE) * mix(ratio, near, lobe.smoothness);
+    float edge = max(edge_weight(lobe.guide, lobe.gradient, there, offset), ANY_SURFACE);
+    expected = edge * mix(1.0, near, lobe.smoothness);
+    return edge * mix(ratio, near, lobe.smoothness);
 }
 
 // Light of the rays of a cell and those beside it, whatever they are rays of.
-vec3 light_beside(ivec2 cell, ivec2 cells) {
+vec3 light_beside(ViewBuffer view, ivec2 cell, ivec2 side, ivec2 cells) {
     vec3 sum = vec3(0.0);
     float count = 0.0;
     for (int k = 0; k < 9; k++) {
         ivec2 at = cell + ivec2(k % 3, k / 3) - 1;
         if (!inside(at, uvec2(cells))) continue;
-        vec4 found = load(params.found, at);
+        vec4 found = load(params.found, texel_of(view, at, side));
         if (found.a == 0.0 || !is_finite(found)) continue;
         count += 1.0;
         sum += (found.rgb - sum) / count;
     }
     return sum;
+}
+
+// Share of the rays around that were looked for on the screen and found there, over about four frames.
+float share_on_screen(ViewBuffer view, ivec2 pixel, ivec2 cell, ivec2 side) {
+    float before = load(params.rate, pixel).g;
+    ivec2 texel = texel_of(view, cell, side);
+    if (!is_marched(params.rate, texel)) return before;
+    return mix(before, load(params.found, texel).a == FOUND_ON_SCREEN ? 1.0 : 0.0, 0.25);
 }
 
 void main() {
@@ -90,10 +117,18 @@ void main() {
     if (!inside(pixel, view.at[0].size)) return;
     Lobe lobe;
     lobe.surface = load_surface(view, pixel, params.gbuffer);
-    if (!lobe.surface.exists || !reflects(lobe.surface)) {
-        store(params.radiance, pixel, vec4(0.0));
+    bool is_traced = lobe.surface.exists && reflects(lobe.surface);
+    if (is_traced && params.rate != NO_IMAGE) is_traced = rate_at(params.rate, pixel) >= RATE_SIXTEENTH;
+    else if (is_traced) is_traced = share_of_rays(lobe.surface, params.roughness_limit, 0.0) > 0.0;
+    ivec2 side = side_at(pixel);
+    ivec2 cells = (ivec2(view.at[0].size) + side - 1) / side;
+    ivec2 cell = pixel / side;
+    if (!is_traced) {
+        // A denoiser that knows no weights may take it for that of a neighbour.
+        store(params.radiance, pixel, vec4(light_beside(view, cell, side, cells), 0.0));
         store(params.hit_distance, pixel, vec4(SKY_DISTANCE));
         store(params.width, pixel, vec4(0.0));
+        if (params.steering != NO_IMAGE) store(params.steering, pixel, vec4(0.0));
         return;
     }
     Surface s = lobe.surface;
@@ -105,14 +140,12 @@ void main() {
     lobe.v.z = eye_cosine(s);
     lobe.albedo = luminance(specular_albedo(s));
 
-    ivec2 side = ivec2(params.cell);
-    ivec2 cells = ivec2((view.at[0].size + params.cell - 1u) / params.cell);
-    ivec2 cell = pixel / side;
-    float width = lobe_width(view, s, strongest_alpha(lobe.bsdf, lobe.v), distance_around(cell, cells));
+    float width = lobe_width(view, s, strongest_alpha(lobe.bsdf, lobe.v), distance_around(view, cell, side, cells));
     lobe.smoothness = 1.0 - smoothstep(0.5, 2.0, width / float(side.x));
     // In cells. Where not every pixel has a ray, the nearest ones are needed at any width.
     vec2 reach = vec2(min(0.5 * width, params.radius)) / vec2(side);
     reach = max(reach, vec2(greaterThan(side, ivec2(1))));
+    if (params.rate != NO_IMAGE) reach = min(reach, vec2(FARTHEST_CELL));
 
     vec4 lights[MOST_TAPS];
     ivec2 places[MOST_TAPS];
@@ -121,20 +154,23 @@ void main() {
     uint brightest_at = 0u;
     vec2 light_sum = vec2(0.0);
     float nearness = 0.0;
+    vec2 expected_sum = vec2(0.0);
     float turn = disc_turn(view, pixel, 0u);
-    float share = share_of_rays(s, params.roughness_limit);
-    uint taps = share > 0.0 ? params.taps : 0u;
+    // Where nothing is blurred only the pixel's own ray counts.
+    uint taps = lobe.smoothness == 1.0 && side == ivec2(1) ? 1u : params.taps;
     for (uint i = 0u; i < taps; i++) {
         vec2 offset = disc_tap(i, params.taps, turn) * reach;
         ivec2 at = ivec2(floor((vec2(pixel) + 0.5) / vec2(side) + offset));
         bool known = !inside(at, uvec2(cells));
         for (uint k = 0u; k < count; k++) known = known || places[k] == at;
         if (known) continue;
-        vec4 found = load(params.found, at);
+        vec4 found = load(params.found, texel_of(view, at, side));
         if (found.a == 0.0) continue;
         if (i == 0u ? !is_taken(params.not_finite, found) : !is_finite(found)) continue;
         FoundRay ray;
-        float weight = weight_of(view, pixel, at, side, lobe, found, ray);
+        float expected;
+        float weight = weight_of(view, pixel, at, side, lobe, found, ray, expected);
+        expected_sum += vec2(expected, expected * expected);
         if (!(weight > 0.0)) continue;
         lights[count] = vec4(found.rgb, weight);
         places[count] = at;
@@ -160,15 +196,26 @@ void main() {
         // A running mean: of equal values it is exactly that value.
         sum += (lights[i].a / weights) * (lights[i].rgb - sum);
     }
+    // The ratio of two sums is biased where they have few terms: of one ray it would forget how likely that was. There the expected sum of the
+    // weights stands below instead, as for rays that are not shared. Rays of much wider lobes may have any weight, so the light is at most doubled.
+    if (params.rate != NO_IMAGE && weights > SAME_SURFACE) {
+        float rays = expected_sum.x * expected_sum.x / expected_sum.y;
+        sum *= min(weights / mix(expected_sum.x, weights, 1.0 - 1.0 / rays), 2.0);
+    }
     // A lobe that none of these rays lies in: without a history, any light is nearer to the truth than none.
-    if (count == 0u) sum = light_beside(cell, cells);
+    if (count == 0u) sum = light_beside(view, cell, side, cells);
     bool own = count > 0u && places[0] == cell && ray_pixel(view, cell, side) == pixel;
     float counts = weights > SAME_SURFACE ? mix(1.0, own ? 1.0 : BORROWED, lobe.smoothness) : weights > 0.0 ? BORROWED : 0.0;
-    if (share < 1.0) {
-        // Rougher surfaces have no rays, and beside them a surface may find none that it could take.
-        if (weights == 0.0) share = 0.0;
-        sum = mix(sky_over_albedo(view, s, params.openness, pixel), sum, share);
-        if (share == 0.0) counts = 1.0;
+    if (params.steering != NO_IMAGE) {
+        // Standard error of the mean over the mean. One ray tells nothing of it, nor do those of other surfaces.
+        float mean = luminance(sum);
+        vec2 spread = vec2(0.0);
+        for (uint i = 0u; i < count; i++) {
+            float apart = lights[i].a * (luminance(lights[i].rgb) - mean);
+            spread += vec2(apart * apart, lights[i].a * lights[i].a);
+        }
+        float noise = count > 1u && weights > SAME_SURFACE && mean > 0.0 ? sqrt(spread.x) / (weights * mean) : 1.0;
+        store(params.steering, pixel, vec4(min(noise, 1.0), clamp(width / WIDEST_NOISE, 1.0 / 255.0, 1.0), share_on_screen(view, pixel, cell, side), 0.0));
     }
     store(params.radiance, pixel, vec4(representable(sum, params.greatest), counts));
     store(params.hit_distance, pixel, vec4(weights > 0.0 ? min(weights / nearness, SKY_DISTANCE) : SKY_DISTANCE));

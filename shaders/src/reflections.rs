@@ -46,8 +46,6 @@ pub struct TraceParams {
     pub greatest: f32,
     /// Perceptual roughness from which a surface has no ray, 0 to 1; 1: every surface has.
     pub roughness_limit: f32,
-    /// Openness of ambient occlusion, 0 to 1, for the sky beyond that limit; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
-    pub openness: u32,
 }
 
 /// Push constants of `reconstruct.comp`.
@@ -73,7 +71,13 @@ pub struct ReconstructParams {
     pub hit_distance: StorageImage,
     /// Output: as in [`TraceParams`].
     pub width: StorageImage,
-    /// As in [`TraceParams`].
+    /// `rate` of `choose.comp`, where the distance of rays differs from pixel to pixel and the images of rays have the size of the frame; or
+    /// [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub rate: u32,
+    /// Output, RGBA8 unorm: standard error of the reconstruction over its mean; width of the lobe as in [`TraceParams`] but above 0, 0 where
+    /// there is nothing to trace; share of the rays that were looked for on the screen and found there, a mean over frames; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub steering: u32,
+    /// As in [`TraceParams`]; not used with `rate`.
     pub cell: [u32; 2],
     /// Rays that are looked at, 1 to [`MOST_TAPS`].
     pub taps: u32,
@@ -85,8 +89,6 @@ pub struct ReconstructParams {
     pub greatest: f32,
     /// As in [`TraceParams`].
     pub roughness_limit: f32,
-    /// As in [`TraceParams`].
-    pub openness: u32,
 }
 
 /// Push constants of `resolve.comp`.
@@ -99,6 +101,14 @@ pub struct ResolveParams {
     pub gbuffer: GBufferImages,
     /// Radiance over albedo.
     pub denoised: SampledImage,
+    /// Radiance of the fallback; or [`NO_IMAGE`](super::denoise::NO_IMAGE) for the sky.
+    pub fallback: u32,
+    /// Openness, 0 to 1; [`NO_IMAGE`](super::denoise::NO_IMAGE) for no ambient occlusion.
+    pub openness: u32,
+    /// Perceptual roughness from which the fallback stands alone; 1 for none.
+    pub roughness_limit: f32,
+    /// Albedo of the lobe below which the fallback stands alone.
+    pub faint: f32,
     /// Output: radiance, RGBA16F or RGBA32F.
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`.

@@ -46,6 +46,8 @@ pub struct PassTime {
     pub rays_closest: u64,
     /// Number of any-hit rays, such as shadow rays.
     pub rays_any: u64,
+    /// Number of rays through the depth image.
+    pub rays_screen: u64,
     /// Number of non-finite values that its shaders left out of what they keep or average.
     pub not_finite: u64,
     /// Thread that recorded it; 0 is the one that ran the frame.

@@ -178,7 +178,11 @@ impl Column<'_> {
             frames: self.samples.len(),
             gpu_ms: Spread::of(self.samples.iter().filter_map(|p| p.gpu_ns).collect(), 1e6),
             cpu_us: of(|p| p.cpu_ns) / 1e3,
-            rays: Rays { closest: of(|p| p.rays_closest).round() as u64, any: of(|p| p.rays_any).round() as u64 },
+            rays: Rays {
+                closest: of(|p| p.rays_closest).round() as u64,
+                any: of(|p| p.rays_any).round() as u64,
+                screen: of(|p| p.rays_screen).round() as u64,
+            },
             bytes: of(|p| p.bytes).round() as u64,
             not_finite: self.samples.iter().map(|p| p.not_finite).sum(),
             draws: of(|p| u64::from(p.draws)).round() as u64,

@@ -85,6 +85,15 @@ pub struct Rays {
     pub closest: u64,
     /// Any-hit rays, such as shadow rays.
     pub any: u64,
+    /// Rays through the depth image.
+    pub screen: u64,
+}
+
+impl Rays {
+    /// Rays of all kinds.
+    pub fn total(self) -> u64 {
+        self.closest + self.any + self.screen
+    }
 }
 
 /// One pass, over all frames in which it ran.
@@ -142,7 +151,7 @@ pub struct Report {
 }
 
 /// Columns of the CSV: the names of the JSON, joined by dots. Those of `graph` describe the whole frame and are the same in every row.
-pub const CSV_COLUMNS: [&str; 27] = [
+pub const CSV_COLUMNS: [&str; 28] = [
     "name",
     "stage",
     "queue",
@@ -154,6 +163,7 @@ pub const CSV_COLUMNS: [&str; 27] = [
     "cpu_us",
     "rays.closest",
     "rays.any",
+    "rays.screen",
     "bytes",
     "not_finite",
     "draws",
@@ -202,6 +212,7 @@ impl Report {
                 pass.cpu_us.to_string(),
                 pass.rays.closest.to_string(),
                 pass.rays.any.to_string(),
+                pass.rays.screen.to_string(),
                 pass.bytes.to_string(),
                 pass.not_finite.to_string(),
                 pass.draws.to_string(),

@@ -162,7 +162,8 @@ impl Trace<'_> {
 fn arguments(pass: &PassTime) -> Value {
     let mut arguments = json!({
         "stage": pass.stage, "draws": pass.draws, "dispatches": pass.dispatches,
-        "rays_closest": pass.rays_closest, "rays_any": pass.rays_any, "not_finite": pass.not_finite,
+        "rays_closest": pass.rays_closest, "rays_any": pass.rays_any, "rays_screen": pass.rays_screen,
+        "not_finite": pass.not_finite,
     });
     if let Some(statistics) = pass.statistics {
         arguments["statistics"] = json!(statistics);

@@ -1,11 +1,14 @@
 //! Specular indirect light: of the sky alone, of probes, of what the camera sees, or of whatever rays meet.
+mod hybrid;
 mod probe;
 mod ray_traced;
+mod reconstruct;
 mod screen_space;
 
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
+use hybrid::Hybrid;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Preset, Slot};
 use magpie_shaders::REFLECTIONS_SKY_COMP;
@@ -63,6 +66,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "Rays along the specular lobe, shaded by lights and by the previous frame.",
             &ray_traced::settings(),
             |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
+        )
+        .with(
+            "hybrid",
+            "Rays where they show: found on the screen where it knows enough, traced elsewhere, the fewer the wider the lobe.",
+            &hybrid::settings(),
+            |build, settings| Ok(Box::new(Hybrid::new(build, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
         .presets(&PRESETS)

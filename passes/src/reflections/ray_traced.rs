@@ -1,38 +1,27 @@
 //! Reflections by rays: sampled from the specular lobe, shaded where they hit, denoised over what the lobe covers of the screen.
+use super::reconstruct::{Cells, Found, MATERIAL, Reconstruction, Resolve, Traced};
 use super::{ALL_ROUGH, has_smooth, idle_reason};
-use crate::contracts::{Channel, GBufferToken, GEOMETRY, LightingIn, LightingOut, RAY_START, SceneToken};
+use crate::contracts::{GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::hit_shading::{HitShading, HitShadingToken};
 use crate::precision;
 use crate::sky_light::SkyLight;
-use magpie::gpu::Kernel;
-use magpie::graph::{BufferToken, PassBuilder, SampleToken, StorageToken};
+use magpie::graph::{BufferToken, PassBuilder};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_shaders::denoise::NO_IMAGE;
-use magpie_shaders::reflections::{MOST_TAPS, ReconstructParams, ResolveParams, TraceParams};
-use magpie_shaders::{
-    REFLECTIONS_RECONSTRUCT_COMP, REFLECTIONS_RESOLVE_COMP, REFLECTIONS_SKY_COMP, REFLECTIONS_TINTED_TRACE_RAY,
-    REFLECTIONS_TRACE_RAY,
-};
+use magpie_shaders::reflections::TraceParams;
+use magpie_shaders::{REFLECTIONS_SKY_COMP, REFLECTIONS_TINTED_TRACE_RAY, REFLECTIONS_TRACE_RAY};
 
-/// Format of hit distances.
-const DISTANCE: Format = Format::R16Float;
-/// Format of the width of the lobe.
-const WIDTH: Format = Format::R8Unorm;
 /// Format of the rays of cells.
 const RAY: Format = Format::Rgba16Float;
-/// Channels with the material.
-const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
 
 /// Reflections by rays.
 pub struct RayTraced {
     trace: RayKernel,
     /// For scenes with surfaces that let light straight through.
     tinted: RayKernel,
-    reconstruct: Kernel,
-    resolve: Kernel,
     /// Rays of each cell.
     samples: u32,
     /// Width and height of a cell, pixels.
@@ -43,49 +32,9 @@ pub struct RayTraced {
     roughness_limit: f32,
     /// For scenes that are rougher than that throughout.
     fallback: SkyLight,
+    resolve: Resolve,
     format: Format,
     denoiser: Denoiser,
-}
-
-/// Settings of the reconstruction.
-#[derive(Clone, Copy)]
-struct Reconstruction {
-    taps: u32,
-    reach: f32,
-    firefly_limit: f32,
-}
-
-/// What the rays found, with the size of the frame.
-struct Traced {
-    /// Radiance over the albedo of the specular lobe.
-    radiance: Handle<Image>,
-    hit_distance: Handle<Image>,
-    width: Handle<Image>,
-}
-
-/// The images of [`Traced`] for the pass that writes them.
-#[derive(Clone, Copy)]
-struct Targets {
-    radiance: StorageToken,
-    hit_distance: StorageToken,
-    width: StorageToken,
-}
-
-impl Traced {
-    fn create(p: &mut PassBuilder<'_>, format: Format, like: Handle<Image>) -> (Self, Targets) {
-        let mut create = |name, format| p.create(name, ImageDesc::like(format, like));
-        let (radiance, radiance_target) = create("radiance", format);
-        let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
-        let (width, width_target) = create("width", WIDTH);
-        let targets = Targets { radiance: radiance_target, hit_distance: distance_target, width: width_target };
-        (Self { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() }, targets)
-    }
-}
-
-/// The ray of each cell.
-struct Found {
-    radiance: Handle<Image>,
-    rays: Handle<Image>,
 }
 
 /// Settings of `ray-traced`.
@@ -99,11 +48,6 @@ pub fn settings() -> Vec<SettingSpec> {
                  always shaded anew.";
     let reconstruct = "Each pixel takes the rays of its neighbours as samples of its own lobe, before the denoiser: less noise in the first frames, a \
                        little less light. Off: only its own rays. Always on where pixels share rays, never with several rays per pixel.";
-    let taps = "Of `reconstruct`: rays that are looked at. Higher: less noise, more time.";
-    let reach = "Of `reconstruct`: greatest distance of these rays. No farther than half of the lobe's width on the screen. Higher: less noise, \
-                 softer.";
-    let firefly_limit = "Of `reconstruct`: limit for the brightest of these rays, over the mean of the others. Lower: fewer bright specks, but \
-                         light of small bright things is lost.";
     let limit = "Roughness from which a surface has no ray and reflects the sky as `sky` does; from three quarters of it on the two are blended. \
                  1: every surface has rays. Lower: less time, and glossy surfaces lose reflections of things.";
     let mut settings = vec![
@@ -112,11 +56,9 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
         SettingSpec::switch("reuse", reuse, true).sweep_all(),
         SettingSpec::switch("reconstruct", reconstruct, false).sweep_all(),
-        SettingSpec::integer("taps", "", taps, 8, 1..=MOST_TAPS.into()).sweep([4, 8, 16]),
-        SettingSpec::float("reach", "pixels", reach, 16.0, 1.0..=64.0).sweep([8.0, 16.0, 32.0]),
-        SettingSpec::float("firefly_limit", "", firefly_limit, 8.0, 1.0..=1e6),
         SettingSpec::float("roughness_limit", "", limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
     ];
+    settings.extend(Reconstruction::settings(8));
     settings.extend(denoise::settings());
     settings.push(precision::setting());
     settings
@@ -130,25 +72,21 @@ impl RayTraced {
             2 => (1, [2, 1]),
             _ => (1, [2, 2]),
         };
-        let reconstruction = Reconstruction {
-            taps: settings.u32("taps")?,
-            reach: settings.f32("reach")?,
-            firefly_limit: settings.f32("firefly_limit")?,
-        };
+        let format = precision::format(settings)?;
+        let roughness_limit = settings.f32("roughness_limit")?;
         let reconstructs = cell != [1, 1] || (samples == 1 && settings.switch("reconstruct")?);
         Ok(Self {
             trace: build.ray_kernel(&REFLECTIONS_TRACE_RAY)?,
             tinted: build.ray_kernel(&REFLECTIONS_TINTED_TRACE_RAY)?,
-            reconstruct: build.kernel(&REFLECTIONS_RECONSTRUCT_COMP)?,
-            resolve: build.kernel(&REFLECTIONS_RESOLVE_COMP)?,
             samples,
             cell,
             bounces: settings.u32("bounces")?,
             reuse: settings.switch("reuse")?,
-            reconstruction: reconstructs.then_some(reconstruction),
-            roughness_limit: settings.f32("roughness_limit")?,
+            reconstruction: reconstructs.then(|| Reconstruction::new(build, settings, format)).transpose()?,
+            roughness_limit,
             fallback: SkyLight::new(build, "reflections.sky", &REFLECTIONS_SKY_COMP, false, idle_reason, settings)?,
-            format: precision::format(settings)?,
+            resolve: Resolve::new(build, format)?.limited(roughness_limit, 0.0),
+            format,
             denoiser: Denoiser::new(build, "reflections", Options::read(settings)?)?,
         })
     }
@@ -197,69 +135,6 @@ impl RayTraced {
         let Self { samples, cell, bounces, roughness_limit, format, .. } = *self;
         Launch { kernel, view: view.block, samples, cell, bounces, roughness_limit, greatest: format.greatest() }
     }
-
-    /// Makes a full image of the rays of cells.
-    fn reconstruct(
-        &self,
-        g: &mut FrameGraph,
-        view: &View,
-        i: LightingIn,
-        found: Found,
-        settings: Reconstruction,
-    ) -> Traced {
-        let (kernel, block, cell, format) = (self.reconstruct, view.block, self.cell, self.format);
-        let roughness_limit = self.roughness_limit;
-        g.pass("reflections.reconstruct", Queue::AsyncCompute, |p| {
-            let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
-            let gbuffer = i.gbuffer.read(p, &[GEOMETRY, MATERIAL].concat());
-            let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
-            let openness = openness(p, i, roughness_limit);
-            let extent = p.extent(i.gbuffer.depth);
-            let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
-            (traced, move |c: &mut Record<'_>| {
-                let params = ReconstructParams {
-                    view: c.id(block),
-                    not_finite: c.not_finite(),
-                    gbuffer: gbuffer.images(c),
-                    guide: c.id(guide),
-                    found: c.id(light),
-                    rays_found: c.id(rays),
-                    radiance: c.id(targets.radiance),
-                    hit_distance: c.id(targets.hit_distance),
-                    width: c.id(targets.width),
-                    cell,
-                    taps: settings.taps,
-                    radius: settings.reach,
-                    firefly_limit: settings.firefly_limit,
-                    greatest: format.greatest(),
-                    roughness_limit,
-                    openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
-                };
-                c.dispatch(kernel, &params, extent);
-            })
-        })
-    }
-
-    /// Multiplies with the albedo of the specular lobe.
-    fn resolve(&self, g: &mut FrameGraph, view: &View, i: LightingIn, denoised: Handle<Image>) -> Handle<Image> {
-        let (kernel, format, block) = (self.resolve, self.format, view.block);
-        g.pass("reflections.resolve", Queue::AsyncCompute, |p| {
-            let (block, denoised) = (p.read(block), p.sample(denoised));
-            let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
-            let (radiance, target) = p.create("radiance", ImageDesc::like(format, i.gbuffer.depth));
-            let extent = p.extent(i.gbuffer.depth);
-            (radiance.read(), move |c: &mut Record<'_>| {
-                let params = ResolveParams {
-                    view: c.id(block),
-                    gbuffer: gbuffer.images(c),
-                    denoised: c.id(denoised),
-                    radiance: c.id(target),
-                    greatest: format.greatest(),
-                };
-                c.dispatch(kernel, &params, extent);
-            })
-        })
-    }
 }
 
 impl Effect for RayTraced {
@@ -282,10 +157,16 @@ impl Effect for RayTraced {
         }
         let is_idle = self.needs(&view.facts).idle.is_some();
         let Some(hits) = HitShading::new(&i, self.reuse).filter(|_| !is_idle) else { return LightingOut::default() };
-        let traced = match self.reconstruction {
-            Some(settings) => {
+        let traced = match &self.reconstruction {
+            Some(reconstruction) => {
                 let found = self.trace_cells(g, view, i, hits);
-                self.reconstruct(g, view, i, found, settings)
+                reconstruction.add(
+                    g,
+                    view,
+                    i,
+                    found,
+                    Cells::Even { side: self.cell, roughness_limit: self.roughness_limit },
+                )
             }
             None => self.trace(g, view, i, hits),
         };
@@ -296,7 +177,7 @@ impl Effect for RayTraced {
             hints: hints.weighted(self.reconstruction.is_some()),
         };
         let denoised = self.denoiser.add(g, view, noisy, "");
-        LightingOut::radiance(self.resolve(g, view, i, denoised)).with_hit_distance(traced.hit_distance)
+        LightingOut::radiance(self.resolve.add(g, view, i, Some(denoised), None)).with_hit_distance(traced.hit_distance)
     }
 }
 
@@ -312,11 +193,6 @@ struct Launch {
     greatest: f32,
 }
 
-/// Ambient occlusion, where surfaces beyond a limit of roughness reflect the sky.
-fn openness(p: &mut PassBuilder<'_>, i: LightingIn, roughness_limit: f32) -> Option<SampleToken> {
-    i.ao.openness.filter(|_| roughness_limit < 1.0).map(|image| p.sample(image))
-}
-
 /// What a pass that launches rays reads.
 #[derive(Clone, Copy)]
 struct Declared {
@@ -324,14 +200,12 @@ struct Declared {
     scene: SceneToken,
     hits: HitShadingToken,
     gbuffer: GBufferToken,
-    openness: Option<SampleToken>,
 }
 
 impl Launch {
     fn declare(self, p: &mut PassBuilder<'_>, i: LightingIn, hits: HitShading) -> Declared {
         let gbuffer = i.gbuffer.read(p, &[RAY_START, MATERIAL].concat());
-        let openness = openness(p, i, self.roughness_limit);
-        Declared { view: p.read(self.view), scene: i.scene.trace(p), hits: hits.read(p), gbuffer, openness }
+        Declared { view: p.read(self.view), scene: i.scene.trace(p), hits: hits.read(p), gbuffer }
     }
 
     /// The parameters but for the images that are written.
@@ -347,7 +221,6 @@ impl Launch {
             bounces: self.bounces,
             greatest: self.greatest,
             roughness_limit: self.roughness_limit,
-            openness: declared.openness.map_or(NO_IMAGE, |token| c.id(token).index()),
             ..TraceParams::default()
         }
     }

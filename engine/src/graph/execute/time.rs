@@ -10,8 +10,8 @@ use crate::{
 use magpie_shaders::Address;
 
 const FIRST_PASSES: u32 = 64;
-/// Bytes of counters per pass: closest-hit rays, any-hit rays, non-finite values, 4 each.
-const COUNTER_BYTES: u64 = 12;
+/// Bytes of counters per pass: closest-hit rays, any-hit rays, non-finite values, rays on the screen, 4 each.
+const COUNTER_BYTES: u64 = 16;
 
 /// Timestamps and counters of one frame.
 pub(super) struct Clock {
@@ -108,7 +108,7 @@ impl Clock {
                 bytes.and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes)
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
-            time.not_finite = word(8).into();
+            (time.not_finite, time.rays_screen) = (word(8).into(), word(12).into());
         }
         if let Some(statistics) = &self.statistics {
             for (pass, position) in passes.iter_mut().zip(0..) {

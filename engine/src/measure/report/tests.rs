@@ -86,7 +86,7 @@ fn json_has_the_documented_names() {
         "slots": [],
         "passes": [{"name": "a.b", "stage": "a", "queue": "graphics", "frames": 2,
                     "gpu_ms": {"median": 3.0, "min": 2.0, "p99": 4.0, "max": 4.0}, "cpu_us": 2.5,
-                    "rays": {"closest": 0, "any": 10}, "bytes": 0, "not_finite": 0, "draws": 0, "dispatches": 1}],
+                    "rays": {"closest": 0, "any": 10, "screen": 0}, "bytes": 0, "not_finite": 0, "draws": 0, "dispatches": 1}],
     });
     assert_eq!(got, wanted);
 }

@@ -12,7 +12,7 @@ use magpie::gpu::Kernel;
 use magpie::graph::{BufferToken, HistoryScope, Part, PassBuilder, SampleToken};
 use magpie::prelude::*;
 use magpie::scene::{ReflectionProbe, SceneFacts, Wrap};
-use magpie::slot::{Build, Needs, Settings, SlotError};
+use magpie::slot::{Build, ImplementationInfo, Needs, Settings, SlotError};
 use magpie_shaders::probe::{
     CaptureParams, MeansParams, PROBE_FACES, PlaceParams, Probe, ProbeFilterParams, ProbeImages, ProbeShadeParams,
     ProbeTable,
@@ -24,6 +24,7 @@ use magpie_shaders::{
 };
 use places::{ALL, CAMERA, Places, Work};
 use settings::Options;
+use std::collections::BTreeMap;
 
 /// Format of what is captured.
 const FORMAT: Format = Format::Rgba16Float;
@@ -119,6 +120,13 @@ impl Probes {
             seen: None,
             quiet: 0,
         })
+    }
+
+    /// With the default settings.
+    pub fn with_defaults(build: &Build<'_>) -> Result<Self, SlotError> {
+        let (name, about) = ("probe".to_owned(), String::new());
+        let info = ImplementationInfo { name, about, settings: settings() };
+        Self::new(build, &Settings::new("reflections", &info, &BTreeMap::new())?)
     }
 
     /// Goes on to the places of this frame. Returns the number of captures in a mean, and whether captures end there.
