@@ -130,13 +130,9 @@ float below_coat(Bsdf b, vec3 v) {
     return 1.0 - coat_share(b, v) * coat_scattered_again(b) / (1.0 + b.coat_lobe.again);
 }
 
-// Alpha of the narrower and of the wider of the specular lobes of base and coat.
+// Alpha of the narrower of the specular lobes of base and coat.
 float narrowest_alpha(Bsdf b) {
     return b.coat > 0.0 ? min(b.alpha, b.coat_alpha) : b.alpha;
-}
-
-float widest_alpha(Bsdf b) {
-    return b.coat > 0.0 ? max(b.alpha, b.coat_alpha) : b.alpha;
 }
 
 // Transmission times |n·l|. Radiance scales with the square of the index across an interface; a path that goes in and out again gets it

@@ -68,6 +68,8 @@ fn few() -> Vec<Case> {
             &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],
             true,
         ),
+        case(&["stages.reflections=hybrid", "reflections.budget=0.25"], true),
+        case(&["stages.reflections=hybrid", "reflections.roughness_limit=0.5", "reflections.fallback=probe"], true),
         case(&["stages.ao=ray-traced", "shadows.tinted=false", "post.resolution_scale=0.67", svgf[1]], true),
         case(
             &[

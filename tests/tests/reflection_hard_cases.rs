@@ -13,11 +13,12 @@ use std::env;
 use std::f32::consts::FRAC_PI_2;
 
 /// Every implementation, traced reflections also with a ray for four pixels.
-const IMPLEMENTATIONS: [(&str, &[&str]); 5] = [
+const IMPLEMENTATIONS: [(&str, &[&str]); 6] = [
     ("sky", &["stages.reflections=sky"]),
     ("probe", &["stages.reflections=probe"]),
     ("screen-space", &["stages.reflections=screen-space"]),
     ("ray-traced", &["stages.reflections=ray-traced"]),
+    ("hybrid", &["stages.reflections=hybrid"]),
     (
         "quarter rays",
         &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],

@@ -20,11 +20,7 @@ use screen_space::ScreenSpace;
 const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "probe", settings: &[("resolution", "32"), ("indirect", "false")] },
     Preset { name: "medium", implementation: "screen-space", settings: &[("lobe", "cone"), ("resolution", "half")] },
-    Preset {
-        name: "high",
-        implementation: "ray-traced",
-        settings: &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")],
-    },
+    Preset { name: "high", implementation: "hybrid", settings: &[] },
     Preset { name: "ultra", implementation: "ray-traced", settings: &[("denoiser", "pica-pica")] },
 ];
 

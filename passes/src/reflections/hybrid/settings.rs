@@ -26,8 +26,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let fallback =
         "What stands for reflections that rays are not worth: the sky, or probes with their default settings.";
     let mut settings = vec![
-        SettingSpec::float("spacing", "", spacing, 0.5, 0.0..=4.0).sweep([0.25, 0.5, 1.0]),
-        SettingSpec::among("pixels_per_ray", "", sparsest, 4, &[1, 4, 16]).sweep_all(),
+        SettingSpec::float("spacing", "", spacing, 0.7, 0.0..=4.0).sweep([0.35, 0.7, 1.4]),
+        SettingSpec::among("pixels_per_ray", "", sparsest, 16, &[1, 4, 16]).sweep_all(),
         SettingSpec::float("noise", "", noise, 0.5, 0.0..=1.0).sweep([0.25, 0.5, 1.0]),
         SettingSpec::float("budget", "rays per pixel", budget, 0.0, 0.0..=1.0).sweep([0.0, 0.0625, 0.25]),
         SettingSpec::switch("screen", screen, true).sweep_all(),

@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 24] = [
+pub const FEATURES: [Feature; 25] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -61,6 +61,7 @@ pub const FEATURES: [Feature; 24] = [
         "blurred reflections",
         &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=recurrent-blur"],
     ),
+    Feature::set("hybrid reflections", &["stages.reflections=hybrid"]),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature { coats: true, ..Feature::set("clear coats", &[]) },
     Feature::set("single scattering", &["gbuffer.multiple_scattering=false"]),
@@ -137,7 +138,10 @@ impl Traced {
         let full = Slots::default().catalogue().complete(config);
         let is = |slot, names: &[&str]| full.stages.get(slot).is_some_and(|name| names.contains(&name.as_str()));
         // Probes and what is found on the screen stand for what rays find.
-        Self { ao: is("ao", &["ray-traced"]), reflections: is("reflections", &["ray-traced", "probe", "screen-space"]) }
+        Self {
+            ao: is("ao", &["ray-traced"]),
+            reflections: is("reflections", &["ray-traced", "probe", "screen-space", "hybrid"]),
+        }
     }
 }
 
