@@ -10,11 +10,11 @@ use magpie::{
 };
 use magpie_accuracy::{
     display::Display,
-    metrics::{Picture, flip_ldr},
+    metrics::{DynamicRange, Picture, flip_ldr, side_by_side},
 };
 use magpie_bench::{
     BenchError, FrameBenchError, Options,
-    motion::{self, MotionOptions, Seen},
+    motion::{self, MotionOptions, Place, Seen},
     pairs::{self, PairsOptions},
     rays::{self, RayBenchError, RayOptions},
     run,
@@ -29,6 +29,7 @@ use crate::{
     exit::Failure,
     input,
     output::{Output, keep_apart},
+    picture::write_png,
     session,
 };
 
@@ -183,6 +184,7 @@ fn json_file_apart(wanted: Option<&Option<PathBuf>>, scene: &BenchSceneArguments
 pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     let json = json_file_apart(arguments.json.as_ref(), &arguments.scene)?;
     arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
+    arguments.pictures.as_deref().map_or(Ok(()), make_folder)?;
     let FrameBench { config, scene, gpu, rays } = FrameBench::open(&arguments.scene, &arguments.render, true)?;
     let options = MotionOptions {
         slot: arguments.slot.clone(),
@@ -197,11 +199,19 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
     };
     let is_share = !options.picture && options.slot != "reflections";
     let display = if is_share { Display::PLAIN } else { Display::of(&options.config) };
-    let perceived = |seen: &Seen, truth: &Seen| {
+    let perceived = |place: Place<'_>, seen: &Seen, truth: &Seen| {
         let [seen, truth] = [seen, truth].map(|image| {
             let (width, height) = (image.size.width as usize, image.size.height as usize);
             display.show(&Picture { width, height, pixels: image.colours() })
         });
+        if let Some(folder) = &arguments.pictures {
+            let name =
+                format!("{}-{}-{}.png", place.path, place.frame, place.label.replace(", ", "-").replace(' ', "-"));
+            let drawn = side_by_side(&seen, &truth, DynamicRange::Display).map_err(|error| error.to_string())?;
+            Output::plan("--pictures", &folder.join(name), &["png"])
+                .and_then(|file| file.write(|out| write_png(out, &drawn)))
+                .map_err(|failure| failure.message())?;
+        }
         flip_ldr(&seen, &truth).map_err(|error| error.to_string())
     };
     let report = motion::run(&gpu, &scene, &options, &perceived, |path| log::info!("{path}"))?;

@@ -49,7 +49,7 @@ vec4 blurred(ViewBuffer view, ivec2 pixel, vec4 now, vec4 reach) {
         if (!(greatest_of(weight) > 0.0)) continue;
         weights += weight;
         // A running mean: of equal values it is exactly that value.
-        sum += (weight / weights) * (there - sum);
+        sum += (weight / weights) * (channels_of(there, params.noisy.packing) - sum);
     }
     return sum;
 }
@@ -65,7 +65,7 @@ void main() {
     bool taken = is_taken(params.not_finite, now);
     if (!taken) now = finite_beside(params.noisy.image, pixel, size);
     float counts = !taken ? 0.0 : params.noisy.weighted != 0u ? now.a : 1.0;
-    if (is_radiance) now.a = 0.0;
+    now = channels_of(now, packing);
     vec4 width = steady_width(pixel, size);
     if (params.width != NO_IMAGE) store(params.width, pixel, width / WIDEST_NOISE);
 

@@ -18,7 +18,7 @@ void main() {
     if (!taken) now = finite_beside(params.noisy.image, pixel, view.at[0].size);
     uint packing = params.noisy.packing;
     float counts = !taken ? 0.0 : params.noisy.weighted != 0u ? now.a : 1.0;
-    if (packing == SIGNAL_RADIANCE) now.a = 0.0;
+    now = channels_of(now, packing);
     Samples samples = samples_around(pixel, view.at[0].size, params.noisy);
     vec4 spatial = compared_variance(samples.variance, packing);
 
@@ -35,7 +35,7 @@ void main() {
         vec4 near = clamp(before, samples.mean - reach, samples.mean + reach);
         // The history is shortened by as much as clamping has moved it.
         vec4 moved = abs(near - before) / max(reach, vec4(1e-6) + 1e-3 * abs(samples.mean));
-        past /= 1.0 + max(max(moved.x, moved.y), max(moved.z, packing == SIGNAL_RADIANCE ? 0.0 : moved.w));
+        past /= 1.0 + max(max(moved.x, moved.y), max(moved.z, moved.w));
         frames = min(past + counts, params.longest);
         float part = frames > 0.0 ? min(counts / frames, 1.0) : 0.0;
         vec4 apart = compared(now, packing) - compared(near, packing);

@@ -23,6 +23,13 @@ struct Samples {
     float count_beside;
 };
 
+// The channels of a sample that there are, in place of what the image's format has beside them.
+vec4 channels_of(vec4 texel, uint packing) {
+    if (packing == SIGNAL_ONE) return vec4(texel.x, vec3(0.0));
+    if (packing == SIGNAL_TWO) return vec4(texel.xy, vec2(0.0));
+    return packing == SIGNAL_RADIANCE ? vec4(texel.rgb, 0.0) : texel;
+}
+
 Samples samples_around(ivec2 pixel, uvec2 size, NoisyImage noisy) {
     vec4 sum = vec4(0.0), squares = vec4(0.0);
     float count = 0.0;
@@ -41,6 +48,7 @@ Samples samples_around(ivec2 pixel, uvec2 size, NoisyImage noisy) {
         if (!inside(at, size)) continue;
         vec4 there = load(noisy.image, at);
         if (!is_finite(there) || (noisy.weighted != 0u && there.a == 0.0)) continue;
+        there = channels_of(there, noisy.packing);
         // As a running mean and sum of squares, which have no cancellation (Welford 1962).
         count += 1.0;
         vec4 apart = there - sum;

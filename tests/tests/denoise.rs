@@ -520,3 +520,24 @@ fn at_rest_the_blur_goes_away() -> Result<()> {
     ensure!(errors.is_sorted_by(|a, b| a > b) && errors[3] < 0.05 * errors[0], "{errors:?}");
     Ok(())
 }
+
+/// Signals of any number of channels keep their history at rest, with every denoiser that has one.
+#[test]
+fn every_signal_has_a_history() -> Result<()> {
+    let scene = builtin("courtyard")?;
+    for denoiser in ["svgf", "pica-pica", "recurrent-blur"] {
+        for (slot, traced) in [("ao", "stages.ao=ray-traced"), ("shadows", "stages.shadows=ray-traced")] {
+            let mut config = Config::default();
+            for change in [traced, &format!("{slot}.denoiser={denoiser}"), &format!("{slot}.adaptive=false")] {
+                config.set(change)?;
+            }
+            let pass = format!("{slot}.accumulate");
+            let Some(found) = images(&scene, &config, 24, &[(&pass, "frames")])? else { return Ok(()) };
+            let counts: Vec<f32> = found[0].values().iter().map(|v| v[0]).collect();
+            let mean = counts.iter().sum::<f32>() / counts.len() as f32;
+            println!("{denoiser}, {slot}: {mean:.1} frames");
+            ensure!(mean > 12.0, "{denoiser}, {slot}: {mean} frames");
+        }
+    }
+    Ok(())
+}

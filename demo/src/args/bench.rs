@@ -101,6 +101,10 @@ pub struct BenchMotionArguments {
     /// Write charts to this folder, as SVG
     #[arg(long, value_name = "DIR")]
     pub charts: Option<PathBuf>,
+    /// Write the frames 1, 8, 32 and the last of each path and contestant to this folder, as PATH-FRAME-CONTESTANT.png: the frame, its ground
+    /// truth, and where they differ
+    #[arg(long, value_name = "DIR")]
+    pub pictures: Option<PathBuf>,
     /// How it is rendered.
     #[command(flatten)]
     pub render: BenchRenderArguments,

@@ -6,7 +6,7 @@ pub use paths::{Moment, Path, Turned, around, paths, stand};
 pub use report::MotionReport;
 
 use crate::FrameBenchError;
-use magpie::config::{Catalogue, Config};
+use magpie::config::{Catalogue, Config, Value};
 use magpie::gpu::Gpu;
 use magpie::prelude::{Extent, Rays};
 use magpie::scene::Scene;
@@ -56,19 +56,23 @@ impl MotionOptions {
 pub struct Contestant {
     /// Text in the legend.
     pub label: &'static str,
+    /// Implementation of the slot.
+    implementation: &'static str,
     changes: &'static [(&'static str, &'static str)],
 }
 
+/// The implementation of slots that trace.
+const TRACED: &str = "ray-traced";
 const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
 
 impl Contestant {
     const fn new(label: &'static str, changes: &'static [(&'static str, &'static str)]) -> Self {
-        Self { label, changes }
+        Self { label, implementation: TRACED, changes }
     }
 }
 
 /// The variants to compare, the raw one first. What an effect has no settings for is skipped.
-pub const CONTESTANTS: [Contestant; 11] = [
+pub const CONTESTANTS: [Contestant; 12] = [
     Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none")]),
     Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
     Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
@@ -79,6 +83,7 @@ pub const CONTESTANTS: [Contestant; 11] = [
     Contestant::new("blur", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "false")]),
     Contestant::new("blur, reconstructed", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "true")]),
     Contestant::new("blur, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "recurrent-blur")]),
+    Contestant { implementation: "hybrid", ..Contestant::new("hybrid", &[("pixels_per_ray", "16")]) },
     Contestant::new("eight rays", TRUE),
 ];
 
@@ -102,8 +107,19 @@ impl Seen {
     }
 }
 
+/// A frame of a contestant on a path.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    /// Name of the path.
+    pub path: &'a str,
+    /// Label of the contestant.
+    pub label: &'a str,
+    /// Number of the frame, from 1.
+    pub frame: usize,
+}
+
 /// Perceived difference of what is seen from the truth, 0 to 1, or why it cannot be told.
-pub type Perceived<'a> = &'a dyn Fn(&Seen, &Seen) -> Result<f64, String>;
+pub type Perceived<'a> = &'a dyn Fn(Place<'_>, &Seen, &Seen) -> Result<f64, String>;
 
 /// What the passes of the slot cost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -166,13 +182,12 @@ impl Bench {
         scene: &Scene,
         options: &MotionOptions,
         label: &str,
-        changes: &[(&str, &str)],
+        config: &Config,
     ) -> Result<Self, FrameBenchError> {
-        let config = config(options, changes)?;
         let MotionOptions { size: [width, height], rays, seed, picture, .. } = *options;
         let render = RenderOptions { width, height, seed, rays, check: false };
         let failed = FrameBenchError::render(label);
-        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, render).map_err(failed)?;
+        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, render).map_err(failed)?;
         let slot = if picture { "sky" } else { options.slot.as_str() };
         renderer.read_slots(&[slot]).map_err(failed)?;
         let (lights, label) = (scene.lights.len() as u32, label.to_owned());
@@ -217,25 +232,36 @@ impl Bench {
     }
 }
 
-/// The configuration with changes to the slot's settings; those that its implementation does not have are skipped.
-fn config(options: &MotionOptions, changes: &[(&str, &str)]) -> Result<Config, FrameBenchError> {
+/// The configuration of a contestant; settings that its implementation does not have are skipped. None if the slot does not have the
+/// implementation, or it has no denoiser.
+fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, FrameBenchError> {
     let catalogue: Catalogue = Slots::default().catalogue();
-    let slot = catalogue.slot(&options.slot);
+    let known = catalogue.slot(&options.slot).and_then(|s| s.implementation(of.implementation));
+    let has = |key: &str| known.is_none_or(|i| i.settings.iter().any(|s| s.key == key));
+    if of.implementation != TRACED && (known.is_none() || !has("denoiser")) {
+        return Ok(None);
+    }
     let mut config = options.config.clone();
-    config.set(&format!("stages.{}=ray-traced", options.slot))?;
-    for (key, value) in changes {
-        let known = slot.and_then(|s| s.implementation("ray-traced"));
-        if known.is_none_or(|i| i.settings.iter().any(|s| s.key == *key)) {
-            config.set(&format!("{}.{key}={value}", options.slot))?;
-        }
+    if config.stages.get(&options.slot).is_some_and(|chosen| chosen != of.implementation) {
+        // They are those of another implementation.
+        config.settings.remove(&options.slot);
+    }
+    config.set(&format!("stages.{}={}", options.slot, of.implementation))?;
+    for (key, value) in of.changes.iter().filter(|(key, _)| has(key)) {
+        config.set(&format!("{}.{key}={value}", options.slot))?;
     }
     catalogue.check(&config, "bench motion")?;
-    Ok(config)
+    Ok(Some(config))
 }
 
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
 fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, FrameBenchError> {
-    let mut bench = Bench::new(gpu, &path.scene, options, "truth", TRUE)?;
+    let Some(mut config) = config(options, Contestant::new("truth", TRUE))? else { return Ok(Vec::new()) };
+    // The slots of the truth have the size of the picture.
+    if let Some(scale) = config.settings.get_mut("post").and_then(|post| post.get_mut("resolution_scale")) {
+        *scale = Value::Float(1.0);
+    }
+    let mut bench = Bench::new(gpu, &path.scene, options, "truth", &config)?;
     let frames = if options.picture { PICTURE_TRUTH_FRAMES } else { TRUTH_FRAMES };
     let mut truths: Vec<Seen> = Vec::with_capacity(path.moments.len());
     for (at, moment) in path.moments.iter().enumerate() {
@@ -280,12 +306,12 @@ pub fn walk(
     let mut courses = Vec::new();
     let mut configs: Vec<Config> = Vec::new();
     for contestant in CONTESTANTS {
-        let config = config(options, contestant.changes)?;
+        let Some(config) = config(options, contestant)? else { continue };
         if !options.takes(&CONTESTANTS.map(|c| c.label), contestant.label) || configs.contains(&config) {
             continue; // not wanted, or the effect does not have this setting
         }
+        courses.push(course(gpu, path, options, (contestant.label, &config), &truths, perceived)?);
         configs.push(config);
-        courses.push(course(gpu, path, options, contestant, &truths, perceived)?);
     }
     Ok(courses)
 }
@@ -295,12 +321,12 @@ fn course(
     gpu: &Gpu,
     path: &Path,
     options: &MotionOptions,
-    Contestant { label, changes }: Contestant,
+    (label, config): (&'static str, &Config),
     truths: &[Seen],
     perceived: Perceived<'_>,
 ) -> Result<Course, FrameBenchError> {
     let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
-    let mut bench = Bench::new(gpu, &path.scene, options, label, changes)?;
+    let mut bench = Bench::new(gpu, &path.scene, options, label, config)?;
     if let Some(before) = &path.before {
         for _ in 0..WARM_UP {
             bench.frame(path, before, false)?;
@@ -318,7 +344,8 @@ fn course(
         let apart: Values = values.iter().zip(true_values).map(|(a, b)| a - b).collect();
         course.errors.push(root_mean_square(apart.iter().copied()));
         let is_perceived = PERCEIVED.contains(&(at + 1)) || at + 1 == truths.len();
-        let difference = is_perceived.then(|| perceived(&seen, truth)).transpose();
+        let place = Place { path: path.name, label, frame: at + 1 };
+        let difference = is_perceived.then(|| perceived(place, &seen, truth)).transpose();
         course.perceived.push(difference.map_err(FrameBenchError::Perceived)?);
         course.flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
         before = Some(apart);
