@@ -100,7 +100,7 @@ fn rays_are_as_dense_as_the_lobe_asks() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let dull = Material { specular: 0.0, ..material([0.8; 3], 0.0, 0.1) };
     let count = |left: Material, right: Material| -> Result<f64> {
-        let changes = ["reflections.bounces=1", "reflections.noise=1"];
+        let changes = ["reflections.bounces=1", "reflections.noise=1", "reflections.pixels_per_ray=16"];
         Ok(rays(&shown(&gpu, &halves(left, right), &changes, 6, RADIANCE)?)[0] as f64 / PIXELS as f64)
     };
     let (mirror, half) = (count(metal(0.0), metal(0.0))?, count(metal(0.0), dull)?);
@@ -172,6 +172,7 @@ fn fewer_rays_have_nearly_the_same_error() -> Result<()> {
         "stages.reflections=ray-traced",
         "reflections.denoiser=pica-pica",
         "reflections.reconstruct=true",
+        "reflections.bounces=4",
         "stages.gi=off",
         "reflections.precision=32",
         "gbuffer.precision=full",

@@ -194,7 +194,7 @@ pub fn sweep(
     let setups: Vec<&Setup> = run.plan.setups.iter().enumerate().filter(|(at, _)| mine(*at)).map(|(_, s)| s).collect();
 
     // The first frame after those at rest has moved by one step.
-    let ways: Vec<Camera> = around(camera, run.moving_frames + 1).split_off(1);
+    let ways: Vec<Camera> = around(scene, camera, run.moving_frames + 1).split_off(1);
     let place = ways.last().unwrap_or(camera);
     let wanted = truths::wanted(&setups, run.moving_frames > 0);
     let units = course::Units::of(&run, &setups, wanted.len());

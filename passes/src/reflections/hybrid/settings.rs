@@ -26,13 +26,13 @@ pub fn settings() -> Vec<SettingSpec> {
     let fallback =
         "What stands for reflections that rays are not worth: the sky, or probes with their default settings.";
     let mut settings = vec![
-        SettingSpec::float("spacing", "", spacing, 0.7, 0.0..=4.0).sweep([0.35, 0.7, 1.4]),
-        SettingSpec::among("pixels_per_ray", "", sparsest, 16, &[1, 4, 16]).sweep_all(),
+        SettingSpec::float("spacing", "", spacing, 1.0, 0.0..=4.0).sweep([0.5, 1.0, 2.0]),
+        SettingSpec::among("pixels_per_ray", "", sparsest, 4, &[1, 4, 16]).sweep_all(),
         SettingSpec::float("noise", "", noise, 0.5, 0.0..=1.0).sweep([0.25, 0.5, 1.0]),
         SettingSpec::float("budget", "rays per pixel", budget, 0.0, 0.0..=1.0).sweep([0.0, 0.0625, 0.25]),
         SettingSpec::switch("screen", screen, true).sweep_all(),
         SettingSpec::float("thickness", "m", thickness, 0.1, 0.0..=1000.0),
-        SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
+        SettingSpec::integer("bounces", "", bounces, 4, 1..=8).sweep([1, 2, 4]),
         SettingSpec::float("roughness_limit", "", roughness_limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
         SettingSpec::float("faint", "", faint, 0.02, 0.0..=1.0),
         SettingSpec::choice("fallback", fallback, "sky", &["sky", "probe"]).sweep_all(),

@@ -57,13 +57,36 @@ impl Turned for Camera {
     }
 }
 
-/// Cameras of an orbit around the point that a camera looks at, frame by frame, starting with the camera itself.
+/// Cameras of an orbit around what a camera sees in the middle of its picture, frame by frame, starting with the camera itself.
 #[must_use]
-pub fn around(camera: &Camera, frames: u32) -> Vec<Camera> {
-    // The near plane is at a thousandth of the distance to the point that the camera looks at.
+pub fn around(scene: &Scene, camera: &Camera, frames: u32) -> Vec<Camera> {
     let forward = -camera.world_from_camera.matrix3.z_axis;
-    let centre = camera.eye() + forward * (1e3 * f64::from(camera.near));
+    // Cameras that look at nothing go around a point a thousand near planes away.
+    let distance = distance_along(scene, camera.eye(), forward).unwrap_or(1e3 * f64::from(camera.near));
+    let centre = camera.eye() + forward * distance;
     (0..frames).map(|frame| camera.turned(centre, CAMERA_TURN * f64::from(frame))).collect()
+}
+
+/// Distance to the first triangle along a ray of unit direction in the scene's rest pose, metres.
+fn distance_along(scene: &Scene, from: DVec3, direction: DVec3) -> Option<f64> {
+    let mut nearest: Option<f64> = None;
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh as usize];
+        let object_from_world = instance.world_from_object.inverse();
+        let (o, d) = (object_from_world.transform_point3(from), object_from_world.transform_vector3(direction));
+        for corners in mesh.indices.as_chunks::<3>().0 {
+            let [a, b, c] = corners.map(|i| mesh.positions[i as usize].as_dvec3());
+            // Möller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection".
+            let (ab, ac, ao) = (b - a, c - a, o - a);
+            let (p, q) = (d.cross(ac), ao.cross(ab));
+            let scale = 1.0 / ab.dot(p);
+            let (u, v, t) = (ao.dot(p) * scale, d.dot(q) * scale, ac.dot(q) * scale);
+            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && nearest.is_none_or(|n| t < n) {
+                nearest = Some(t);
+            }
+        }
+    }
+    nearest
 }
 
 /// The paths of a scene: nothing moves from the first frame on, the camera orbits, the lights turn, animations play, and the lights are switched on.
@@ -73,7 +96,7 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
     let all = |moment: &dyn Fn(u32) -> Moment| (0..frames).map(moment).collect::<Vec<_>>();
     let at = |frame: u32| FRAME * f64::from(frame);
-    let moments = around(camera, frames).into_iter().map(|camera| Moment { camera, ..still(0.0) }).collect();
+    let moments = around(scene, camera, frames).into_iter().map(|camera| Moment { camera, ..still(0.0) }).collect();
     let still_moments = all(&|_| still(0.0));
     let mut paths = vec![Path { name: "still", scene: scene.clone(), before: None, moments: still_moments }];
     paths.push(Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments });
@@ -152,6 +175,21 @@ mod tests {
             let forward = -turned.world_from_camera.matrix3.z_axis;
             assert!(forward.dot((centre - turned.eye()).normalize()) > 1.0 - 1e-6, "{angle}"); // cameras are rounded to 32 bits
         }
+    }
+
+    #[test]
+    fn a_camera_goes_around_what_is_in_the_middle_of_its_picture() {
+        for name in ["courtyard", "cornell"] {
+            let scene = magpie::scene::builtin(name).unwrap();
+            let camera = &scene.cameras[0];
+            let forward = -camera.world_from_camera.matrix3.z_axis;
+            let seen = distance_along(&scene, camera.eye(), forward).unwrap();
+            assert!((2.0..20.0).contains(&seen), "{name}: {seen} m");
+            let cameras = around(&scene, camera, 32);
+            let path: f64 = cameras.windows(2).map(|pair| pair[0].eye().distance(pair[1].eye())).sum();
+            assert!((path - 31.0 * CAMERA_TURN * seen).abs() < 0.01 * path, "{name}: {path} m around {seen} m");
+        }
+        assert!(distance_along(&Scene::default(), DVec3::ZERO, DVec3::X).is_none());
     }
 
     #[test]
