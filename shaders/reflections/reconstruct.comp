@@ -196,11 +196,12 @@ void main() {
         // A running mean: of equal values it is exactly that value.
         sum += (lights[i].a / weights) * (lights[i].rgb - sum);
     }
-    // The ratio of two sums is biased where they have few terms: of one ray it would forget how likely that was. There the expected sum of the
-    // weights stands below instead, as for rays that are not shared. Rays of much wider lobes may have any weight, so the light is at most doubled.
+    // The ratio of two sums forgets of a single ray how likely that was. There the expected sum of the weights stands below instead, as for rays
+    // that are not shared; with two or more its noise would be worse than the bias. Rays of much wider lobes may have any weight, so the light is
+    // at most doubled.
     if (params.rate != NO_IMAGE && weights > SAME_SURFACE) {
         float rays = expected_sum.x * expected_sum.x / expected_sum.y;
-        sum *= min(weights / mix(expected_sum.x, weights, 1.0 - 1.0 / rays), 2.0);
+        sum *= min(weights / mix(expected_sum.x, weights, min(rays - 1.0, 1.0)), 2.0);
     }
     // A lobe that none of these rays lies in: without a history, any light is nearer to the truth than none.
     if (count == 0u) sum = light_beside(view, cell, side, cells);
