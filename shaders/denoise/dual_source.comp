@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/history_limits.glsl"
 #include "lib/two_histories.glsl"
 // Mean over frames with the two sources of history of `lib/two_histories.glsl`, clamped to the samples around.
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -36,7 +37,7 @@ void main() {
         // The history is shortened by as much as clamping has moved it.
         vec4 moved = abs(near - before) / max(reach, vec4(1e-6) + 1e-3 * abs(samples.mean));
         past /= 1.0 + max(max(moved.x, moved.y), max(moved.z, moved.w));
-        frames = min(past + counts, params.longest);
+        frames = min(past + counts, is_between(was) ? most_between(params.noisy, pixel, params.longest) : params.longest);
         float part = frames > 0.0 ? min(counts / frames, 1.0) : 0.0;
         vec4 apart = compared(now, packing) - compared(near, packing);
         value = near + part * (now - near);
