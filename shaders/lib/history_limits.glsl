@@ -43,8 +43,7 @@ HistoryLimits history_limits(ViewBuffer view, vec4 width, vec2 was, bool between
 // more than the lobe does by itself; a mirror keeps as many frames as halve its noise.
 float most_between(NoisyImage noisy, ivec2 pixel, float longest) {
     if (noisy.width == NO_IMAGE) return longest;
-    float width = noise_width(noisy.width, pixel, noisy.packing).x;
-    return clamp(floor(width * width), min(4.0, longest), longest);
+    return clamp(most_frames(noise_width(noisy.width, pixel, noisy.packing), true).x, min(4.0, longest), longest);
 }
 
 #endif

@@ -140,8 +140,12 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
     float width = 0.0;
     if (r.exists) {
         bool has_rays = share_of_rays(r.surface, params.roughness_limit, 0.0) > 0.0;
-        RayStart start = reflector_start(view, params, pixel, r);
-        uint samples = has_rays ? params.samples : 0u;
+        uint samples = 0u;
+        RayStart start;
+        if (has_rays) {
+            samples = params.samples;
+            start = reflector_start(view, params, pixel, r);
+        }
         for (uint i = 0u; i < samples; i++) {
             uint index = view.at[0].frame * params.samples + i;
             LobeSample s = sample_lobe(view, r, pixel, index);
