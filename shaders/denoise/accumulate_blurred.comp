@@ -77,8 +77,9 @@ void main() {
     Past past = past_of(view, pixel, was, taps, params.history, params.noisy, params.not_finite, samples, spatial);
     bool known = past.weight > 0.0;
     vec4 forgotten = params.gradient == NO_IMAGE ? vec4(0.0) : load(params.gradient, pixel / int(GRADIENT_STRATUM));
-    vec4 frames = min(past.frames * (1.0 - forgotten) + counts, vec4(params.longest));
-    if (is_radiance && is_between(was)) frames = min(frames, vec4(most_between(params.noisy, pixel, params.longest)));
+    vec4 frames = past.frames * (1.0 - forgotten);
+    if (is_radiance) frames = vec4(frames_after(frames.x, counts, params.noisy, pixel, is_between(was), params.longest));
+    else frames = min(frames + counts, vec4(params.longest));
     if (!is_radiance && params.noisy.width != NO_IMAGE) {
         bool between = is_between(was) || taps.beside;
         frames = min(frames, history_limits(view, width, was, between, params.moved, forgotten).longest);

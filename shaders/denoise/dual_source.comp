@@ -37,7 +37,7 @@ void main() {
         // The history is shortened by as much as clamping has moved it.
         vec4 moved = abs(near - before) / max(reach, vec4(1e-6) + 1e-3 * abs(samples.mean));
         past /= 1.0 + max(max(moved.x, moved.y), max(moved.z, moved.w));
-        frames = min(past + counts, is_between(was) ? most_between(params.noisy, pixel, params.longest) : params.longest);
+        frames = frames_after(past, counts, params.noisy, pixel, is_between(was), params.longest);
         float part = frames > 0.0 ? min(counts / frames, 1.0) : 0.0;
         vec4 apart = compared(now, packing) - compared(near, packing);
         value = near + part * (now - near);

@@ -46,4 +46,13 @@ float most_between(NoisyImage noisy, ivec2 pixel, float longest) {
     return clamp(most_frames(noise_width(noisy.width, pixel, noisy.packing), true).x, min(4.0, longest), longest);
 }
 
+// Frames that a mean over radiance goes over with one more sample, which counts 0 to 1.
+float frames_after(float past, float counts, NoisyImage noisy, ivec2 pixel, bool between, float longest) {
+    if (!between) return min(past + counts, longest);
+    float most = most_between(noisy, pixel, longest);
+    // Edges are widened in frames without a sample as well.
+    past *= 1.0 - (1.0 - counts) / most;
+    return min(past + counts, most);
+}
+
 #endif

@@ -4,6 +4,7 @@
 #include "lib/previous_light.glsl"
 #include "lib/random.glsl"
 #include "lib/ray.glsl"
+#include "lib/regularization.glsl"
 #include "lib/surface.glsl"
 #ifdef TINTED
 #include "lib/tinted.glsl"
@@ -27,20 +28,6 @@ bool scatter(RayStart start, Bsdf bsdf, mat3 frame, vec3 v, uint lobes, Incident
     return scattered != vec3(0.0);
 }
 
-// Alpha of the lobe whose greatest pdf, by visible normals at normal incidence, is `pdf`, per steradian; at most 1.
-float alpha_of_pdf(float pdf) {
-    return min(inversesqrt(4.0 * PI * max(pdf, 1e-12)), 1.0);
-}
-
-// The lobes as a lamp without size lights them, at the end of a path that has been spread as by a lobe of alpha `spread`. Behind rough surfaces
-// the highlight of such a lamp in a smooth surface is so small and bright that nearly all pixels miss it, and some are filled with it: there the
-// lobe is at least half as wide as the path (Kaplanyan and Dachsbacher 2013, "Path Space Regularization for Holistic and Robust Light Transport").
-Bsdf lit_by_points(Bsdf b, float spread) {
-    b.alpha = max(b.alpha, 0.5 * spread);
-    b.coat_alpha = max(b.coat_alpha, 0.5 * spread);
-    return b;
-}
-
 // The shadow ray of a light sample.
 Ray ray_towards(SurfacePoint s, Incident from) {
     return from.distance >= INFINITELY_FAR ? surface_ray(s.start, from.direction, UNBOUNDED)
@@ -61,9 +48,9 @@ vec3 seen_along(SceneBuffer scene, Ray ray, inout uvec2 traced) {
 // Direct light, the sky's included, that some lobes of a surface scatter towards `to_viewer`: one sample of each group of lights, of which
 // one, chosen by its luminance before occlusion, gets a shadow ray. Unbiased: what is chosen is divided by the probability of that choice.
 // `followed`: of these lobes a ray in a sampled direction finds the same light, so each of the two has its weight by the power heuristic. 0: none.
-// `spread`: of the path so far, as for `lit_by_points`.
+// `least_alpha`: of lib/regularization.glsl.
 vec3 direct_light_at(
-    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, uint followed, float spread,
+    ViewBuffer view, SceneBuffer scene, LightTables lights, SurfacePoint s, vec3 to_viewer, uint lobes, uint followed, float least_alpha,
     inout Random random, inout uvec2 traced
 ) {
     mat3 frame = frame_of(s.normal);
@@ -79,10 +66,11 @@ vec3 direct_light_at(
         float probability;
         vec3 l, scattered;
         if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
+        bool small = from.pdf == 0.0 || is_small(probability * from.pdf, least_alpha);
         Bsdf bsdf = s.bsdf;
-        if (from.pdf == 0.0) bsdf = lit_by_points(bsdf, spread);
+        if (small) bsdf = widened(scene.at[0].lobe_albedo, bsdf, least_alpha, v.z);
         if (!scatter(s.start, bsdf, frame, v, lobes, from, l, scattered)) continue;
-        if (followed != 0u && from.pdf > 0.0) {
+        if (followed != 0u && !small) {
             vec3 shared_light = followed == lobes ? scattered : bsdf_cosine(s.bsdf, v, l, followed);
             float weight = mis_weight(probability * from.pdf, bsdf_pdf(s.bsdf, v, l, followed), true);
             scattered = max(scattered - (1.0 - weight) * shared_light, vec3(0.0));

@@ -18,6 +18,7 @@ void trace_listed(HybridTraceParams params, uvec2 invocation) {
         p.radiance = params.found;
         p.rays_found = params.rays_found;
         p.bounces = params.bounces;
+        p.regularization = params.regularization;
         p.greatest = params.greatest;
         // Whoever made the list has left out what is not worth a ray.
         p.roughness_limit = 1.0;

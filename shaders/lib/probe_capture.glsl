@@ -35,7 +35,7 @@ bool meet_surface(
 #endif
         bool met = trace_closest(scene, ray, hit);
         float t_max = hit.t * length(ray.direction);
-        if (pdf > 0.0) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, vec3(0.0), t_max, met, 0u);
+        if (pdf > 0.0) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, 0.0, vec3(0.0), t_max, met, 0u);
         if (!met) return false;
         float width = cone_width_at(ray, hit.t);
         s = surface_at(scene, ray, hit, cone_footprint(ray.direction, hit_start(scene, ray, hit).normal, width));
@@ -73,10 +73,10 @@ vec3 indirect_light(
     SurfacePoint there;
     uint lobes_there;
     if (!meet_surface(scene, lights, ray, pdf, random, throughput, radiance, hit, there, lobes_there)) {
-        if (view.at[0].has_sky != 0u) add_sky_met(radiance, throughput, view, lights, normalize(ray.direction), pdf, 0u);
+        if (view.at[0].has_sky != 0u) add_sky_met(radiance, throughput, view, lights, normalize(ray.direction), pdf, 0.0, 0u);
         return radiance;
     }
-    add_emission_met(radiance, throughput, scene, lights, there, hit, vertex, pdf, 0u);
+    add_emission_met(radiance, throughput, scene, lights, there, hit, vertex, pdf, 0.0, 0u);
     if (there.black) return radiance;
     if (p.indirect > 1u && there.bsdf.alpha >= LEAST_SHARED_ALPHA) {
         vec3 o = there.start.position - centre;

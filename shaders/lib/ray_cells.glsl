@@ -4,6 +4,11 @@
 #include "shared/view.glsl"
 // Fewer rays than pixels: one for each cell of 1, 2x1, 2x2 or 4x4 pixels, in turn from each pixel of the cell.
 
+// Width and height of cells of 1, 2 or 4 pixels.
+ivec2 side_of(uint pixels) {
+    return ivec2(pixels > 1u ? 2 : 1, pixels > 2u ? 2 : 1);
+}
+
 // The cell of 2x2 pixels that has the ray of a cell of 4x4 in this frame. It goes on by one more after each round, so that 16 frames cover
 // all 16 pixels.
 ivec2 ray_quarter(ViewBuffer view, ivec2 cell) {

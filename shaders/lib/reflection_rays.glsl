@@ -37,7 +37,9 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
     vec3 vertex = ray.origin;
     vec3 absorption = vec3(0.0);
     uint bounce = 1u;
-    float spread = alpha_of_pdf(pdf);
+    // Lobes are at least so wide for small lights: where the ray starts, and where it ends.
+    float least_alpha = 0.0;
+    float next_least = params.regularization * alpha_of_pdf(pdf);
     first_distance = SKY_DISTANCE;
     // Every turn is a bounce or passes a sheet.
     for (uint turn = 0u; turn < MOST_TURNS; turn++) {
@@ -49,12 +51,12 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         bool met = trace_closest(scene, ray, hit);
         vec3 direction = normalize(ray.direction);
         float t_max = hit.t * length(ray.direction);
-        if (bounce > 1u) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, absorption, t_max, met, 0u);
+        if (bounce > 1u) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, least_alpha, absorption, t_max, met, 0u);
         if (!met) {
             if (view.at[0].has_sky == 0u) break;
             // The pixel itself does not sample the sky.
             if (bounce == 1u) radiance += throughput * sky_radiance(view.at[0].sky, direction);
-            else add_sky_met(radiance, throughput, view, lights, direction, pdf, 0u);
+            else add_sky_met(radiance, throughput, view, lights, direction, pdf, least_alpha, 0u);
             break;
         }
         SurfacePoint s = surface_at(scene, ray, hit, NO_FOOTPRINT);
@@ -69,7 +71,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
 #endif
         if (bounce == 1u) first_distance = min(distance(s.start.position, vertex), SKY_DISTANCE);
         // Emissive surfaces that rays of the pixel hit are direct light; unlit ones are lit by nothing, and not sampled.
-        if (bounce > 1u) add_emission_met(radiance, throughput, scene, lights, s, hit, vertex, pdf, 0u);
+        if (bounce > 1u) add_emission_met(radiance, throughput, scene, lights, s, hit, vertex, pdf, least_alpha, 0u);
         else if (s.black && !s.shows_light) radiance += throughput * s.emission;
         if (s.black) break;
         vec3 seen;
@@ -81,7 +83,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         mat3 frame = frame_of(s.normal);
         vec3 v = -direction * frame;
         uint followed = bounce < params.bounces ? lobes : lobes_beyond(s.bsdf, v, lobes);
-        radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, spread, random, reflections_traced);
+        radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, next_least, random, reflections_traced);
         if (followed == 0u) break;
 
         vec4 u = random4(random);
@@ -92,7 +94,8 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, TraceParams params, Ray ray, flo
         if (refracted != (l.z < 0.0)) break;
         pdf = bsdf_pdf(s.bsdf, v, l, followed);
         if (!(pdf > 0.0)) break;
-        spread = max(spread, alpha_of_pdf(pdf));
+        least_alpha = next_least;
+        next_least = max(least_alpha, params.regularization * alpha_of_pdf(pdf));
         throughput *= bsdf_cosine(s.bsdf, v, l, followed) / pdf;
         if (refracted) absorption = s.absorption;
         bounce++;
@@ -180,14 +183,15 @@ void trace_found(ViewBuffer view, TraceParams params, ivec2 pixel, uint index, i
 
 // The ray of a cell.
 void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
-    ivec2 side = ivec2(params.cell);
+    ivec2 side = side_of(params.pixels_per_ray);
     trace_found(view, params, ray_pixel(view, cell, side), ray_turns(view, side), cell);
 }
 
 // Which of both `params` asks for, at `at` of the launch.
 void trace_reflections(TraceParams params, ivec2 at) {
     ViewBuffer view = ViewBuffer(params.view);
-    uvec2 cells = (view.at[0].size + params.cell - 1u) / params.cell;
+    uvec2 side = uvec2(side_of(params.pixels_per_ray));
+    uvec2 cells = (view.at[0].size + side - 1u) / side;
     if (!inside(at, cells)) return;
     if (params.rays_found == NO_IMAGE) trace_pixel(view, params, at);
     else trace_cell(view, params, at);

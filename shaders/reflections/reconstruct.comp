@@ -42,7 +42,7 @@ struct Lobe {
 
 // Width and height of the cells that have a ray each, around a pixel.
 ivec2 side_at(ivec2 pixel) {
-    if (params.rate == NO_IMAGE) return ivec2(params.cell);
+    if (params.rate == NO_IMAGE) return side_of(params.pixels_per_ray);
     uint rate = rate_at(params.rate, pixel);
     return ivec2(rate == RATE_FULL ? 1 : rate == RATE_QUARTER ? 2 : 4);
 }

@@ -108,6 +108,8 @@ pub struct HybridTraceParams {
     pub rays_found: StorageImage,
     /// As in [`TraceParams`](super::reflections::TraceParams).
     pub bounces: u32,
+    /// As in [`TraceParams`](super::reflections::TraceParams).
+    pub regularization: f32,
     /// Greatest number in the format of `found`.
     pub greatest: f32,
 }

@@ -36,12 +36,14 @@ pub struct TraceParams {
     pub width: StorageImage,
     /// Output: the ray of each cell, RGBA16F as `lib/found_ray.glsl` packs it; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub rays_found: u32,
-    /// Width and height of a cell, pixels: 1 and 1, 2 and 1, or 2 and 2. Without `rays_found` 1 and 1.
-    pub cell: [u32; 2],
+    /// Pixels of a cell: 1, 2 side by side, or 4 in a square. Without `rays_found` 1.
+    pub pixels_per_ray: u32,
     /// Rays of each pixel, at least 1; with `rays_found` 1.
     pub samples: u32,
     /// Greatest number of bounces, at least 1: surfaces that a ray meets one after another and that are shaded.
     pub bounces: u32,
+    /// As the setting of that name, 0 to 1.
+    pub regularization: f32,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
     /// Perceptual roughness from which a surface has no ray, 0 to 1; 1: every surface has.
@@ -78,7 +80,7 @@ pub struct ReconstructParams {
     /// there is nothing to trace; share of the rays that were looked for on the screen and found there, a mean over frames; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub steering: u32,
     /// As in [`TraceParams`]; not used with `rate`.
-    pub cell: [u32; 2],
+    pub pixels_per_ray: u32,
     /// Rays that are looked at, 1 to [`MOST_TAPS`].
     pub taps: u32,
     /// Greatest distance of these rays, pixels.

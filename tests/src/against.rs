@@ -8,6 +8,22 @@ use magpie_accuracy::metrics::RELMSE_EPSILON;
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 
+/// What makes reflections `ray-traced` unbiased, beside all bounces and no regularization: every ray shaded anew, nothing shared between pixels
+/// or frames, nothing rounded, eight rays of each pixel and frame.
+pub const RAW_REFLECTIONS: [&str; 11] = [
+    "stages.reflections=ray-traced",
+    "reflections.denoiser=none",
+    "reflections.reconstruct=false",
+    "reflections.reuse=false",
+    "reflections.rays=8",
+    "reflections.precision=32",
+    "gbuffer.precision=full",
+    "stages.shadows=off",
+    "stages.gi=off",
+    "stages.ao=off",
+    "direct.emitter_rays=0",
+];
+
 /// Size and time of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown {

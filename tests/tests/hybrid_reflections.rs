@@ -119,7 +119,7 @@ fn the_budget_is_strict() -> Result<()> {
     // What the mirror shows is the sky, so each ray counts once.
     let scene = halves(metal(0.0), metal(0.0));
     for (budget, least) in [(0.5, 0.47), (0.1, 0.09), (0.01, 0.005)] {
-        let changes = [&format!("reflections.budget={budget}")[..], "reflections.screen=false"];
+        let changes = [&format!("reflections.budget={budget}")[..]];
         for count in [1, 2, 6] {
             let traced = rays(&shown(&gpu, &scene, &changes, count, RADIANCE)?)[0];
             println!("budget {budget}, frame {count}: {traced} rays");
@@ -136,8 +136,8 @@ fn the_screen_takes_rays_off_the_tracer() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = floor(0.35);
     let changes = ["reflections.bounces=1", "reflections.pixels_per_ray=1"];
-    let with = shown(&gpu, &scene, &changes, 24, RADIANCE)?;
-    let without = shown(&gpu, &scene, &[&changes[..], &["reflections.screen=false"]].concat(), 24, RADIANCE)?;
+    let with = shown(&gpu, &scene, &[&changes[..], &["reflections.screen=true"]].concat(), 24, RADIANCE)?;
+    let without = shown(&gpu, &scene, &changes, 24, RADIANCE)?;
     let (counts, all) = (rays(&with), rays(&without));
     let (with, without) = (colours(with)?, colours(without)?);
     let light = (without.iter().map(|v| v.length_squared()).sum::<f64>() / without.len() as f64).sqrt();
@@ -156,7 +156,8 @@ fn rays_are_not_marched_in_vain() -> Result<()> {
     // All rays go back past the camera.
     let scene = halves(metal(0.3), metal(0.3));
     let marched = |count| -> Result<u64> {
-        Ok(rays(&shown(&gpu, &scene, &["reflections.pixels_per_ray=1"], count, RADIANCE)?)[2])
+        let changes = ["reflections.pixels_per_ray=1", "reflections.screen=true"];
+        Ok(rays(&shown(&gpu, &scene, &changes, count, RADIANCE)?)[2])
     };
     let (first, late) = (marched(1)?, marched(12)?);
     println!("{first} rays marched in the first frame, {late} in frame 12");
@@ -216,7 +217,7 @@ fn the_fallback_stands_where_rays_are_not_worth_it() -> Result<()> {
 
     // Half of the picture is beyond the limit: half of the rays are left.
     let count = |limit: &str| -> Result<u64> {
-        let changes = [limit, "reflections.bounces=1", "reflections.pixels_per_ray=1", "reflections.screen=false"];
+        let changes = [limit, "reflections.bounces=1", "reflections.pixels_per_ray=1"];
         Ok(rays(&shown(&gpu, &halves(metal(0.0), metal(0.8)), &changes, 3, RADIANCE)?)[0])
     };
     let (all, half) = (count("reflections.roughness_limit=1")?, count(limit)?);
@@ -245,7 +246,7 @@ fn sources_are_shown() -> Result<()> {
     let mirror = share(&halves(metal(0.0), dull.clone()), &[], traced)?;
     let none = share(&halves(metal(0.0), dull), &[], nothing)?;
     let rough = share(&halves(metal(0.0), metal(0.9)), &["reflections.roughness_limit=0.5"], fallback)?;
-    let seen = share(&floor(0.35), &["reflections.pixels_per_ray=1"], on_screen)?;
+    let seen = share(&floor(0.35), &["reflections.pixels_per_ray=1", "reflections.screen=true"], on_screen)?;
     println!("traced {mirror:.3}, nothing {none:.3}, fallback {rough:.3}, on the screen {seen:.3}");
     ensure!([mirror, none, rough].iter().all(|s| (s - 0.5).abs() < 0.02), "{mirror}, {none}, {rough}");
     ensure!(seen > 0.1, "on the screen {seen}");

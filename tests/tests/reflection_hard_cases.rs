@@ -6,7 +6,7 @@ use magpie::gpu::Gpu;
 use magpie::scene::{Camera, ColourSpace, Material, Sampler, Scene, Texture, TextureUse};
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
-use magpie_tests::against::{Shown, bias, mean_with, truth_of};
+use magpie_tests::against::{RAW_REFLECTIONS, Shown, bias, mean_with, truth_of};
 use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene, sphere};
 use magpie_tests::harness::{config, gpu, save_picture};
 use std::env;
@@ -26,21 +26,6 @@ const IMPLEMENTATIONS: [(&str, &[&str]); 6] = [
 ];
 /// What all of them share.
 const COMMON: [&str; 2] = ["post.anti_aliasing=taa", "stages.gi=off"];
-/// Rays without anything that changes the expected value.
-const UNBIASED: [&str; 12] = [
-    "stages.reflections=ray-traced",
-    "reflections.denoiser=none",
-    "reflections.reconstruct=false",
-    "reflections.reuse=false",
-    "reflections.bounces=3",
-    "reflections.rays=8",
-    "reflections.precision=32",
-    "gbuffer.precision=full",
-    "stages.shadows=off",
-    "stages.gi=off",
-    "stages.ao=off",
-    "direct.emitter_rays=0",
-];
 const SIZE: [u32; 2] = [48, 32];
 /// The brightest that these scenes have to reflect: a texel of the environment.
 const BRIGHTEST: f32 = 30.0;
@@ -226,13 +211,14 @@ fn every_implementation_stays_finite_and_bounded() -> Result<()> {
 fn rays_have_the_light_of_the_reference() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let shown = Shown { size: SIZE, time: 0.0 };
+    let changes = [&RAW_REFLECTIONS[..], &["reflections.bounces=3"]].concat();
     for case in cases() {
         let (mut found, mut truth) = (Vec::new(), Vec::new());
         for seed in 1..=2 {
             let options = RenderOptions { seed, ..RenderOptions::default() };
             // What the lamp lights by way of the mirror is found by chance.
             let rays = if case.name == "lamp of 1e5" { 1024 } else { 256 };
-            found.push(mean_with(options, "reflections", &gpu, &case.scene, &UNBIASED, shown, rays / 8)?.0);
+            found.push(mean_with(options, "reflections", &gpu, &case.scene, &changes, shown, rays / 8)?.0);
             let options = ReferenceOptions { only: Only::Reflections, depth: 4, seed, ..ReferenceOptions::default() };
             truth.push(truth_of(options, &gpu, case.alike.as_ref().unwrap_or(&case.scene), shown, rays)?.mean);
         }
@@ -252,7 +238,7 @@ fn rays_have_the_light_of_the_reference() -> Result<()> {
 fn a_mirror_shows_a_lamp_as_bright_as_it_is() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let shown = Shown { size: SIZE, time: 0.0 };
-    let dim: [(&str, &[&str]); 2] = [("32", &UNBIASED), ("16", &IMPLEMENTATIONS[3].1[..1])];
+    let dim: [(&str, &[&str]); 2] = [("32", &RAW_REFLECTIONS), ("16", &IMPLEMENTATIONS[3].1[..1])];
     for (bits, changes) in dim {
         let options = RenderOptions { check: true, ..RenderOptions::default() };
         let unlit = mean_with(options, "reflections", &gpu, &lamp(1e5, false), changes, shown, 1)?.0;
@@ -262,7 +248,7 @@ fn a_mirror_shows_a_lamp_as_bright_as_it_is() -> Result<()> {
         ensure!((most / wanted - 1.0).abs() < 0.01, "{bits} bits: {most} instead of {wanted}");
     }
     let changes = ["direct.precision=32", "direct.emitter_rays=8", "direct.denoiser=none", "gbuffer.precision=full"];
-    let changes: Vec<&str> = UNBIASED[..11].iter().copied().chain(changes).collect();
+    let changes: Vec<&str> = RAW_REFLECTIONS[..10].iter().copied().chain(changes).collect();
     let found = mean_with(RenderOptions::default(), "direct", &gpu, &lamp(1e5, true), &changes, shown, 32)?.0;
     let options = ReferenceOptions { only: Only::Direct, ..ReferenceOptions::default() };
     let truth = truth_of(options, &gpu, &lamp(1e5, true), shown, 512)?.mean;

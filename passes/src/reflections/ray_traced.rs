@@ -24,9 +24,9 @@ pub struct RayTraced {
     tinted: RayKernel,
     /// Rays of each cell.
     samples: u32,
-    /// Width and height of a cell, pixels.
-    cell: [u32; 2],
+    pixels_per_ray: u32,
     bounces: u32,
+    regularization: f32,
     reuse: bool,
     reconstruction: Option<Reconstruction>,
     roughness_limit: f32,
@@ -54,6 +54,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::among("rays", "", rays, 1, &[1, 2, 4, 8]).sweep_all(),
         SettingSpec::among("pixels_per_ray", "", pixels_per_ray, 1, &[1, 2, 4]).sweep_all(),
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
+        regularization(),
         SettingSpec::switch("reuse", reuse, true).sweep_all(),
         SettingSpec::switch("reconstruct", reconstruct, false).sweep_all(),
         SettingSpec::float("roughness_limit", "", limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
@@ -64,23 +65,35 @@ pub fn settings() -> Vec<SettingSpec> {
     settings
 }
 
+/// Setting of everything that follows paths.
+pub fn regularization() -> SettingSpec {
+    let regularization = "Behind rough surfaces, small lights light smooth surfaces as rougher ones: lobes are at least this share as wide \
+                          as the path was spread before. Higher: fewer bright specks, softer highlights within reflections. 0: off, which is exact.";
+    SettingSpec::float("regularization", "", regularization, 0.25, 0.0..=1.0).sweep([0.0, 0.1, 0.25, 0.5])
+}
+
+/// Number of cells across and down.
+fn cells(pixels_per_ray: u32, frame: Extent) -> Extent {
+    let across = if pixels_per_ray > 1 { 2 } else { 1 };
+    let down = if pixels_per_ray > 2 { 2 } else { 1 };
+    Extent::new(frame.width.div_ceil(across), frame.height.div_ceil(down))
+}
+
 impl RayTraced {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let (samples, cell) = match settings.u32("pixels_per_ray")? {
-            1 => (settings.u32("rays")?, [1, 1]),
-            2 => (1, [2, 1]),
-            _ => (1, [2, 2]),
-        };
+        let pixels_per_ray = settings.u32("pixels_per_ray")?;
+        let samples = if pixels_per_ray == 1 { settings.u32("rays")? } else { 1 };
         let format = precision::format(settings)?;
         let roughness_limit = settings.f32("roughness_limit")?;
-        let reconstructs = cell != [1, 1] || (samples == 1 && settings.switch("reconstruct")?);
+        let reconstructs = pixels_per_ray > 1 || (samples == 1 && settings.switch("reconstruct")?);
         Ok(Self {
             trace: build.ray_kernel(&REFLECTIONS_TRACE_RAY)?,
             tinted: build.ray_kernel(&REFLECTIONS_TINTED_TRACE_RAY)?,
             samples,
-            cell,
+            pixels_per_ray,
             bounces: settings.u32("bounces")?,
+            regularization: settings.f32("regularization")?,
             reuse: settings.switch("reuse")?,
             reconstruction: reconstructs.then(|| Reconstruction::new(build, settings, format)).transpose()?,
             roughness_limit,
@@ -114,7 +127,7 @@ impl RayTraced {
     /// Adds one ray for each cell.
     fn trace_cells(&self, g: &mut FrameGraph, view: &View, i: LightingIn, hits: HitShading) -> Found {
         let (launch, format, frame) = (self.launch(view), self.format, g.extent(i.gbuffer.depth));
-        let cells = Extent::new(frame.width.div_ceil(launch.cell[0]), frame.height.div_ceil(launch.cell[1]));
+        let cells = cells(launch.pixels_per_ray, frame);
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
             let declared = launch.declare(p, i, hits);
             let (radiance, radiance_target) = p.create("radiance", ImageDesc::fixed(format, cells));
@@ -132,8 +145,9 @@ impl RayTraced {
 
     fn launch(&self, view: &View) -> Launch {
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let Self { samples, cell, bounces, roughness_limit, format, .. } = *self;
-        Launch { kernel, view: view.block, samples, cell, bounces, roughness_limit, greatest: format.greatest() }
+        let Self { samples, pixels_per_ray, bounces, regularization, roughness_limit, format, .. } = *self;
+        let (view, greatest) = (view.block, format.greatest());
+        Launch { kernel, view, samples, pixels_per_ray, bounces, regularization, roughness_limit, greatest }
     }
 }
 
@@ -165,7 +179,7 @@ impl Effect for RayTraced {
                     view,
                     i,
                     found,
-                    Cells::Even { side: self.cell, roughness_limit: self.roughness_limit },
+                    Cells::Even { pixels_per_ray: self.pixels_per_ray, roughness_limit: self.roughness_limit },
                 )
             }
             None => self.trace(g, view, i, hits),
@@ -187,8 +201,9 @@ struct Launch {
     kernel: RayKernel,
     view: Handle<Buffer>,
     samples: u32,
-    cell: [u32; 2],
+    pixels_per_ray: u32,
     bounces: u32,
+    regularization: f32,
     roughness_limit: f32,
     greatest: f32,
 }
@@ -217,8 +232,9 @@ impl Launch {
             gbuffer: declared.gbuffer.images(c),
             hits: declared.hits.params(c),
             samples: self.samples,
-            cell: self.cell,
+            pixels_per_ray: self.pixels_per_ray,
             bounces: self.bounces,
+            regularization: self.regularization,
             greatest: self.greatest,
             roughness_limit: self.roughness_limit,
             ..TraceParams::default()

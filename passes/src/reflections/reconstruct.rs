@@ -54,8 +54,9 @@ pub struct Found {
 
 /// Where the rays of [`Found`] start.
 pub enum Cells {
-    /// One in each cell of this width and height, pixels, unless the surface is rougher than the limit; the images have a pixel for each cell.
-    Even { side: [u32; 2], roughness_limit: f32 },
+    /// One for so many pixels, 1, 2 side by side or 4 in a square, unless the surface is rougher than the limit; the images have a pixel for
+    /// each such cell.
+    Even { pixels_per_ray: u32, roughness_limit: f32 },
     /// As the image of rates says, `rate` of `choose.comp`; the images have the size of the frame. `steering`, for the next frame, is written.
     Rated { rate: Handle<Image>, steering: WriteHandle<Image> },
 }
@@ -103,9 +104,9 @@ impl Reconstruction {
             let (block, guide) = (p.read(block), p.sample(i.reprojected.guide));
             let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
             let (rays, light) = (p.sample(found.rays), p.sample(found.radiance));
-            let (cell, roughness_limit, rated) = match cells {
-                Cells::Even { side, roughness_limit } => (side, roughness_limit, None),
-                Cells::Rated { rate, steering } => ([1, 1], 1.0, Some((p.sample(rate), p.overwrite(steering).1))),
+            let (pixels_per_ray, roughness_limit, rated) = match cells {
+                Cells::Even { pixels_per_ray, roughness_limit } => (pixels_per_ray, roughness_limit, None),
+                Cells::Rated { rate, steering } => (1, 1.0, Some((p.sample(rate), p.overwrite(steering).1))),
             };
             let extent = p.extent(i.gbuffer.depth);
             let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
@@ -122,7 +123,7 @@ impl Reconstruction {
                     width: c.id(targets.width),
                     rate: rated.map_or(NO_IMAGE, |(rate, _)| c.id(rate).index()),
                     steering: rated.map_or(NO_IMAGE, |(_, steering)| c.id(steering).index()),
-                    cell,
+                    pixels_per_ray,
                     taps,
                     radius: reach,
                     firefly_limit,

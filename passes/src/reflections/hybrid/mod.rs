@@ -64,6 +64,7 @@ pub struct Hybrid {
     budget: f64,
     thickness: f32,
     bounces: u32,
+    regularization: f32,
     format: Format,
 }
 
@@ -111,6 +112,7 @@ impl Hybrid {
             budget: settings.f64("budget")?,
             thickness: settings.f32("thickness")?,
             bounces: settings.u32("bounces")?,
+            regularization: settings.f32("regularization")?,
             format,
         })
     }
@@ -200,7 +202,8 @@ impl Hybrid {
     fn trace(&self, g: &mut FrameGraph, view: &View, i: LightingIn, of: Listed, rays: Rays) -> Found {
         let Listed { list, rate, hits } = of;
         let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let (block, bounces, format) = (view.block, self.bounces, self.format);
+        let Self { bounces, regularization, format, .. } = *self;
+        let block = view.block;
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
             let (block, scene, hits) = (p.read(block), i.scene.trace(p), hits.read(p));
             let gbuffer = i.gbuffer.read(p, &[RAY_START, MATERIAL].concat());
@@ -219,6 +222,7 @@ impl Hybrid {
                     found: c.id(radiance_target),
                     rays_found: c.id(rays_target),
                     bounces,
+                    regularization,
                     greatest: format.greatest(),
                 };
                 c.trace_indirect(kernel, scene.tlas, &params, list.threads, 0);

@@ -1,4 +1,5 @@
 //! Settings of `hybrid`.
+use super::super::ray_traced;
 use super::super::reconstruct::Reconstruction;
 use crate::parts::denoise;
 use crate::precision;
@@ -30,9 +31,10 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::among("pixels_per_ray", "", sparsest, 4, &[1, 4, 16]).sweep_all(),
         SettingSpec::float("noise", "", noise, 0.5, 0.0..=1.0).sweep([0.25, 0.5, 1.0]),
         SettingSpec::float("budget", "rays per pixel", budget, 0.0, 0.0..=1.0).sweep([0.0, 0.0625, 0.25]),
-        SettingSpec::switch("screen", screen, true).sweep_all(),
+        SettingSpec::switch("screen", screen, false).sweep_all(),
         SettingSpec::float("thickness", "m", thickness, 0.1, 0.0..=1000.0),
         SettingSpec::integer("bounces", "", bounces, 4, 1..=8).sweep([1, 2, 4]),
+        ray_traced::regularization(),
         SettingSpec::float("roughness_limit", "", roughness_limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
         SettingSpec::float("faint", "", faint, 0.02, 0.0..=1.0),
         SettingSpec::choice("fallback", fallback, "sky", &["sky", "probe"]).sweep_all(),
