@@ -178,7 +178,7 @@ fn rays_have_no_bias_on_any_surface() -> Result<()> {
         return Ok(());
     }
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let effort = Effort { runs: [4, 24], rays: 64, error: 3e-4 };
+    let effort = Effort { runs: [4, 96], rays: 64, error: 3e-4 };
     let mut failed = Vec::new();
     for name in ["box", "cornell", "carousel", "courtyard"] {
         for of in [Made::Metal, Made::Dielectric, Made::Coat] {
