@@ -21,7 +21,7 @@ const PRESETS: [Preset; 4] = [
     Preset { name: "low", implementation: "probe", settings: &[("resolution", "32"), ("indirect", "false")] },
     Preset { name: "medium", implementation: "screen-space", settings: &[("lobe", "cone"), ("resolution", "half")] },
     Preset { name: "high", implementation: "hybrid", settings: &[] },
-    Preset { name: "ultra", implementation: "ray-traced", settings: &[("denoiser", "pica-pica"), ("bounces", "4")] },
+    Preset { name: "ultra", implementation: "ray-traced", settings: &[("bounces", "4")] },
 ];
 
 /// Why implementations with a limit of roughness are idle in scenes without a sky.

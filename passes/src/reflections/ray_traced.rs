@@ -60,7 +60,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::float("roughness_limit", "", limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
     ];
     settings.extend(Reconstruction::settings(8));
-    settings.extend(denoise::settings());
+    settings.extend(denoise::settings_with("pica-pica"));
     settings.push(precision::setting());
     settings
 }

@@ -15,7 +15,7 @@ use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
-pub use options::{Method, Options, adaptive, is_adaptive, precision, settings};
+pub use options::{Method, Options, adaptive, is_adaptive, precision, settings, settings_with};
 use pica_pica::PicaPica;
 use recurrent_blur::RecurrentBlur;
 pub use signal::{Content, Precision, Signal};

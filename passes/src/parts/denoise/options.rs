@@ -85,6 +85,11 @@ impl Options {
 
 /// Settings of an effect that has a denoiser. The effect also needs a setting `precision`: [`precision`] or its own.
 pub fn settings() -> Vec<SettingSpec> {
+    settings_with("svgf")
+}
+
+/// The same with another default denoiser.
+pub fn settings_with(default: &'static str) -> Vec<SettingSpec> {
     vec![
         SettingSpec::choice(
             "denoiser",
@@ -92,7 +97,7 @@ pub fn settings() -> Vec<SettingSpec> {
              surfaces and along what they reflect, then a blur where noise is left. `recurrent-blur`: the same, but of \
              blurred frames, with a blur that gets narrower with every frame. `bilateral`: one edge-aware blur, cheap, which blurs \
              penumbrae as well as noise. `none`: no denoising.",
-            "svgf",
+            default,
             &["svgf", "pica-pica", "recurrent-blur", "bilateral", "none"],
         )
         .sweep_all(),

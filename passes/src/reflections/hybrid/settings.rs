@@ -3,7 +3,6 @@ use super::super::ray_traced;
 use super::super::reconstruct::Reconstruction;
 use crate::parts::denoise;
 use crate::precision;
-use magpie::config::Value;
 use magpie::slot::SettingSpec;
 
 /// Settings of `hybrid`.
@@ -40,9 +39,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::choice("fallback", fallback, "sky", &["sky", "probe"]).sweep_all(),
     ];
     settings.extend(Reconstruction::settings(5));
-    settings.extend(denoise::settings().into_iter().map(|setting| {
-        if setting.key == "denoiser" { SettingSpec { default: Value::from("pica-pica"), ..setting } } else { setting }
-    }));
+    settings.extend(denoise::settings_with("pica-pica"));
     settings.push(precision::setting());
     settings
 }
