@@ -15,9 +15,6 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     if (view.at[0].has_sky == 0u) return vec3(0.0);
     Surface s = load_receiver(view, pixel, params.gbuffer);
     if (!s.exists) return vec3(0.0);
-    vec3 v = vec3(0.0, 0.0, eye_cosine(s));
-    vec3 albedo = below_coat(bsdf_of(s), v) * diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, v.z);
-
     // The minimum of occlusion map and ambient occlusion: both see the same folds, and their product would count them twice.
     vec3 reaches = vec3(s.occlusion);
     vec3 from = s.normal;
@@ -26,7 +23,7 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
         reaches = min(reaches, multi_bounce(load(params.openness, pixel).r, diffuse));
     }
     if (params.bent_normal != NO_IMAGE) from = octahedral_decode(load(params.bent_normal, pixel).rg);
-    return albedo * sky_irradiance(view.at[0].sky, from) * (reaches / PI);
+    return diffuse_albedo(s) * sky_irradiance(view.at[0].sky, from) * (reaches / PI);
 }
 
 void main() {

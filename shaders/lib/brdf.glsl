@@ -119,6 +119,12 @@ vec3 diffuse_albedo(Fresnel f, vec3 albedo, float n_v) {
     return albedo * f.diffuse_share * passed_f(f, n_v);
 }
 
+// What light from a cosine-distributed direction counts in the mean, over that albedo.
+vec3 diffuse_weight(Fresnel f, float n_l) {
+    vec3 held = vec3(1.0) - f.over_base - (vec3(f.f90) - f.over_base) / 21.0;
+    return passed_f(f, n_l) / max(held, vec3(1e-6));
+}
+
 // Directional albedo of the specular lobe: the integral of D V F n·l over the hemisphere is f0 a + f90 b, as Schlick's F is linear in both
 // (Karis 2013, "Real Shading in Unreal Engine 4", the "split sum"). With F = 1 it is E = a + b: the share 1 - E of the light is scattered
 // between the microfacets again.

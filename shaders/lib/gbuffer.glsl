@@ -149,4 +149,10 @@ Bsdf bsdf_of(Surface s) {
     return b;
 }
 
+// Albedo of the diffuse lobe towards the eye.
+vec3 diffuse_albedo(Surface s) {
+    vec3 v = vec3(0.0, 0.0, eye_cosine(s));
+    return below_coat(bsdf_of(s), v) * diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, v.z);
+}
+
 #endif

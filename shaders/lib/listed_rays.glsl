@@ -24,7 +24,7 @@ void trace_listed(HybridTraceParams params, uvec2 invocation) {
         p.roughness_limit = 1.0;
         trace_found(view, p, pixel, turns_at(view, rate_at(params.rate, pixel)), pixel);
     }
-    count_rays(params.rays, reflections_traced.x, reflections_traced.y);
+    count_rays(params.rays, paths_traced.x, paths_traced.y);
 }
 
 #endif

@@ -2,6 +2,9 @@
 use super::types::{Address, SampledImage};
 use bytemuck::{Pod, Zeroable};
 
+/// Greatest number of rays in a row of one path: bounces, and surfaces that it goes straight through.
+pub const MOST_TURNS: u32 = 24;
+
 /// What `lib/hit_shading.glsl` reads, as a block for the parameters of a pass.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

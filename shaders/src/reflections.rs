@@ -4,9 +4,6 @@ use super::hit_shading::HitShadingParams;
 use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
 
-/// Greatest number of rays in a row of one path: bounces, and surfaces that it goes straight through.
-pub const MOST_TURNS: u32 = 24;
-
 /// Greatest number of rays that one pixel is reconstructed from.
 pub const MOST_TAPS: u32 = 16;
 

@@ -1,10 +1,13 @@
-//! Diffuse indirect light: at present the irradiance of the sky times ambient occlusion.
+//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, or rays.
+mod ray_traced;
+
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
+use ray_traced::RayTraced;
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
@@ -14,6 +17,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "Irradiance of the sky, dimmed by `ao` and the material's occlusion map. No light from other surfaces.",
             &[precision::setting()],
             |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, idle_reason, settings)?)),
+        )
+        .with(
+            "ray-traced",
+            "Rays over the hemisphere of each surface, shaded where they hit, and denoised.",
+            &ray_traced::settings(),
+            |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

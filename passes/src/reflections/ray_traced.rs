@@ -3,7 +3,7 @@ use super::reconstruct::{Cells, Found, MATERIAL, Reconstruction, Resolve, Traced
 use super::{ALL_ROUGH, has_smooth, idle_reason};
 use crate::contracts::{GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use crate::parts::hit_shading::{HitShading, HitShadingToken};
+use crate::parts::hit_shading::{self, HitShading, HitShadingToken};
 use crate::precision;
 use crate::sky_light::SkyLight;
 use magpie::graph::{BufferToken, PassBuilder};
@@ -54,7 +54,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::among("rays", "", rays, 1, &[1, 2, 4, 8]).sweep_all(),
         SettingSpec::among("pixels_per_ray", "", pixels_per_ray, 1, &[1, 2, 4]).sweep_all(),
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
-        regularization(),
+        hit_shading::regularization(),
         SettingSpec::switch("reuse", reuse, true).sweep_all(),
         SettingSpec::switch("reconstruct", reconstruct, false).sweep_all(),
         SettingSpec::float("roughness_limit", "", limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
@@ -63,13 +63,6 @@ pub fn settings() -> Vec<SettingSpec> {
     settings.extend(denoise::settings_with("pica-pica"));
     settings.push(precision::setting());
     settings
-}
-
-/// Setting of everything that follows paths.
-pub fn regularization() -> SettingSpec {
-    let regularization = "Behind rough surfaces, small lights light smooth surfaces as rougher ones: lobes are at least this share as wide \
-                          as the path was spread before. Higher: fewer bright specks, softer highlights within reflections. 0: off, which is exact.";
-    SettingSpec::float("regularization", "", regularization, 0.25, 0.0..=1.0).sweep([0.0, 0.1, 0.25, 0.5])
 }
 
 /// Number of cells across and down.

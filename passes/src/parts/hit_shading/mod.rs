@@ -2,8 +2,16 @@
 //! code is `lib/hit_shading.glsl`, which the reference uses too.
 use crate::contracts::LightingIn;
 use magpie::graph::{Buffer, BufferToken, Handle, Image, PassBuilder, Record, SampleToken};
+use magpie::slot::SettingSpec;
 use magpie_shaders::SampledImage;
 use magpie_shaders::hit_shading::HitShadingParams;
+
+/// Setting of everything that follows paths.
+pub fn regularization() -> SettingSpec {
+    let regularization = "Behind rough surfaces, small lights light smooth surfaces as rougher ones: lobes are at least this share as wide \
+                          as the path was spread before. Higher: fewer bright specks, softer highlights within reflections. 0: off, which is exact.";
+    SettingSpec::float("regularization", "", regularization, 0.25, 0.0..=1.0).sweep([0.0, 0.1, 0.25, 0.5])
+}
 
 /// What shading at hits reads of a frame.
 #[derive(Clone, Copy, Debug)]

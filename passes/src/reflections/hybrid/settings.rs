@@ -1,7 +1,6 @@
 //! Settings of `hybrid`.
-use super::super::ray_traced;
 use super::super::reconstruct::Reconstruction;
-use crate::parts::denoise;
+use crate::parts::{denoise, hit_shading};
 use crate::precision;
 use magpie::slot::SettingSpec;
 
@@ -33,7 +32,7 @@ pub fn settings() -> Vec<SettingSpec> {
         SettingSpec::switch("screen", screen, false).sweep_all(),
         SettingSpec::float("thickness", "m", thickness, 0.1, 0.0..=1000.0),
         SettingSpec::integer("bounces", "", bounces, 4, 1..=8).sweep([1, 2, 4]),
-        ray_traced::regularization(),
+        hit_shading::regularization(),
         SettingSpec::float("roughness_limit", "", roughness_limit, 1.0, 0.0..=1.0).sweep([0.3, 0.6, 1.0]),
         SettingSpec::float("faint", "", faint, 0.02, 0.0..=1.0),
         SettingSpec::choice("fallback", fallback, "sky", &["sky", "probe"]).sweep_all(),

@@ -1,0 +1,111 @@
+#ifndef LIB_FOLLOW_PATH_GLSL
+#define LIB_FOLLOW_PATH_GLSL
+#include "lib/found_ray.glsl"
+#include "lib/hit_shading.glsl"
+#include "lib/path.glsl"
+// Indirect light along a ray, followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot
+// `direct` has that. With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
+
+// Counters: closest-hit and any-hit rays.
+uvec2 paths_traced = uvec2(0u);
+
+// At the last hit lights are sampled. For specular lobes with a brighter peak than this, BRDF times cosine in the mirror direction, that alone
+// would be mostly noise: one more ray along them finds the sky, lights and what the previous frame shows, but no surface is shaded there. White
+// paint has 1 / pi.
+const float BRIGHT_PEAK = 4.0 / PI;
+
+// The lobes along which a path goes on from its last hit. `v`: towards the viewer, local.
+uint lobes_beyond(Bsdf b, vec3 v, uint lobes) {
+    vec3 peak = bsdf_cosine(b, v, vec3(-v.xy, v.z), LOBE_SPECULAR);
+    return max(peak.r, max(peak.g, peak.b)) > BRIGHT_PEAK ? lobes & LOBE_SPECULAR : 0u;
+}
+
+// How paths are followed.
+struct Path {
+    HitShadingParams hits;
+    uint bounces;           // greatest number of surfaces that are shaded, at least 1
+    float regularization;   // share of the spread so far that lobes have at least for small lights, 0 to 1
+};
+
+// Radiance along a ray that was sampled with a pdf, and the distance to what it hits first, metres.
+vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, inout Random random, out float first_distance) {
+    LightTables lights = LightTablesBuffer(path.hits.lights).at[0];
+    vec3 radiance = vec3(0.0);
+    vec3 throughput = vec3(1.0);
+    vec3 vertex = ray.origin;
+    vec3 absorption = vec3(0.0);
+    uint bounce = 1u;
+    // Lobes are at least so wide for small lights: where the ray starts, and where it ends.
+    float least_alpha = 0.0;
+    float next_least = path.regularization * alpha_of_pdf(pdf);
+    first_distance = SKY_DISTANCE;
+    // Every turn is a bounce or passes a sheet.
+    for (uint turn = 0u; turn < MOST_TURNS; turn++) {
+        Hit hit;
+#ifdef TINTED
+        ray.cull |= RAY_BLENDED;
+#endif
+        paths_traced.x++;
+        bool met = trace_closest(scene, ray, hit);
+        vec3 direction = normalize(ray.direction);
+        float t_max = hit.t * length(ray.direction);
+        if (bounce > 1u) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, least_alpha, absorption, t_max, met, 0u);
+        if (!met) {
+            if (view.at[0].has_sky == 0u) break;
+            // The pixel itself does not sample the sky.
+            if (bounce == 1u) radiance += throughput * sky_radiance(view.at[0].sky, direction);
+            else add_sky_met(radiance, throughput, view, lights, direction, pdf, least_alpha, 0u);
+            break;
+        }
+        SurfacePoint s = surface_at(scene, ray, hit, NO_FOOTPRINT);
+        throughput *= exp(-absorption * t_max);
+        uint lobes = LOBE_ALL;
+#ifdef TINTED
+        // Straight on past what a blended surface leaves uncovered, and through thin smooth glass, as shadow rays do.
+        if (goes_straight_on(s, direction, random, throughput, lobes)) {
+            ray = surface_ray(s.start, direction, UNBOUNDED);
+            continue;
+        }
+#endif
+        if (bounce == 1u) first_distance = min(distance(s.start.position, vertex), SKY_DISTANCE);
+        // Emissive surfaces that rays of the pixel hit are direct light; unlit ones are lit by nothing, and not sampled.
+        if (bounce > 1u) add_emission_met(radiance, throughput, scene, lights, s, hit, vertex, pdf, least_alpha, 0u);
+        else if (s.black && !s.shows_light) radiance += throughput * s.emission;
+        if (s.black) break;
+        vec3 seen;
+        if (s.emission == vec3(0.0) && previous_light_at(view, scene, path.hits, s, hit.instance, -direction, seen)) {
+            radiance += throughput * seen;
+            break;
+        }
+        if (bounce > path.bounces) break;
+        mat3 frame = frame_of(s.normal);
+        vec3 v = -direction * frame;
+        uint followed = bounce < path.bounces ? lobes : lobes_beyond(s.bsdf, v, lobes);
+        radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, next_least, random, paths_traced);
+        if (followed == 0u) break;
+
+        vec4 u = random4(random);
+        vec3 l;
+        if (!bsdf_sample(s.bsdf, v, followed, u.x, u.yz, l)) break;
+        vec3 next = frame * l;
+        bool refracted = dot(s.start.normal, next) < 0.0;
+        if (refracted != (l.z < 0.0)) break;
+        pdf = bsdf_pdf(s.bsdf, v, l, followed);
+        if (!(pdf > 0.0)) break;
+        least_alpha = next_least;
+        next_least = max(least_alpha, path.regularization * alpha_of_pdf(pdf));
+        throughput *= bsdf_cosine(s.bsdf, v, l, followed) / pdf;
+        if (refracted) absorption = s.absorption;
+        bounce++;
+        if (bounce + 1u >= ROULETTE_FROM) {
+            float probability = continue_probability(throughput);
+            if (u.w >= probability) break;
+            throughput /= probability;
+        }
+        vertex = s.start.position;
+        ray = surface_ray(s.start, next, UNBOUNDED);
+    }
+    return radiance;
+}
+
+#endif

@@ -1,0 +1,110 @@
+//! Diffuse indirect light by rays: the light of the reference, less noise by the denoiser, and nothing where nothing scatters.
+use anyhow::{Result, ensure};
+use glam::DVec3;
+use magpie::gpu::Gpu;
+use magpie::scene::Scene;
+use magpie_passes::RenderOptions;
+use magpie_passes::reference::{Only, ReferenceOptions};
+use magpie_shaders::Rays;
+use magpie_tests::against::{Bias, Shown, bias, mean_with, truth_of};
+use magpie_tests::harness::{builtin, gpu};
+
+const BOUNCES: u32 = 4;
+/// Rays without anything that changes the expected value.
+const RAW: [&str; 12] = [
+    "stages.gi=ray-traced",
+    "gi.denoiser=none",
+    "gi.reuse=false",
+    "gi.rays=8",
+    "gi.bounces=4",
+    "gi.regularization=0",
+    "gi.precision=32",
+    "gbuffer.precision=full",
+    "stages.shadows=off",
+    "stages.reflections=off",
+    "stages.ao=off",
+    "direct.emitter_rays=0",
+];
+/// Pixels of a block, each way; what is compared are means of blocks.
+const BLOCK: usize = 4;
+const SIZE: [u32; 2] = [64, 48];
+
+fn blocks(pixels: &[DVec3]) -> Vec<DVec3> {
+    let across = SIZE[0] as usize / BLOCK;
+    let mut means = vec![DVec3::ZERO; pixels.len() / (BLOCK * BLOCK)];
+    for (at, value) in pixels.iter().enumerate() {
+        let (x, y) = (at % SIZE[0] as usize / BLOCK, at / SIZE[0] as usize / BLOCK);
+        means[y * across + x] += *value / (BLOCK * BLOCK) as f64;
+    }
+    means
+}
+
+fn bias_of(gpu: &Gpu, scene: &Scene, rays: Rays, runs: u32, count: u32) -> Result<Bias> {
+    let shown = Shown { size: SIZE, time: 0.0 };
+    let (mut found, mut truth) = (Vec::new(), Vec::new());
+    for seed in 1..=runs {
+        let options = RenderOptions { seed, rays, ..RenderOptions::default() };
+        found.push(blocks(&mean_with(options, "gi", gpu, scene, &RAW, shown, count / 8)?.0));
+        let options = ReferenceOptions { only: Only::Gi, depth: BOUNCES + 1, seed, ..ReferenceOptions::default() };
+        truth.push(blocks(&truth_of(options, gpu, scene, shown, count)?.mean));
+    }
+    Ok(bias(&found, &truth))
+}
+
+/// The mean of the denoised image is nearer to the truth than raw rays, by far.
+#[test]
+fn the_denoiser_lowers_the_error() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let shown = Shown { size: SIZE, time: 0.0 };
+    let image = |changes: &[&str], frames: u32| -> Result<Vec<DVec3>> {
+        let changes = [&RAW[..], changes].concat();
+        Ok(mean_with(RenderOptions::default(), "gi", &gpu, &scene, &changes, shown, frames)?.0)
+    };
+    let truth = image(&[], 96)?;
+    let error = |found: &[DVec3]| {
+        let square: f64 = found.iter().zip(&truth).map(|(a, b)| (*a - *b).length_squared()).sum();
+        (square / truth.len() as f64).sqrt()
+    };
+    let raw = error(&image(&["gi.rays=1"], 1)?);
+    for denoiser in ["svgf", "recurrent-blur", "pica-pica"] {
+        // The mean of frames 1 to 16, so that a wrong first frame counts.
+        let denoised = error(&image(&["gi.rays=1", &format!("gi.denoiser={denoiser}")], 16)?);
+        println!("raw {raw:.4}, {denoiser} {denoised:.4}");
+        ensure!(denoised < 0.25 * raw, "{denoiser}: {denoised}, raw {raw}");
+    }
+    Ok(())
+}
+
+/// Where all is metal no ray is traced.
+#[test]
+fn metal_costs_nothing() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = builtin("cornell")?;
+    for m in &mut scene.materials {
+        (m.metalness, m.metallic_roughness_texture) = (1.0, None);
+    }
+    let found = mean_with(RenderOptions::default(), "gi", &gpu, &scene, &RAW, Shown { size: SIZE, time: 0.0 }, 1);
+    ensure!(found.is_err(), "there is an image of light that nothing scatters");
+    Ok(())
+}
+
+/// Rays have the light of the reference.
+#[test]
+fn rays_converge_to_the_reference() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    for (name, rays) in [("cornell", Rays::Software), ("courtyard", Rays::Query), ("cornell", Rays::Pipeline)] {
+        if gpu.check_rays(rays).is_err() {
+            println!("{name}: the device has no {rays:?}");
+            continue;
+        }
+        let b = bias_of(&gpu, &builtin(name)?, rays, 4, 32)?;
+        println!(
+            "{name}, {rays:?}: relMSE {:.1e} ± {:.0e}, light {:.4} ± {:.4}",
+            b.relmse, b.error, b.light, b.light_error
+        );
+        ensure!(b.error < 5e-4, "{name}: too much noise to tell: {b:?}");
+        ensure!(b.relmse < 1e-3 && (b.light - 1.0).abs() < 0.01 + 3.0 * b.light_error, "{name}: {b:?}");
+    }
+    Ok(())
+}
