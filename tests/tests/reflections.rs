@@ -9,7 +9,8 @@ use magpie_tests::harness::{builtin, config, gpu, linear, render};
 
 const SHOWN: Shown = Shown { size: [48, 40], time: 0.0 };
 /// Rays as they are, without other effects.
-const RAW: [&str; 8] = [
+const RAW: [&str; 9] = [
+    "reflections.regularization=0",
     "stages.reflections=ray-traced",
     "reflections.denoiser=none",
     "reflections.reuse=false",
