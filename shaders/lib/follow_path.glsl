@@ -3,8 +3,12 @@
 #include "lib/found_ray.glsl"
 #include "lib/hit_shading.glsl"
 #include "lib/path.glsl"
+#ifdef SURFELS
+#include "lib/surfel_cache.glsl"
+#endif
 // Indirect light along a ray, followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot
-// `direct` has that. With TINTED, surfaces may transmit light, as in lib/tinted.glsl.
+// `direct` has that. With TINTED, surfaces may transmit light, as in lib/tinted.glsl; with SURFELS, paths end at surfaces whose indirect light
+// surfels know.
 
 // Counters: closest-hit and any-hit rays.
 uvec2 paths_traced = uvec2(0u);
@@ -25,6 +29,10 @@ struct Path {
     HitShadingParams hits;
     uint bounces;           // greatest number of surfaces that are shaded, at least 1
     float regularization;   // share of the spread so far that lobes have at least for small lights, 0 to 1
+#ifdef SURFELS
+    SurfelCache cache;
+    bool seeks_emitters;    // whether the path goes on from its last hit to find emissive surfaces near it
+#endif
 };
 
 // Radiance along a ray that was sampled with a pdf, and the distance to what it hits first, metres.
@@ -35,6 +43,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
     vec3 vertex = ray.origin;
     vec3 absorption = vec3(0.0);
     uint bounce = 1u;
+    bool ends = false;  // at surfels, which have all light but that of lamps and emissive surfaces
     // Lobes are at least so wide for small lights: where the ray starts, and where it ends.
     float least_alpha = 0.0;
     float next_least = path.regularization * alpha_of_pdf(pdf);
@@ -51,7 +60,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
         float t_max = hit.t * length(ray.direction);
         if (bounce > 1u) add_lights_met(radiance, throughput, scene, lights, ray, vertex, pdf, least_alpha, absorption, t_max, met, 0u);
         if (!met) {
-            if (view.at[0].has_sky == 0u) break;
+            if (view.at[0].has_sky == 0u || ends) break;
             // The pixel itself does not sample the sky.
             if (bounce == 1u) radiance += throughput * sky_radiance(view.at[0].sky, direction);
             else add_sky_met(radiance, throughput, view, lights, direction, pdf, least_alpha, 0u);
@@ -78,9 +87,24 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
             break;
         }
         if (bounce > path.bounces) break;
+#ifdef SURFELS
+        vec3 indirect;
+        ends = surfels_light(scene, path.cache, view, s, ray, hit, -direction, indirect);
+        if (ends) {
+            // They have the light of the sky too.
+            lights.sky_count = 0u;
+            radiance += throughput * indirect;
+            bounce = path.bounces;
+        }
+#endif
         mat3 frame = frame_of(s.normal);
         vec3 v = -direction * frame;
-        uint followed = bounce < path.bounces ? lobes : lobes_beyond(s.bsdf, v, lobes);
+        uint beyond = ends ? 0u : lobes_beyond(s.bsdf, v, lobes);
+#ifdef SURFELS
+        // Sampled points of emissive surfaces alone would be mostly noise where those are near.
+        if (path.seeks_emitters) beyond = lobes;
+#endif
+        uint followed = bounce < path.bounces ? lobes : beyond;
         radiance += throughput * direct_light_at(view, scene, lights, s, -direction, lobes, followed, next_least, random, paths_traced);
         if (followed == 0u) break;
 

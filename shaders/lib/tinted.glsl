@@ -5,12 +5,10 @@
 #include "lib/random.glsl"
 #include "lib/ray.glsl"
 #include "lib/surface.glsl"
+#include "shared/hit_shading.glsl"
 // Straight transmission of light: past the coverage of blended surfaces, and through thin smooth sheets of glass, tinted by base colour,
 // Fresnel and transmission. Surfaces that refract or scatter light count as opaque here: volumes (their light is a caustic) and rough
 // sheets.
-
-// Transmitting surfaces along a ray after which light is given up: more than 16 panes in a row are dark anyway, and the loop must end.
-const uint MOST_SHEETS = 16u;
 
 // Transmittance, per channel, of the covered part of a surface. `towards`: along the ray, any length.
 vec3 solid_through(SurfacePoint s, vec3 towards) {

@@ -4,6 +4,8 @@ use bytemuck::{Pod, Zeroable};
 
 /// Greatest number of rays in a row of one path: bounces, and surfaces that it goes straight through.
 pub const MOST_TURNS: u32 = 24;
+/// Transmitting surfaces along a shadow ray after which light is given up: more panes in a row are dark anyway, and the loop must end.
+pub const MOST_SHEETS: u32 = 16;
 
 /// What `lib/hit_shading.glsl` reads, as a block for the parameters of a pass.
 #[repr(C)]

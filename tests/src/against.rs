@@ -110,6 +110,19 @@ pub fn truth_of(options: ReferenceOptions, gpu: &Gpu, scene: &Scene, shown: Show
     Ok(reference.estimate().clone())
 }
 
+/// Means over blocks of `block` by `block` pixels of an image of `size`, which divides it.
+pub fn blocks(pixels: &[DVec3], size: [u32; 2], block: u32) -> Vec<DVec3> {
+    let [width, height] = size.map(|side| side as usize);
+    let block = block as usize;
+    let across = width / block;
+    let mut means = vec![DVec3::ZERO; across * (height / block)];
+    for (at, value) in pixels.iter().enumerate() {
+        let (x, y) = (at % width / block, at / width / block);
+        means[y * across + x] += *value / (block * block) as f64;
+    }
+    means
+}
+
 /// Mean of an image over that of the truth, and the root mean square error of blocks of 8 by 8 pixels over the mean of the truth. Blocks have
 /// less noise than pixels. All channels count alike; `width` is that of both images.
 pub fn light_and_block_error(found: &[DVec3], truth: &[DVec3], width: u32) -> [f64; 2] {

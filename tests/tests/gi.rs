@@ -6,7 +6,7 @@ use magpie::scene::Scene;
 use magpie_passes::RenderOptions;
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_shaders::Rays;
-use magpie_tests::against::{Bias, Shown, bias, mean_with, truth_of};
+use magpie_tests::against::{Bias, Shown, bias, blocks, mean_with, truth_of};
 use magpie_tests::harness::{builtin, gpu};
 
 const BOUNCES: u32 = 4;
@@ -26,27 +26,18 @@ const RAW: [&str; 12] = [
     "direct.emitter_rays=0",
 ];
 /// Pixels of a block, each way; what is compared are means of blocks.
-const BLOCK: usize = 4;
+const BLOCK: u32 = 4;
 const SIZE: [u32; 2] = [64, 48];
-
-fn blocks(pixels: &[DVec3]) -> Vec<DVec3> {
-    let across = SIZE[0] as usize / BLOCK;
-    let mut means = vec![DVec3::ZERO; pixels.len() / (BLOCK * BLOCK)];
-    for (at, value) in pixels.iter().enumerate() {
-        let (x, y) = (at % SIZE[0] as usize / BLOCK, at / SIZE[0] as usize / BLOCK);
-        means[y * across + x] += *value / (BLOCK * BLOCK) as f64;
-    }
-    means
-}
 
 fn bias_of(gpu: &Gpu, scene: &Scene, rays: Rays, runs: u32, count: u32) -> Result<Bias> {
     let shown = Shown { size: SIZE, time: 0.0 };
     let (mut found, mut truth) = (Vec::new(), Vec::new());
     for seed in 1..=runs {
         let options = RenderOptions { seed, rays, ..RenderOptions::default() };
-        found.push(blocks(&mean_with(options, "gi", gpu, scene, &RAW, shown, count / 8)?.0));
+        let image = mean_with(options, "gi", gpu, scene, &RAW, shown, count / 8)?.0;
+        found.push(blocks(&image, SIZE, BLOCK));
         let options = ReferenceOptions { only: Only::Gi, depth: BOUNCES + 1, seed, ..ReferenceOptions::default() };
-        truth.push(blocks(&truth_of(options, gpu, scene, shown, count)?.mean));
+        truth.push(blocks(&truth_of(options, gpu, scene, shown, count)?.mean, SIZE, BLOCK));
     }
     Ok(bias(&found, &truth))
 }

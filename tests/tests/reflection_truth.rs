@@ -6,7 +6,7 @@ use magpie::scene::{Light, Material, Scene};
 use magpie_passes::RenderOptions;
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_shaders::Rays;
-use magpie_tests::against::{Bias, RAW_REFLECTIONS, Shown, bias, mean_with, truth_of};
+use magpie_tests::against::{Bias, RAW_REFLECTIONS, Shown, bias, blocks, mean_with, truth_of};
 use magpie_tests::fixtures::{add, block, camera, material, scene, sphere};
 use magpie_tests::harness::{builtin, gpu};
 use std::env;
@@ -91,8 +91,7 @@ fn scene_of(name: &str, of: Made, roughness: f32) -> Result<(Scene, f64)> {
 /// Pixels of a block, each way. Mirrors of mirrors magnify the rounding of the first normal, which moves the images of lamps by parts of a
 /// pixel: what is compared are means of blocks.
 const BLOCK: u32 = 6;
-/// In blocks.
-const SIZE: [u32; 2] = [16, 12];
+const SIZE: [u32; 2] = [96, 72];
 
 /// How much is computed.
 #[derive(Clone, Copy)]
@@ -105,30 +104,20 @@ struct Effort {
     error: f64,
 }
 
-/// Means over blocks of pixels.
-fn blocks(pixels: &[DVec3]) -> Vec<DVec3> {
-    let mut means = vec![DVec3::ZERO; (SIZE[0] * SIZE[1]) as usize];
-    let width = (SIZE[0] * BLOCK) as usize;
-    for (at, value) in pixels.iter().enumerate() {
-        let (x, y) = (at % width / BLOCK as usize, at / width / BLOCK as usize);
-        means[y * SIZE[0] as usize + x] += *value / f64::from(BLOCK * BLOCK);
-    }
-    means
-}
-
 /// The bias of the frame's reflections by one way to trace; the reference is traced in software.
 fn bias_of(gpu: &Gpu, scene: &Scene, time: f64, rays: Rays, effort: Effort) -> Result<Bias> {
-    let shown = Shown { size: SIZE.map(|blocks| blocks * BLOCK), time };
+    let shown = Shown { size: SIZE, time };
     let (mut found, mut truth) = (Vec::new(), Vec::new());
     let bounces = format!("reflections.bounces={BOUNCES}");
     let changes = [&RAW_REFLECTIONS[..], &[&bounces, "reflections.regularization=0"]].concat();
     for seed in 1..=effort.runs[1] {
         let options = RenderOptions { seed, rays, ..RenderOptions::default() };
         let frames = effort.rays.div_ceil(RAYS_PER_FRAME);
-        found.push(blocks(&mean_with(options, "reflections", gpu, scene, &changes, shown, frames)?.0));
+        let image = mean_with(options, "reflections", gpu, scene, &changes, shown, frames)?.0;
+        found.push(blocks(&image, SIZE, BLOCK));
         let options =
             ReferenceOptions { only: Only::Reflections, depth: BOUNCES + 1, seed, ..ReferenceOptions::default() };
-        truth.push(blocks(&truth_of(options, gpu, scene, shown, effort.rays)?.mean));
+        truth.push(blocks(&truth_of(options, gpu, scene, shown, effort.rays)?.mean, SIZE, BLOCK));
         if seed >= effort.runs[0] && bias(&found, &truth).error < effort.error {
             break;
         }
@@ -195,7 +184,8 @@ fn rays_have_no_bias_on_any_surface() -> Result<()> {
                 let row = row(name, of, roughness, rays, bias);
                 println!("{row}");
                 let has_light = (bias.light - 1.0).abs() < 0.01 + 3.0 * bias.light_error;
-                if bias.relmse >= 1e-3 || bias.error >= effort.error || !has_light {
+                // The bound holds for all that the noise leaves possible.
+                if bias.relmse + 2.0 * bias.error >= 1e-3 || !has_light {
                     failed.push(row);
                 }
             }

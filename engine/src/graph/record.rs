@@ -163,6 +163,7 @@ impl Record<'_> {
     }
 
     /// Address of the two counters in which shaders of this pass count their rays: closest-hit, then any-hit, one `uint` each.
+    /// Behind them is the one of [`not_finite`](Self::not_finite).
     pub fn rays(&self) -> Address {
         self.counters
     }

@@ -1,5 +1,6 @@
-//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, or rays.
+//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, rays, or surfels.
 mod ray_traced;
+mod surfels;
 
 use crate::contracts::{LightingIn, LightingOut};
 use crate::precision;
@@ -8,6 +9,7 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 use ray_traced::RayTraced;
+use surfels::Surfels;
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
@@ -23,6 +25,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "Rays over the hemisphere of each surface, shaded where they hit, and denoised.",
             &ray_traced::settings(),
             |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
+        )
+        .with(
+            "surfels",
+            "Discs on surfaces that gather light over frames, one path at a time, and pass it on to each other: all bounces.",
+            &surfels::settings(),
+            |build, settings| Ok(Box::new(Surfels::new(build, settings)?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

@@ -1,0 +1,100 @@
+//! Settings of `surfels`.
+use crate::parts::hit_shading;
+use crate::precision;
+use magpie::graph::Format;
+use magpie::slot::{SettingSpec, Settings, SlotError};
+use magpie_shaders::hit_shading::{MOST_SHEETS, MOST_TURNS};
+use magpie_shaders::surfels::{MULTI_SCALE, RUNNING_MEAN, SECTORS};
+
+/// Settings, read.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Places in the pool.
+    pub capacity: u32,
+    /// Radius of a surfel, as a share of the height of the picture.
+    pub radius: f32,
+    /// Sum of weights below which a pixel asks for a surfel.
+    pub coverage: f32,
+    /// Frames for which a surfel that nothing uses is kept.
+    pub life: u32,
+    /// Surfaces that a path meets.
+    pub bounces: u32,
+    /// Of lib/regularization.glsl.
+    pub regularization: f32,
+    /// `MULTI_SCALE` or `RUNNING_MEAN`.
+    pub estimator: u32,
+    /// Whether hits take the light of surfels.
+    pub feedback: bool,
+    /// Of the radiance that the slot writes.
+    pub format: Format,
+    /// Rays of a frame at most.
+    pub budget: u32,
+}
+
+/// Share of the rays that is kept free for surfels in their first frame.
+const FOR_NEW: u32 = 4;
+
+impl Options {
+    /// Reads the settings.
+    pub fn read(settings: &Settings) -> Result<Self, SlotError> {
+        Ok(Self {
+            capacity: settings.u32("surfels")?,
+            radius: settings.f32("radius")?,
+            coverage: settings.f32("coverage")?,
+            life: settings.u32("life")?,
+            bounces: settings.u32("bounces")?,
+            regularization: settings.f32("regularization")?,
+            estimator: if settings.choice("estimator")? == "multi-scale" { MULTI_SCALE } else { RUNNING_MEAN },
+            feedback: settings.switch("feedback")?,
+            format: precision::format(settings)?,
+            budget: settings.u32("budget")?,
+        })
+    }
+
+    /// Rays of a path at most. `tinted`: there are surfaces that let light straight through, beyond each of which another ray starts.
+    const fn rays_of_path(&self, tinted: bool) -> u32 {
+        if tinted {
+            // Along the path; towards a light from each of its surfaces past opaque things, through sheets, and beyond the last.
+            MOST_TURNS + self.bounces * (MOST_SHEETS + 2)
+        } else {
+            // To each surface, to a light from each, and beyond the last.
+            2 * self.bounces + 1
+        }
+    }
+
+    /// Rays of a surfel in its first frame at most. It looks into all sectors at once.
+    pub const fn rays_of_new(&self, tinted: bool) -> u32 {
+        SECTORS + self.rays_of_path(tinted)
+    }
+
+    /// Greatest number of older surfels that trace in one frame.
+    pub const fn most_old(&self, tinted: bool) -> u32 {
+        (self.budget - self.budget / FOR_NEW) / (1 + self.rays_of_path(tinted))
+    }
+}
+
+/// Describes the settings.
+pub fn settings() -> Vec<SettingSpec> {
+    let surfels = "Places in the pool. Higher: more surfaces beside those in sight are remembered, with memory and time for each place.";
+    let radius = "Radius of a surfel on the screen, over the height of the picture. Higher: fewer surfels, and light that changes more slowly \
+                  over surfaces.";
+    let coverage = "A pixel asks for a surfel where the weights of those around it add up to less. Higher: more surfels, less noise.";
+    let budget = "Rays of a frame at most. Higher: light follows changes sooner.";
+    let bounces = "Surfaces that a path meets before it ends, where no surfels know the light. Higher: more light from places out of sight.";
+    let estimator = "How a surfel averages over time. `running-mean`: over all samples until the light changes. `multi-scale`: the published mean \
+                     over a long and a short window.";
+    let feedback = "Paths end at surfels, whose light they take: each frame adds a bounce. Without, light bounces `bounces` times.";
+    let life = "Frames for which a surfel that neither the picture nor a path uses is kept; less where the pool is nearly full.";
+    vec![
+        SettingSpec::integer("surfels", "", surfels, 1 << 17, 1 << 10..=1 << 20),
+        SettingSpec::float("radius", "heights", radius, 0.02, 0.002..=0.1).sweep([0.01, 0.02, 0.04]),
+        SettingSpec::float("coverage", "", coverage, 0.3, 0.01..=4.0).sweep([0.1, 0.3, 1.0]),
+        SettingSpec::integer("budget", "rays", budget, 250_000, 1_000..=10_000_000).sweep([25_000, 250_000]),
+        SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
+        hit_shading::regularization(),
+        SettingSpec::choice("estimator", estimator, "running-mean", &["running-mean", "multi-scale"]).sweep_all(),
+        SettingSpec::switch("feedback", feedback, true).sweep_all(),
+        SettingSpec::integer("life", "frames", life, 240, 1..=10_000),
+        precision::setting(),
+    ]
+}

@@ -1,0 +1,22 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/surfels.glsl"
+// Empties the cells, of which one more holds the number of all references, and at the beginning of a frame what paths ask for in them. Counters of the frame begin at 0, but for the number of surfels.
+layout(local_size_x = SURFEL_GROUP) in;
+layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i == 0u) {
+        SurfelCounters counters = SurfelCounters(params.counts);
+        SurfelWords groups = SurfelWords(params.groups);
+        groups.at[0] = counters.counts.groups;
+        groups.at[1] = 1u;
+        groups.at[2] = 1u;
+        // Placing surfels finds out how many groups the next frame needs.
+        if (params.begins != 0u) counters.counts = SurfelCounts(0u, counters.counts.live, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
+    }
+    if (params.begins != 0u && i <= params.grid.cell_mask) SurfelWords(params.wishes).at[i] = 0u;
+    if (i <= params.grid.cell_mask + 1u) SurfelCells(params.grid.cells).at[i] = uvec2(0u);
+}

@@ -1,0 +1,112 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/pixel_list.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/surfel_binding.glsl"
+// Spawns the surfels that tiles and paths ask for, as far as there is room. They begin with the light that surfels around them give.
+layout(local_size_x = SURFEL_GROUP) in;
+layout(push_constant, scalar) uniform Push { SurfelCommitParams params; };
+
+// Samples that inherited light stands for.
+const float INHERITED = 4.0;
+
+shared uint asks[SURFEL_GROUP / 32u];
+
+// Where a pixel of a tile lies.
+SurfelBinding seen_at(ViewBuffer view, ivec2 pixel) {
+    vec3 position = world_position(view, pixel, load(params.depth, pixel).r);
+    return seen_binding(SceneBuffer(params.scene), load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), position);
+}
+
+void spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
+    Surfel s;
+    s.bound = at;
+    RayStart start = surfel_start(SceneBuffer(params.scene), at);
+    s.last_used = view.at[0].frame;
+    s.born = view.at[0].frame;
+    s.paths = 0u;
+    SurfelLight around = surfel_lookup(params.grid, view.at[0].eye, start.position, start.normal, start.normal);
+    s.light.mean = around.light;
+    s.light.samples = min(around.samples, INHERITED);
+    s.light.short_mean = around.light;
+    s.light.variance = around.light * around.light;
+    s.light.variance_blend = 1.0;
+    s.light.inconsistency = 1.0;
+    for (int channel = 0; channel < 3; channel++) s.light.tilt[channel] = vec3(0.0);
+    for (uint sector = 0u; sector < SECTORS; sector++) s.nearness[sector] = 0u;
+    PlacedSurfel placed;
+    placed.position = start.position;
+    placed.radius = surfel_radius(params.grid, length(start.position - view.at[0].eye));
+    placed.normal = start.normal;
+    placed.samples = s.light.samples;
+    placed.mean = s.light.mean;
+    placed.tilt = s.light.tilt;
+    placed.nearness = s.nearness;
+    SurfelPool(params.pool).at[surfel] = s;
+    PlacedSurfelBufferWrite(params.grid.placed).at[surfel] = placed;
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    SurfelWords asked = SurfelWords(params.asked);
+    SurfelWords free = SurfelWords(params.free);
+    uint i = gl_GlobalInvocationID.x;
+    uint numbers = params.tiles + cell_groups(params.grid);
+    uint wanted = asked.at[numbers];
+    // Free places among those that hold surfels, then all behind.
+    uint groups = SurfelWords(params.groups).at[0];
+    uint listed = free.at[groups];
+    uint held = min(groups * SURFEL_GROUP, params.capacity);
+    SurfelCounters counters = SurfelCounters(params.counts);
+    uint most = (params.budget - min(counters.counts.rays, params.budget)) / params.rays_of_new;
+    uint spawned = min(min(wanted, listed + params.capacity - held), most);
+    if (i == 0u) {
+        counters.counts.live = held - listed + spawned;
+        counters.counts.wanted = wanted;
+        counters.counts.spawned = spawned;
+    }
+
+    // The first workgroups have tiles, the others cells.
+    uint of_tiles = (params.tiles * TILE_SPAWNS + SURFEL_GROUP - 1u) / SURFEL_GROUP;
+    uint place = gl_LocalInvocationIndex;
+    uint number = 0u;
+    bool asks_for = false;
+    SurfelBinding at = SurfelBinding(0u, 0u, vec2(0.0), 0u);
+    if (place < SURFEL_GROUP / 32u) asks[place] = 0u;
+    barrier();
+    if (gl_WorkGroupID.x < of_tiles) {
+        uint tile = i / TILE_SPAWNS;
+        if (tile < params.tiles) {
+            number = asked.at[tile] + i % TILE_SPAWNS;
+            asks_for = number < asked.at[tile + 1u];
+        }
+        if (asks_for) {
+            uint packed = asked.at[numbers + 1u + i];
+            at = seen_at(view, ivec2(packed & 0xffffu, packed >> 16u));
+        }
+    } else {
+        uint group = gl_WorkGroupID.x - of_tiles;
+        uint cell = group * SURFEL_GROUP + place;
+        uint wish = cell <= params.grid.cell_mask ? SurfelWords(params.wishes).at[cell] : 0u;
+        asks_for = wish != 0u;
+        if (asks_for) {
+            at = wished_bindings(params.grid, params.wishes).at[wish - 1u];
+            atomicOr(asks[place / 32u], 1u << (place % 32u));
+        }
+        barrier();
+        number = asked.at[params.tiles + group] + bitCount(asks[place / 32u] & ((1u << (place % 32u)) - 1u));
+        for (uint word = 0u; word < place / 32u; word++) number += bitCount(asks[word]);
+    }
+    uint surfel = 0u;
+    if (asks_for) {
+        // Where not all that are wanted can be spawned, others come first in each frame.
+        uint turn = (number + view.at[0].frame * most) % wanted;
+        asks_for = turn < spawned;
+        if (asks_for) {
+            surfel = turn < listed ? free.at[free_head(params.capacity) + turn] : held + turn - listed;
+            atomicMax(counters.counts.groups, surfel / SURFEL_GROUP + 1u);
+            spawn(view, surfel, at);
+        }
+    }
+    append_pixel(params.list, key_pixel(surfel), asks_for);
+}

@@ -1,0 +1,15 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/surfel_cells.glsl"
+// Counts the surfels that touch each cell.
+layout(local_size_x = SURFEL_GROUP) in;
+layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= params.capacity || SurfelPool(params.pool).at[i].bound.instance == 0u) return;
+    PlacedSurfel s = PlacedSurfelBuffer(params.grid.placed).at[i];
+    TouchedCells touched = touched_cells(params.grid, ViewBuffer(params.view).at[0].eye, s);
+    for (uint c = 0u; c < touched.count; c++) atomicAdd(SurfelCells(params.grid.cells).at[touched.at[c]].y, 1u);
+}

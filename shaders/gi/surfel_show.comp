@@ -1,0 +1,58 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/colour.glsl"
+#include "lib/gbuffer.glsl"
+#include "lib/surfels.glsl"
+// Pictures of the surfels for people: at each pixel, the one that counts most there.
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { SurfelShowParams params; };
+
+// Counters of the frame, one to a pixel.
+void show_counts(int at) {
+    SurfelCounts counts = SurfelCounters(params.counts).counts;
+    uint numbers[SURFEL_COUNTERS] = uint[](
+        counts.live, counts.wanted, counts.spawned, counts.recycled, counts.dropped, counts.uncovered, counts.visible, counts.rays
+    );
+    store(params.counters, ivec2(at, 0), vec4(float(numbers[at])));
+}
+
+void main() {
+    ViewBuffer view = ViewBuffer(params.view);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (gl_WorkGroupID.xy == uvec2(0u) && gl_LocalInvocationIndex < SURFEL_COUNTERS) show_counts(int(gl_LocalInvocationIndex));
+    if (!inside(pixel, view.at[0].size)) return;
+    vec4 disc = vec4(0.0), state = vec4(0.0), place = vec4(0.0);
+    Surface s = load_geometry(view, pixel, params.gbuffer);
+    if (s.exists) {
+        uvec2 list = cell_list(params.grid, view.at[0].eye, s.position);
+        float greatest = 0.0;
+        uint most = 0u;
+        float coverage = 0.0;
+        for (uint i = 0u; i < list.y; i++) {
+            uint surfel = SurfelWords(params.grid.references).at[list.x + i];
+            float weight = surfel_weight(PlacedSurfelBuffer(params.grid.placed).at[surfel], s.position, s.geometric_normal).y;
+            coverage += weight;
+            if (weight > greatest) {
+                greatest = weight;
+                most = surfel;
+            }
+        }
+        place = vec4(0.0, float(list.y), coverage, 1.0);
+        if (greatest > 0.0) {
+            Surfel found = SurfelPool(params.pool).at[most];
+            PlacedSurfel placed = PlacedSurfelBuffer(params.grid.placed).at[most];
+            uvec4 word = hash4(uvec4(most, found.born, 0u, 0u));
+            disc = vec4(vec3(word.xyz >> 8u) / 16777216.0 * sqrt(greatest), coverage);
+            float mean = luminance(found.light.mean);
+            float deviation = mean > 0.0 ? luminance(sqrt(max(vec3(found.light.variance), 0.0))) / mean : 0.0;
+            state = vec4(float(view.at[0].frame - found.born), found.light.samples, float(found.paths), deviation);
+            vec3 offset = s.position - placed.position;
+            place.x = placed.radius;
+            place.w = reached(placed, offset - dot(offset, placed.normal) * placed.normal);
+        }
+    }
+    store(params.discs, pixel, disc);
+    store(params.state, pixel, state);
+    store(params.place, pixel, place);
+}

@@ -1,0 +1,80 @@
+#ifndef LIB_SURFEL_ESTIMATOR_GLSL
+#define LIB_SURFEL_ESTIMATOR_GLSL
+#include "lib/colour.glsl"
+#include "shared/surfels.glsl"
+// Means over time of what a surfel gathers, which follow changes of light.
+
+// Window of the short mean, as the share of the newest sample.
+const float SHORT_WINDOW = 0.08;
+// Most samples that the running mean stands for.
+const float MOST_SAMPLES = 512.0;
+// Share of the newest sample in the mean that finds changes, and standard errors that count as one.
+const float RECENT = 0.2;
+const float CHANGED = 4.0;
+// Samples from which on bright ones are limited.
+const float LIMITED_FROM = 8.0;
+
+// A sample whose luminance is above a limit, scaled down to it. Out of the dark any light is let in.
+vec3 limited(vec3 y, vec3 mean, float limit) {
+    float bright = luminance(y);
+    return bright > limit && luminance(mean) > 0.0 ? y * (limit / bright) : y;
+}
+
+// Blend of the multi-scale mean (Andersson and others, SEED, "Multiscale Mean Estimator", published with Halen and others 2021, "Global
+// Illumination Based on Surfels"). Two things differ: a sample far above the others is scaled down, where the original subtracts what is too much,
+// which turns an infinite sample into NaN; and the limit has no constant part, so that it holds for dim and bright scenes alike.
+void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
+    if (e.samples == 0.0) {
+        e.mean = y;
+        e.short_mean = y;
+        e.variance = y * y;
+        e.variance_blend = 1.0;
+        e.inconsistency = 1.0;
+        blend = 1.0;
+        return;
+    }
+    vec3 deviation = sqrt(e.variance);
+    y = limited(y, e.short_mean, luminance(1.1 * e.short_mean + 8.0 * deviation));
+    vec3 before = y - e.short_mean;
+    e.short_mean = mix(e.short_mean, y, SHORT_WINDOW);
+    vec3 after = y - e.short_mean;
+    e.variance = mix(e.variance, before * after, 0.5 * SHORT_WINDOW);
+    deviation = max(sqrt(max(e.variance, 0.0)), 1e-4 * e.short_mean + 1e-12);
+    float difference = luminance(abs(e.mean - e.short_mean) / deviation);
+    e.inconsistency = mix(e.inconsistency, difference, 0.08);
+    float fast = smoothstep(0.0, 1.0, difference * max(0.02, e.inconsistency - 0.2));
+    blend = clamp(fast, 1.0 / 256.0, 1.0) * e.variance_blend;
+    e.variance_blend = mix(e.variance_blend, clamp(luminance(0.5 * e.short_mean / deviation), 1.0 / 32.0, 1.0), 0.1);
+    e.mean = mix(e.mean, y, blend);
+}
+
+// Mean over all samples. Later ones count more, in proportion to their number, as the first were taken before light had spread; from MOST_SAMPLES
+// on the mean is exponential. Where a mean over the last few is farther from it than their noise explains, that one takes over. Samples are limited
+// only beyond what light from a thousandth of all directions makes: that deviates by 32 standard deviations.
+void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend) {
+    float count = min(e.samples + 1.0, MOST_SAMPLES);
+    blend = 2.0 / (count + 1.0);
+    if (count > LIMITED_FROM) y = limited(y, e.mean, 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(e.variance, 0.0))));
+    vec3 before = y - e.mean;
+    e.mean += blend * before;
+    e.variance = mix(e.variance, before * (y - e.mean), max(1.0 / count, 1.0 / 64.0));
+    e.short_mean = mix(e.short_mean, y, max(1.0 / count, RECENT));
+    if (count < 1.0 / RECENT) return;
+    float noise = luminance(sqrt(max(e.variance, 0.0))) * sqrt(RECENT / (2.0 - RECENT));
+    float difference = luminance(abs(e.short_mean - e.mean));
+    if (difference > CHANGED * noise + 0.02 * luminance(e.mean)) {
+        e.mean = e.short_mean;
+        e.samples = 1.0 / RECENT;
+    }
+}
+
+// Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane.
+void add_sample(inout Estimator e, vec3 y, vec3 along, uint kind) {
+    float blend;
+    if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend);
+    else add_to_running_mean(e, y, blend);
+    for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * along, blend);
+    e.samples = min(e.samples + 1.0, MOST_SAMPLES);
+}
+
+#endif
