@@ -29,6 +29,7 @@ void spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     s.light.mean = around.light;
     s.light.samples = min(around.samples, INHERITED);
     s.light.short_mean = around.light;
+    s.light.newest = around.light;
     s.light.variance = around.light * around.light;
     s.light.variance_blend = 1.0;
     s.light.inconsistency = 1.0;

@@ -46,8 +46,7 @@ void main() {
             placed.radius = surfel_radius(params.grid, length(start.position - view.at[0].eye));
             placed.normal = start.normal;
             placed.samples = s.light.samples;
-            // Paths take light from the short mean: it is noisier, but light that is passed on from surfel to surfel spreads many times faster.
-            placed.mean = s.light.short_mean;
+            placed.mean = s.light.newest;
             placed.tilt = s.light.tilt;
             placed.nearness = s.nearness;
             PlacedSurfelBufferWrite(params.grid.placed).at[i] = placed;

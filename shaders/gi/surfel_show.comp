@@ -25,25 +25,14 @@ void main() {
     vec4 disc = vec4(0.0), state = vec4(0.0), place = vec4(0.0);
     Surface s = load_geometry(view, pixel, params.gbuffer);
     if (s.exists) {
-        uvec2 list = cell_list(params.grid, view.at[0].eye, s.position);
-        float greatest = 0.0;
-        uint most = 0u;
-        float coverage = 0.0;
-        for (uint i = 0u; i < list.y; i++) {
-            uint surfel = SurfelWords(params.grid.references).at[list.x + i];
-            float weight = surfel_weight(PlacedSurfelBuffer(params.grid.placed).at[surfel], s.position, s.geometric_normal).y;
-            coverage += weight;
-            if (weight > greatest) {
-                greatest = weight;
-                most = surfel;
-            }
-        }
-        place = vec4(0.0, float(list.y), coverage, 1.0);
-        if (greatest > 0.0) {
-            Surfel found = SurfelPool(params.pool).at[most];
-            PlacedSurfel placed = PlacedSurfelBuffer(params.grid.placed).at[most];
-            uvec4 word = hash4(uvec4(most, found.born, 0u, 0u));
-            disc = vec4(vec3(word.xyz >> 8u) / 16777216.0 * sqrt(greatest), coverage);
+        SurfelLight light = surfel_lookup(params.grid, view.at[0].eye, s.position, s.geometric_normal, s.geometric_normal);
+        place = vec4(0.0, float(cell_list(params.grid, view.at[0].eye, s.position).y), light.coverage, 1.0);
+        if (light.coverage > 0.0) {
+            Surfel found = SurfelPool(params.pool).at[light.most];
+            PlacedSurfel placed = PlacedSurfelBuffer(params.grid.placed).at[light.most];
+            uvec4 word = hash4(uvec4(light.most, found.born, 0u, 0u));
+            float weight = surfel_weight(placed, s.position, s.geometric_normal).y;
+            disc = vec4(vec3(word.xyz >> 8u) / 16777216.0 * sqrt(weight), light.coverage);
             float mean = luminance(found.light.mean);
             float deviation = mean > 0.0 ? luminance(sqrt(max(vec3(found.light.variance), 0.0))) / mean : 0.0;
             state = vec4(float(view.at[0].frame - found.born), found.light.samples, float(found.paths), deviation);

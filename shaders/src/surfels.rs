@@ -78,6 +78,8 @@ pub struct Estimator {
     pub samples: f32,
     /// Mean over a short window.
     pub short_mean: [f32; 3],
+    /// Mean over the last two or three samples, from which paths take light.
+    pub newest: [f32; 3],
     /// Variance of samples.
     pub variance: [f32; 3],
     /// Multi-scale mean: blend that the variance asks for.
@@ -100,7 +102,7 @@ pub struct PlacedSurfel {
     pub normal: [f32; 3],
     /// [`Estimator::samples`].
     pub samples: f32,
-    /// [`Estimator::short_mean`] for paths, then [`Estimator::mean`] for the picture.
+    /// [`Estimator::newest`] for paths, then [`Estimator::mean`] for the picture.
     pub mean: [f32; 3],
     /// [`Estimator::tilt`].
     pub tilt: [[f32; 3]; 3],

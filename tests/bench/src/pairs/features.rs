@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 25] = [
+pub const FEATURES: [Feature; 27] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -63,6 +63,8 @@ pub const FEATURES: [Feature; 25] = [
     ),
     Feature::set("hybrid reflections", &["stages.reflections=hybrid"]),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
+    Feature::set("traced gi", &["stages.gi=ray-traced"]),
+    Feature::set("surfels", &["stages.gi=surfels"]),
     Feature { coats: true, ..Feature::set("clear coats", &[]) },
     Feature::set("single scattering", &["gbuffer.multiple_scattering=false"]),
     Feature { lights: true, ..Feature::set("six lamps", &["shadows.most_lights=8"]) },
@@ -75,7 +77,7 @@ pub const FEATURES: [Feature; 25] = [
 /// The `post` setting that averages over pixels, and so decides which ground truth a picture is compared with.
 const SAMPLED_OVER: &str = "post.anti_aliasing=taa";
 /// Settings of a ground truth: many rays, no denoiser, full resolution.
-const TRUE: [&str; 11] = [
+const TRUE: [&str; 13] = [
     "shadows.rays=8",
     "shadows.most_lights=8",
     "shadows.denoiser=none",
@@ -86,6 +88,8 @@ const TRUE: [&str; 11] = [
     "reflections.rays=8",
     "reflections.pixels_per_ray=1",
     "reflections.denoiser=none",
+    "gi.rays=8",
+    "gi.denoiser=none",
     "post.resolution_scale=1",
 ];
 
