@@ -10,9 +10,6 @@ struct SurfelCache {
     uint is_used;   // 0: paths go on as if there were none
 };
 
-// Coverage below which a path asks for a surfel.
-const float LACKING = 0.15;
-
 // Where the path lacks a surfel first; bound to nothing if it does not.
 SurfelBinding surfel_wish = SurfelBinding(0u, 0u, vec2(0.0), 0u);
 vec3 surfel_wish_position = vec3(0.0);
@@ -23,7 +20,7 @@ bool surfels_light(SceneBuffer scene, SurfelCache cache, ViewBuffer view, Surfac
     light = vec3(0.0);
     if (cache.is_used == 0u || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
     SurfelLight found = surfel_lookup(cache.grid, view.at[0].eye, s.start.position, s.start.normal, s.normal);
-    if (found.coverage < LACKING && !found.full && surfel_wish.instance == 0u) {
+    if (!found.known && !found.full && surfel_wish.instance == 0u) {
         surfel_wish = hit_binding(scene, ray, hit);
         surfel_wish_position = s.start.position;
     }

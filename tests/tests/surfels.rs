@@ -29,24 +29,24 @@ const GI: &str = "gi.gather:radiance";
 const COUNTERS: &str = "gi.show:counters";
 
 /// Frames of a scene, each with one image of them.
-struct Frames<'a> {
+struct Frames {
     renderer: Renderer,
-    camera: &'a Camera,
+    camera: Camera,
 }
 
-impl<'a> Frames<'a> {
-    fn new(gpu: &Gpu, scene: &'a Scene, changes: &[&str]) -> Result<Self> {
+impl Frames {
+    fn new(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Self> {
         let [width, height] = SIZE;
         let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
         let config = config(&[&SURFELS[..], changes].concat())?;
         Ok(Self {
             renderer: Renderer::new(gpu, scene, &Slots::default(), &config, options)?,
-            camera: &scene.cameras[0],
+            camera: scene.cameras[0].clone(),
         })
     }
 
     fn next(&mut self, image: &str) -> Result<FrameResult> {
-        let request = FrameRequest { camera: self.camera, time: 0.0, view: image.split_once(':'), read_back: true };
+        let request = FrameRequest { camera: &self.camera, time: 0.0, view: image.split_once(':'), read_back: true };
         let result = self.renderer.frame(request)?.context("no frame")?;
         ensure!(result.findings.is_empty(), "{}", result.findings[0]);
         Ok(result)
@@ -82,6 +82,27 @@ fn light_is_that_of_the_reference() -> Result<()> {
         ensure!(blocks < error && blocks < last, "frame {frame}: error {blocks}");
         last = blocks;
     }
+    Ok(())
+}
+
+/// Behind a camera that moves sideways, what comes into sight has light too, and what stays keeps it.
+#[test]
+fn light_stays_while_the_camera_moves() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let to = scene.cameras[0].world_from_camera.translation;
+    let mut frames = Frames::new(&gpu, &scene, &["post.anti_aliasing=taa"])?;
+    let mut light = Vec::new();
+    for frame in 0..32 {
+        let aside = 0.02 * f64::from(frame) - 0.62;
+        frames.camera.world_from_camera.translation = to + aside * scene.cameras[0].world_from_camera.x_axis;
+        light = frames.light(0)?;
+    }
+    let options = ReferenceOptions { only: Only::Gi, ..ReferenceOptions::default() };
+    let truth = truth_of(options, &gpu, &scene, Shown { size: SIZE, time: 0.0 }, 256)?.mean;
+    let [light, blocks] = light_and_block_error(&light, &truth, SIZE[0]);
+    println!("light {light:.3}, error of blocks {blocks:.3}");
+    ensure!((0.93..1.05).contains(&light) && blocks < 0.15, "light {light}, error {blocks}");
     Ok(())
 }
 
