@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/pixel_list.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/surfel_binding.glsl"
 // Spawns the surfels that tiles and paths ask for, as far as there is room. They begin with the light that surfels around them give.
 layout(local_size_x = SURFEL_GROUP) in;
@@ -18,10 +19,12 @@ SurfelBinding seen_at(ViewBuffer view, ivec2 pixel) {
     return seen_binding(SceneBuffer(params.scene), load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), position);
 }
 
-void spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
+// False where there is no place for it: a triangle without area, or a pixel without a position.
+bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     Surfel s;
     s.bound = at;
     RayStart start = surfel_start(SceneBuffer(params.scene), at);
+    if (start.normal == vec3(0.0) || !is_finite(start.position) || !is_finite(start.normal)) return false;
     s.last_used = view.at[0].frame;
     s.born = view.at[0].frame;
     s.paths = 0u;
@@ -45,6 +48,7 @@ void spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     placed.nearness = s.nearness;
     SurfelPool(params.pool).at[surfel] = s;
     PlacedSurfelBufferWrite(params.grid.placed).at[surfel] = placed;
+    return true;
 }
 
 void main() {
@@ -106,7 +110,7 @@ void main() {
         if (asks_for) {
             surfel = turn < listed ? free.at[free_head(params.capacity) + turn] : held + turn - listed;
             atomicMax(counters.counts.groups, surfel / SURFEL_GROUP + 1u);
-            spawn(view, surfel, at);
+            asks_for = spawn(view, surfel, at);
         }
     }
     append_pixel(params.list, key_pixel(surfel), asks_for);

@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/not_finite.glsl"
 #include "lib/surfel_binding.glsl"
 // Places surfels where their triangles are in this frame, recycles those that nothing uses, chooses which of them trace, and counts free places.
 layout(local_size_x = SURFEL_GROUP) in;
@@ -36,7 +37,8 @@ void main() {
         float full = float(SurfelCounters(params.counts).counts.live) / float(params.capacity);
         float life = mix(float(params.life), LEAST_LIFE, clamp((full - CROWDED) / (1.0 - CROWDED), 0.0, 1.0));
         RayStart start = surfel_start(scene, s.bound);
-        if (float(unused) > life || start.normal == vec3(0.0)) {
+        bool has_place = start.normal != vec3(0.0) && is_taken(params.not_finite, start.position) && is_taken(params.not_finite, start.normal);
+        if (float(unused) > life || !has_place) {
             pool.at[i].bound.instance = 0u;
             atomicAdd(SurfelCounters(params.counts).counts.recycled, 1u);
         } else {

@@ -179,6 +179,8 @@ pub struct SurfelPoolParams {
     pub keys: StorageImage,
     /// 1 if the frame begins: its counters are set to 0.
     pub begins: u32,
+    /// Counter of surfels whose place is not finite.
+    pub not_finite: Address,
 }
 
 /// Push constants of `surfel_spawn.comp` and `surfel_wishes.comp`.

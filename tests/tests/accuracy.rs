@@ -33,7 +33,7 @@ fn options(out: &Path, shard: Option<Shard>) -> Options {
     }
 }
 
-/// Magpie's slots with fewer shadow variants: hard shadows at full or half resolution, or none. All variants would take minutes.
+/// Magpie's slots with fewer variants: hard shadows at full or half resolution, or none; light of the sky, or none. All variants would take minutes.
 fn slots() -> Slots {
     let all = Slots::default();
     let original = all.shadows.clone();
@@ -47,7 +47,15 @@ fn slots() -> Slots {
             original.choose(build, "ray-traced", &values)
         })
         .with("off", "None.", &[], move |build, _| off.choose(build, "off", &BTreeMap::new()));
-    Slots { shadows, ..all }
+    let precision = SettingSpec::among("precision", "bits", "Of radiance.", 16, &[32, 16]).sweep_all();
+    let (sky, none) = (all.gi.clone(), all.gi.clone());
+    let gi = Slot::new("gi")
+        .about("The sky.")
+        .with("sky", "The light of the sky.", &[precision], move |build, settings| {
+            sky.choose(build, "sky", settings.values())
+        })
+        .with("off", "None.", &[], move |build, _| none.choose(build, "off", &BTreeMap::new()));
+    Slots { shadows, gi, ..all }
 }
 
 #[test]

@@ -63,6 +63,8 @@ fn few() -> Vec<Case> {
     vec![
         case(&svgf, false),
         case(&["stages.reflections=screen-space"], true),
+        case(&["stages.gi=surfels", "gi.surfels=4096"], true),
+        case(&["stages.gi=ray-traced"], true),
         case(&["stages.reflections=screen-space", "reflections.lobe=cone", "reflections.resolution=half"], true),
         case(
             &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],

@@ -207,6 +207,7 @@ impl Grid {
                     capacity,
                     life,
                     keys: c.id(keys_token),
+                    not_finite: c.not_finite(),
                     ..SurfelPoolParams::default()
                 };
                 c.dispatch_groups(place, &params, [groups, 1, 1]);
