@@ -5,5 +5,7 @@ pub mod bench;
 pub mod chi_square;
 pub mod fixtures;
 pub mod flip;
+pub mod gi;
 pub mod harness;
 pub mod oracle;
+pub mod rooms;

@@ -1,0 +1,146 @@
+//! How far each implementation of `gi` is from the reference: at rest, and frame by frame from nothing.
+use anyhow::{Result, ensure};
+use magpie::gpu::Gpu;
+use magpie::scene::Scene;
+use magpie_passes::reference::{Estimate, Only, ReferenceOptions};
+use magpie_tests::against::{Shown, light_and_block_error, truth_of};
+use magpie_tests::gi::{Frames, SURFELS, light_and_error, ways};
+use magpie_tests::harness::{asset, builtin, gpu};
+use magpie_tests::rooms;
+use std::env;
+use std::time::Instant;
+
+/// How much is computed.
+#[derive(Clone, Copy)]
+struct Effort {
+    size: [u32; 2],
+    frames: u32,
+    /// Samples of each pixel of the reference.
+    samples: u32,
+}
+
+const QUICK: Effort = Effort { size: [48, 36], frames: 64, samples: 256 };
+const FULL: Effort = Effort { size: [96, 72], frames: 256, samples: 512 };
+
+fn is_full() -> bool {
+    env::var_os("MAGPIE_FULL").is_some()
+}
+
+/// The names in `MAGPIE_ONLY`, separated by commas; all without it.
+fn is_wanted(name: &str) -> bool {
+    env::var("MAGPIE_ONLY").map_or(true, |only| only.split(',').any(|one| one == name))
+}
+
+const COURTYARD: &str = "courtyard, close";
+
+fn courtyard() -> Result<Scene> {
+    let mut scene = builtin("courtyard")?;
+    scene.cameras.retain(|camera| camera.name == "close");
+    ensure!(scene.cameras.len() == 1, "no camera `close`");
+    Ok(scene)
+}
+
+fn scenes() -> Result<Vec<(&'static str, Scene)>> {
+    let mut scenes = vec![
+        ("cornell", builtin("cornell")?),
+        (COURTYARD, courtyard()?),
+        ("door slit, 5 cm", rooms::door_slit(0.05)),
+        ("door slit, 10 cm", rooms::door_slit(0.1)),
+        ("white room", rooms::white()),
+        ("emissive room", rooms::emissive()),
+        ("1,000 lamps", rooms::lamps(1000)),
+        ("coloured wall", rooms::coloured_wall()),
+    ];
+    if let Some(diorama) = asset("pica_pica_mini_diorama/scene.gltf")? {
+        scenes.push(("diorama", diorama));
+    }
+    scenes.retain(|(name, _)| is_wanted(name));
+    Ok(scenes)
+}
+
+fn truth(gpu: &Gpu, scene: &Scene, effort: Effort) -> Result<Estimate> {
+    let options = ReferenceOptions { only: Only::Gi, ..ReferenceOptions::default() };
+    truth_of(options, gpu, scene, Shown { size: effort.size, time: 0.0 }, effort.samples)
+}
+
+/// Surfels have the light of the reference, also where it comes through a slit, from surfaces that shine, or after many bounces.
+#[test]
+fn surfels_have_the_light_of_the_reference() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut failed = Vec::new();
+    for (name, scene) in scenes()? {
+        if !["cornell", "door slit, 10 cm", "emissive room", "white room"].contains(&name) {
+            continue;
+        }
+        let started = Instant::now();
+        let truth = truth(&gpu, &scene, QUICK)?;
+        let found = Frames::new(&gpu, &scene, SURFELS, &[], QUICK.size)?.after(QUICK.frames - 1)?;
+        let [_, blocks] = light_and_block_error(&found, &truth.mean, QUICK.size[0]);
+        let [light, error] = light_and_error(&found, &truth);
+        println!(
+            "{name}: light {light:.3}, relMSE {error:.4}, blocks of 8x8 {blocks:.3}, {:.1} s",
+            started.elapsed().as_secs_f64()
+        );
+        if (light - 1.0).abs() > 0.05 || !blocks.is_finite() || blocks > 0.25 {
+            failed.push(format!("{name}: light {light}, error of blocks {blocks}"));
+        }
+    }
+    ensure!(failed.is_empty(), "{failed:#?}");
+    Ok(())
+}
+
+/// All of them as a table, with `MAGPIE_FULL`.
+#[test]
+fn all_ways_against_the_reference() -> Result<()> {
+    if !is_full() {
+        return Ok(());
+    }
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    println!("| scene | way | light | relMSE | blocks of 8x8 |\n|---|---|---|---|---|");
+    for (name, scene) in scenes()? {
+        let truth = truth(&gpu, &scene, FULL)?;
+        for way in ways() {
+            let found = Frames::new(&gpu, &scene, way, &[], FULL.size)?.after(FULL.frames - 1)?;
+            let [_, blocks] = light_and_block_error(&found, &truth.mean, FULL.size[0]);
+            let [light, error] = light_and_error(&found, &truth);
+            ensure!(light.is_finite() && error.is_finite() && light >= 0.0, "{name}, {}: {light}, {error}", way.label);
+            println!("| {name} | {} | {light:.3} | {error:.4} | {blocks:.3} |", way.label);
+        }
+    }
+    Ok(())
+}
+
+/// From nothing the error falls, and the picture is soon covered for good.
+#[test]
+fn light_comes_from_nothing() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let effort = if is_full() { FULL } else { Effort { frames: 32, ..QUICK } };
+    for (name, scene) in [("cornell", builtin("cornell")?), (COURTYARD, courtyard()?)] {
+        let truth = truth(&gpu, &scene, effort)?;
+        let mut frames = Frames::new(&gpu, &scene, SURFELS, &[], effort.size)?;
+        let (mut lights, mut errors, mut uncovered) = (Vec::new(), Vec::new(), Vec::new());
+        println!("{name}: frame, light, relMSE, blocks of 8x8, uncovered, surfels");
+        for frame in 1..=effort.frames {
+            let (found, counters) = frames.counted()?;
+            uncovered.push(counters.uncovered);
+            if frame.is_power_of_two() {
+                let [_, blocks] = light_and_block_error(&found, &truth.mean, effort.size[0]);
+                let [light, error] = light_and_error(&found, &truth);
+                println!(
+                    "| {frame} | {light:.3} | {error:.4} | {blocks:.3} | {:.4} | {} |",
+                    counters.uncovered, counters.live
+                );
+                lights.push(light);
+                errors.push(blocks);
+            }
+        }
+        let (last, light) = (errors.len() - 1, lights[lights.len() - 1]);
+        ensure!(errors[last] < 0.5 * errors[0] && errors[last] < 0.2, "{name}: errors {errors:?}");
+        ensure!((light - 1.0).abs() < 0.05, "{name}: light {light}");
+        for (frame, pair) in (2..).zip(uncovered.windows(2)) {
+            ensure!(pair[1] <= pair[0].max(0.005), "{name}, frame {frame}: uncovered {} after {}", pair[1], pair[0]);
+        }
+        ensure!(uncovered[31] < 0.005, "{name}: {} uncovered after 32 frames", uncovered[31]);
+    }
+    Ok(())
+}
