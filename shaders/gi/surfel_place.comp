@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/not_finite.glsl"
 #include "lib/surfel_binding.glsl"
+#include "lib/surfel_change.glsl"
 // Places surfels where their triangles are in this frame, recycles those that nothing uses, chooses which of them trace, and counts free places.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
@@ -52,6 +53,8 @@ void main() {
             placed.tilt = s.light.tilt;
             placed.nearness = s.nearness;
             PlacedSurfelBufferWrite(params.grid.placed).at[i] = placed;
+            uint block = change_places(params.grid, placed.position - view.at[0].eye).y;
+            atomicMax(SurfelChanges(params.changes).at[block].brightest, floatBitsToUint(s.light.brightest));
             atomicMax(SurfelCounters(params.counts).counts.groups, gl_WorkGroupID.x + 1u);
             uint word = hash4(uvec4(i, s.born, 0u, view.at[0].seed)).x;
             uint period = period_of(s, unused);

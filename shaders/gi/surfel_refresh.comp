@@ -27,6 +27,8 @@ void main() {
     Placed(params.grid.placed).at[i].nearness = pool.at[i].nearness;
     if (params.changes == uvec2(0u) || pool.at[i].light.samples < HAS_SAY) return;
     if (!has_changed(Placed(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye)) return;
-    pool.at[i].light.mean = pool.at[i].light.newest;
+    vec3 newest = pool.at[i].light.newest;
+    pool.at[i].light.mean = newest;
+    pool.at[i].light.variance = newest * newest;
     pool.at[i].light.samples = LEFT;
 }

@@ -9,7 +9,7 @@
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SurfelChanges { SurfelChange at[]; };
 
 // Samples from which on a surfel has a say.
-const float HAS_SAY = 8.0;
+const float HAS_SAY = 4.0;
 // Standard errors that count as a change; more where few surfels are asked.
 const float CHANGED = 4.5;
 const float CHANGED_FEW = 8.0;

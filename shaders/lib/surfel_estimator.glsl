@@ -11,25 +11,27 @@ const float MOST_SAMPLES = 512.0;
 // Share of the newest sample in the mean that paths take. Light that is passed on from surfel to surfel needs 1 / (share * (1 - albedo)) frames to
 // spread, and the mean of the picture keeps what it lacked until then; the noise is averaged by those who take it.
 const float NEWEST = 0.5;
-// Samples from which on bright ones are limited.
+// Samples from which on their variance tells what is bright. Before, samples are limited to so many times the brightest one nearby.
 const float LIMITED_FROM = 8.0;
+const float YOUNG = 32.0;
 
 // Share of the brightest sample of late that another sample takes from it.
-const float FADING = 0.005;
+const float FADING = 0.001;
 
-// A sample whose luminance is above a limit, scaled down to it: one such sample may be an accident. If another as bright, or nearly, came before, light
-// comes from few directions, and the sample is taken as it is. Out of the dark any light is let in.
-vec3 limited(inout Estimator e, vec3 y, vec3 mean, float limit) {
+// A sample whose luminance is above a limit, scaled down to it: one such sample may be an accident. If another as bright, or nearly, came before, to this
+// surfel or to one nearby, light comes from few directions, and the sample is taken as it is. Where all was dark any light is let in.
+vec3 limited(inout Estimator e, vec3 y, float limit, float nearby) {
     float bright = luminance(y);
-    limit = max(limit, 2.0 * e.brightest);
+    float known = max(e.brightest, nearby);
+    limit = max(e.samples < LIMITED_FROM ? YOUNG * known : limit, 2.0 * known);
     e.brightest = max(bright, (1.0 - FADING) * e.brightest);
-    return bright > limit && luminance(mean) > 0.0 ? y * (limit / bright) : y;
+    return bright > limit && known > 0.0 ? y * (limit / bright) : y;
 }
 
 // Blend of the multi-scale mean (Andersson and others, SEED, "Multiscale Mean Estimator", published with Halen and others 2021, "Global
 // Illumination Based on Surfels"). Two things differ: a sample far above the others is scaled down, where the original subtracts what is too much,
 // which turns an infinite sample into NaN; and the limit has no constant part, so that it holds for dim and bright scenes alike.
-void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
+void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
     if (e.samples == 0.0) {
         e.mean = y;
         e.short_mean = y;
@@ -40,7 +42,7 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
         return;
     }
     vec3 deviation = sqrt(e.variance);
-    y = limited(e, y, e.short_mean, luminance(1.1 * e.short_mean + 8.0 * deviation));
+    y = limited(e, y, luminance(1.1 * e.short_mean + 8.0 * deviation), nearby);
     vec3 before = y - e.short_mean;
     e.short_mean = mix(e.short_mean, y, SHORT_WINDOW);
     vec3 after = y - e.short_mean;
@@ -57,21 +59,21 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
 // Mean over all samples. Later ones count more, in proportion to their number, as the first were taken before light had spread; from MOST_SAMPLES
 // on the mean is exponential. Where the light changes, surfel_refresh.comp lets it begin anew. Single samples are limited only beyond what light from
 // a thousandth of all directions makes: that deviates by 32 standard deviations.
-void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend) {
+void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
     float count = min(e.samples + 1.0, MOST_SAMPLES);
     blend = 2.0 / (count + 1.0);
-    float limit = count > LIMITED_FROM ? 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(e.variance, 0.0))) : uintBitsToFloat(0x7f800000u);
-    y = limited(e, y, e.mean, limit);
+    y = limited(e, y, 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
     vec3 before = y - e.mean;
     e.mean += blend * before;
     e.variance = mix(e.variance, before * (y - e.mean), max(1.0 / count, 1.0 / 64.0));
 }
 
-// Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane.
-void add_sample(inout Estimator e, vec3 y, vec3 along, uint kind) {
+// Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane. `nearby`: luminance of the brightest sample of late of surfels
+// around, 0 for none.
+void add_sample(inout Estimator e, vec3 y, vec3 along, float nearby, uint kind) {
     float blend;
-    if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend);
-    else add_to_running_mean(e, y, blend);
+    if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend, nearby);
+    else add_to_running_mean(e, y, blend, nearby);
     e.newest = mix(e.newest, y, max(1.0 / (e.samples + 1.0), NEWEST));
     for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * along, blend);
     e.samples = min(e.samples + 1.0, MOST_SAMPLES);

@@ -7,7 +7,7 @@
 #include "lib/sequence.glsl"
 #include "lib/surfel_binding.glsl"
 #include "lib/surfel_cache.glsl"
-#include "lib/surfel_estimator.glsl"
+#include "lib/surfel_change.glsl"
 #include "lib/surfel_guide.glsl"
 // One path of a surfel, and short rays along its surface that find what stands on it.
 
@@ -49,10 +49,11 @@ bool is_needless(SurfelGrid grid, vec3 eye, uint surfel, PlacedSurfel own) {
 void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
     ViewBuffer view = ViewBuffer(params.view);
     SceneBuffer scene = SceneBuffer(params.scene);
+    SurfelGrid grid = SurfelGridBuffer(params.grid).at[0];
     ivec2 pixel;
     if (listed_pixel(params.list, invocation, pixel)) {
         uint surfel = key_surfel(pixel);
-        PlacedSurfel placed = PlacedSurfelBuffer(params.grid.placed).at[surfel];
+        PlacedSurfel placed = PlacedSurfelBuffer(grid.placed).at[surfel];
         SurfelPool pool = SurfelPool(params.pool);
         Surfel s = pool.at[surfel];
         RayStart start = surfel_start(scene, s.bound);
@@ -77,14 +78,16 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         float distance;
         vec3 radiance = follow(view, scene, path, surface_ray(start, direction, UNBOUNDED), drawn.density * l.z / PI, random, distance);
         if (is_taken(word_at(params.rays, 2u), radiance)) {
+            uint block = change_places(grid, placed.position - view.at[0].eye).y;
+            float nearby = uintBitsToFloat(SurfelChanges(params.changes).at[block].brightest);
             learn(s.guide, drawn.cell, radiance);
-            add_sample(s.light, radiance / drawn.density, direction - l.z * start.normal, params.estimator);
+            add_sample(s.light, radiance / drawn.density, direction - l.z * start.normal, nearby, params.estimator);
         }
         s.paths++;
-        if (is_needless(params.grid, view.at[0].eye, surfel, placed)) pool.at[surfel].bound.instance = 0u;
+        if (is_needless(grid, view.at[0].eye, surfel, placed)) pool.at[surfel].bound.instance = 0u;
         if (surfel_wish.instance != 0u) {
-            wished_bindings(params.grid, params.wishes).at[surfel] = surfel_wish;
-            atomicMax(SurfelWords(params.wishes).at[cell_at(params.grid, view.at[0].eye, surfel_wish_position)], surfel + 1u);
+            wished_bindings(grid, params.wishes).at[surfel] = surfel_wish;
+            atomicMax(SurfelWords(params.wishes).at[cell_at(grid, view.at[0].eye, surfel_wish_position)], surfel + 1u);
         }
         pool.at[surfel].paths = s.paths;
         pool.at[surfel].light = s.light;

@@ -156,6 +156,8 @@ pub struct SurfelChange {
     pub squares: u32,
     /// Surfels.
     pub count: u32,
+    /// Greatest [`Estimator::brightest`] of the surfels in the frame before, as the bits of a float.
+    pub brightest: u32,
 }
 
 /// Where surfels are found: cells of a hashed grid around the camera, whose size grows with the distance.
@@ -300,8 +302,10 @@ pub struct SurfelTraceParams {
     pub hits: HitShadingParams,
     /// [`Surfel`] table.
     pub pool: Address,
-    /// Where surfels are found.
-    pub grid: SurfelGrid,
+    /// Where surfels are found, a [`SurfelGrid`].
+    pub grid: Address,
+    /// As in [`SurfelPoolParams`].
+    pub changes: Address,
     /// [`SurfelCounts`].
     pub counts: Address,
     /// List of surfels, as pixels of the image of keys.

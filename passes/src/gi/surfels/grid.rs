@@ -223,6 +223,8 @@ impl Grid {
             let (block, scene) = (p.read(block), i.scene.read(p));
             let searched = p.read(state.groups.read());
             let (state, tokens) = state.write(p);
+            let (changes, changes_token) = p.write_buffer(state.changes);
+            let state = State { changes, ..state };
             let (free, free_token) =
                 p.create_buffer("free", BufferDesc::new(4 * (u64::from(groups) + 1 + u64::from(capacity))));
             let (keys, keys_token) = p.create("keys", ImageDesc::fixed(Format::R8Unorm, keys));
@@ -238,6 +240,7 @@ impl Grid {
                     capacity,
                     life,
                     keys: c.id(keys_token),
+                    changes: c.id(changes_token),
                     not_finite: c.not_finite(),
                     ..SurfelPoolParams::default()
                 };

@@ -84,13 +84,13 @@ impl Surfels {
         let Some(hits) = HitShading::new(&i, false) else { return state };
         let Options { bounces, regularization, estimator, feedback, guided, .. } = self.options;
         let hits = hits.with_cache(feedback.then(|| state.cache()));
-        let division = self.grid.division(view);
         let emitters = if view.facts.emissive_instances > 0 { SURFEL_EMITTERS } else { 0 };
         let paths = emitters | if guided { SURFEL_GUIDED } else { 0 };
         let (kernel, block) = (if view.facts.lets_light_through { self.tinted } else { self.trace }, view.block);
         g.pass(name, Queue::AsyncCompute, |p| {
             let (block, scene, hits, list) = (p.read(block), i.scene.trace(p), hits.read(p), list.read(p));
             let (state, tokens) = state.write_pool(p);
+            let (grid, changes) = (p.read(state.grid), p.read(state.changes.read()));
             let (wishes, wishes_token) = p.write_buffer(state.wishes);
             (State { wishes, ..state }, move |c: &mut Record<'_>| {
                 let params = SurfelTraceParams {
@@ -99,7 +99,8 @@ impl Surfels {
                     rays: c.rays(),
                     hits: hits.params(c),
                     pool: c.id(tokens.pool),
-                    grid: division.grid(c, tokens.look_up),
+                    grid: c.id(grid),
+                    changes: c.id(changes),
                     counts: c.id(tokens.counts),
                     list: c.id(list.list),
                     wishes: c.id(wishes_token),
