@@ -1,15 +1,15 @@
 //! Diffuse indirect light by rays: cosine-distributed, shaded where they hit, denoised without the albedo of the surface.
 use super::idle_reason;
+use super::resolve::Resolve;
 use crate::contracts::{Channel, LightingIn, LightingOut, RAY_START};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::hit_shading::{self, HitShading};
 use crate::precision;
-use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
-use magpie_shaders::gi::{ResolveParams, TraceParams};
-use magpie_shaders::{GI_RESOLVE_COMP, GI_TINTED_TRACE_RAY, GI_TRACE_RAY};
+use magpie_shaders::gi::TraceParams;
+use magpie_shaders::{GI_TINTED_TRACE_RAY, GI_TRACE_RAY};
 
 const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
 
@@ -18,7 +18,7 @@ pub struct RayTraced {
     trace: RayKernel,
     /// For scenes with surfaces that let light straight through.
     tinted: RayKernel,
-    resolve: Kernel,
+    resolve: Resolve,
     samples: u32,
     bounces: u32,
     regularization: f32,
@@ -46,15 +46,16 @@ pub fn settings() -> Vec<SettingSpec> {
 impl RayTraced {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let format = precision::format(settings)?;
         Ok(Self {
             trace: build.ray_kernel(&GI_TRACE_RAY)?,
             tinted: build.ray_kernel(&GI_TINTED_TRACE_RAY)?,
-            resolve: build.kernel(&GI_RESOLVE_COMP)?,
+            resolve: Resolve::new(build, format)?,
             samples: settings.u32("rays")?,
             bounces: settings.u32("bounces")?,
             regularization: settings.f32("regularization")?,
             reuse: settings.switch("reuse")?,
-            format: precision::format(settings)?,
+            format,
             denoiser: Denoiser::new(build, "gi", Options::read(settings)?)?,
         })
     }
@@ -85,27 +86,6 @@ impl RayTraced {
             })
         })
     }
-
-    /// Multiplies with the albedo.
-    fn resolve(&self, g: &mut FrameGraph, view: &View, i: LightingIn, denoised: Handle<Image>) -> Handle<Image> {
-        let (kernel, block, format) = (self.resolve, view.block, self.format);
-        g.pass("gi.resolve", Queue::AsyncCompute, |p| {
-            let (block, denoised) = (p.read(block), p.sample(denoised));
-            let gbuffer = i.gbuffer.read(p, &[&[Channel::Depth, Channel::Normal], MATERIAL].concat());
-            let (radiance, target) = p.create("radiance", ImageDesc::like(format, i.gbuffer.depth));
-            let extent = p.extent(i.gbuffer.depth);
-            (radiance.read(), move |c: &mut Record<'_>| {
-                let params = ResolveParams {
-                    view: c.id(block),
-                    gbuffer: gbuffer.images(c),
-                    denoised: c.id(denoised),
-                    radiance: c.id(target),
-                    greatest: format.greatest(),
-                };
-                c.dispatch(kernel, &params, extent);
-            })
-        })
-    }
 }
 
 impl Effect for RayTraced {
@@ -129,6 +109,6 @@ impl Effect for RayTraced {
             hints: Hints::default(),
         };
         let denoised = self.denoiser.add(g, view, noisy, "");
-        LightingOut::radiance(self.resolve(g, view, i, denoised))
+        LightingOut::radiance(self.resolve.add(g, view, i, denoised, None))
     }
 }
