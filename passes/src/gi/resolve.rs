@@ -6,8 +6,7 @@ use magpie::slot::{Build, SlotError};
 use magpie_shaders::GI_RESOLVE_COMP;
 use magpie_shaders::gi::ResolveParams;
 
-const SURFACE: &[Channel] =
-    &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Coat];
+const SURFACE: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::BaseColour, Channel::Material, Channel::Coat];
 
 /// The last pass of implementations that denoise light without the albedo of what it falls on.
 pub struct Resolve {

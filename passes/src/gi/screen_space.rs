@@ -49,7 +49,8 @@ pub fn settings() -> Vec<SettingSpec> {
     let range = "Distance up to which surfaces give light and hide the sky. Lower: nearer samples, so finer detail, but what is farther \
                  counts as open sky.";
     let thickness = "Assumed thickness of what the camera sees. Higher: less light passes behind things, and thin ones hide too much.";
-    let reuse = "Indirect light of the previous frame is passed on too, so that each frame adds a bounce. Off: one bounce.";
+    let reuse =
+        "Indirect light of the previous frame is passed on too, so that each frame adds a bounce. Off: one bounce.";
     let resolution = "`full`: every pixel. `half`: one pixel of four, upsampled along surfaces.";
     let noise = "`moving`: different noise in every frame, for denoisers with a history and temporal anti-aliasing to average. `still`: the \
                  same noise in every frame.";
@@ -90,13 +91,7 @@ impl ScreenSpace {
     }
 
     /// Adds the pass that collects the light that surfaces give to others. `previous`: indirect light of the previous frame.
-    fn light(
-        &self,
-        g: &mut FrameGraph,
-        view: &View,
-        i: LightingIn,
-        previous: Option<Handle<Image>>,
-    ) -> Handle<Image> {
+    fn light(&self, g: &mut FrameGraph, view: &View, i: LightingIn, previous: Option<Handle<Image>>) -> Handle<Image> {
         let (kernel, block, format) = (self.light, view.block, self.format);
         g.pass("gi.light", Queue::AsyncCompute, |p| {
             let (block, scene) = (p.read(block), i.scene.read(p));
