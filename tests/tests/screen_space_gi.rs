@@ -58,13 +58,13 @@ fn mean(pixels: &[DVec3]) -> DVec3 {
     pixels.iter().sum::<DVec3>() / pixels.len() as f64
 }
 
-/// Light and error of blocks of frames 8 and 64, and the error of an image without light.
-fn against_truth(gpu: &Gpu, scene: &Scene, samples: u32) -> Result<([[f64; 2]; 2], Vec<DVec3>)> {
+/// Light and error of blocks of frames 8 and `late`, and the truth.
+fn against_truth(gpu: &Gpu, scene: &Scene, late: u32, samples: u32) -> Result<([[f64; 2]; 2], Vec<DVec3>)> {
     let options = ReferenceOptions { only: Only::Gi, ..ReferenceOptions::default() };
     let truth = truth_of(options, gpu, scene, Shown { size: SIZE, time: 0.0 }, samples)?.mean;
     let mut frames = Frames::new(gpu, scene, &[], SIZE)?;
     let early = light_and_block_error(&frames.light(7)?, &truth, SIZE[0]);
-    let late = light_and_block_error(&frames.light(55)?, &truth, SIZE[0]);
+    let late = light_and_block_error(&frames.light(late - 9)?, &truth, SIZE[0]);
     Ok(([early, late], truth))
 }
 
@@ -72,9 +72,9 @@ fn against_truth(gpu: &Gpu, scene: &Scene, samples: u32) -> Result<([[f64; 2]; 2
 #[test]
 fn rooms_are_lit() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
-    let ([early, late], truth) = against_truth(&gpu, &builtin("cornell")?, 128)?;
+    let ([early, late], truth) = against_truth(&gpu, &builtin("cornell")?, 32, 96)?;
     let [_, off] = light_and_block_error(&vec![DVec3::ZERO; truth.len()], &truth, SIZE[0]);
-    println!("light and error of blocks: frame 8 {early:.3?}, frame 64 {late:.3?}; without light {off:.3}");
+    println!("light and error of blocks: frame 8 {early:.3?}, frame 32 {late:.3?}; without light {off:.3}");
     for [light, blocks] in [early, late] {
         ensure!((0.3..1.0).contains(&light), "light {light}");
         ensure!(blocks < 0.8 * off, "error {blocks}, without light {off}");
@@ -89,11 +89,11 @@ fn light_is_nearer_to_the_truth_than_that_of_the_sky() -> Result<()> {
     let mut scene = builtin("courtyard")?;
     let close = scene.cameras.iter().position(|camera| camera.name == "close").context("no camera")?;
     scene.cameras.swap(0, close);
-    let ([early, late], truth) = against_truth(&gpu, &scene, 48)?;
+    let ([early, late], truth) = against_truth(&gpu, &scene, 16, 32)?;
     let changes = ["stages.gi=sky", "stages.reflections=off", "stages.shadows=off"];
     let sky = mean_of("gi", &gpu, &scene, &changes, Shown { size: SIZE, time: 0.0 }, 1)?.0;
     let [sky_light, sky_blocks] = light_and_block_error(&sky, &truth, SIZE[0]);
-    println!("frame 8 {early:.3?}, frame 64 {late:.3?}; sky [{sky_light:.3}, {sky_blocks:.3}]");
+    println!("frame 8 {early:.3?}, frame 16 {late:.3?}; sky [{sky_light:.3}, {sky_blocks:.3}]");
     for [light, blocks] in [early, late] {
         ensure!((0.9..1.1).contains(&light), "light {light}");
         ensure!(blocks < 0.9 * sky_blocks, "error {blocks}, of the sky alone {sky_blocks}");
@@ -152,7 +152,7 @@ fn light_is_bounded() -> Result<()> {
     let most = 4.0 / 24.0 * albedo * albedo / (1.0 - albedo);
     println!("frames 1, 100 and 200: {means:.4?}, closed form {most:.4}");
     ensure!(means[0] > 0.0 && means[1] > 1.5 * means[0], "no bounces: {means:?}");
-    ensure!(means[2] < most && (means[2] / means[1] - 1.0).abs() < 0.05, "not at rest: {means:?}, at most {most}");
+    ensure!(means[2] < most && (means[2] / means[1] - 1.0).abs() < 0.1, "not at rest: {means:?}, at most {most}");
     Ok(())
 }
 
