@@ -10,7 +10,7 @@
 const uint SEQUENCE_AO = 0u;
 const uint SEQUENCE_EMITTERS = 24u;           // and two after it
 const uint SEQUENCE_REFLECTIONS = 28u;
-const uint SEQUENCE_GI = 30u;
+const uint SEQUENCE_GI = 30u;                 // and one after it
 const uint SEQUENCE_DIRECT = 32u;             // and two for each light of the scene after it
 const uint SEQUENCE_SURFELS = 0x40000000u;    // and eight after it
 const uint SEQUENCE_SHADOWS = 0x80000000u;    // and one for each light of the scene after it

@@ -1,4 +1,4 @@
-//! Parameters of diffuse indirect light by rays.
+//! Parameters of diffuse indirect light by rays and from the screen.
 use super::gbuffer::GBufferImages;
 use super::hit_shading::HitShadingParams;
 use super::types::{Address, SampledImage, StorageImage};
@@ -43,5 +43,61 @@ pub struct ResolveParams {
     /// Output: radiance, RGBA16F or RGBA32F.
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`.
+    pub greatest: f32,
+}
+
+/// Push constants of `screen_light.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ScreenLightParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
+    /// Counter of values that are not finite.
+    pub not_finite: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// Direct light and emission of this frame.
+    pub direct: SampledImage,
+    /// Which pixels of the previous frame showed the same surfaces.
+    pub taps: SampledImage,
+    /// Indirect light of the previous frame, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub previous: u32,
+    /// Output: radiance that each surface gives to others, RGBA16F or RGBA32F.
+    pub light: StorageImage,
+    /// 1 if the G-buffer has an image of emission.
+    pub has_emission: u32,
+    /// Greatest number in the format of `light`.
+    pub greatest: f32,
+}
+
+/// Push constants of `screen_search.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ScreenSearchParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Counter of results that are not finite.
+    pub not_finite: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// `light` of `screen_light.comp`.
+    pub light: SampledImage,
+    /// Output: irradiance over pi, RGBA16F or RGBA32F.
+    pub found: StorageImage,
+    /// Spacing of the pixels that are searched: 1, or 2 for half resolution.
+    pub step: u32,
+    /// Planes through the view direction, at least 1.
+    pub slices: u32,
+    /// Samples on each side of a slice, at least 1.
+    pub steps: u32,
+    /// Number of the frame in the sequence of the noise.
+    pub frame: u32,
+    /// Distance up to which surfaces count, metres.
+    pub range: f32,
+    /// Assumed thickness of surfaces, metres.
+    pub thickness: f32,
+    /// Greatest number in the format of `found`.
     pub greatest: f32,
 }

@@ -24,7 +24,8 @@ const SPOILT: u32 = 3;
 /// Number of frames after which nothing may be left.
 const HEALED: u32 = 30;
 /// Parts of the names of passes that keep or average values, and must count those that they reject.
-const COUNTS: [&str; 6] = [".accumulate", ".bilateral", "post.taa", ".map_look", "post.tone_map", ".filter_probe"];
+const COUNTS: [&str; 7] =
+    [".accumulate", ".bilateral", "gi.light", "post.taa", ".map_look", "post.tone_map", ".filter_probe"];
 
 /// A floor with a block, a ball and a pane of coloured glass, lit by a sun, a sphere light, sky and an emissive panel.
 fn room() -> Scene {
@@ -65,6 +66,7 @@ fn few() -> Vec<Case> {
         case(&["stages.reflections=screen-space"], true),
         case(&["stages.gi=surfels", "gi.surfels=4096"], true),
         case(&["stages.gi=ray-traced"], true),
+        case(&["stages.gi=screen-space", "gi.resolution=half", "post.anti_aliasing=taa"], true),
         case(&["stages.reflections=screen-space", "reflections.lobe=cone", "reflections.resolution=half"], true),
         case(
             &["stages.reflections=ray-traced", "reflections.pixels_per_ray=4", "reflections.denoiser=pica-pica"],

@@ -1,6 +1,7 @@
-//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, rays, or surfels.
+//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, a search on the screen, rays, or surfels.
 mod ray_traced;
 mod resolve;
+mod screen_space;
 mod surfels;
 
 use crate::contracts::{Channel, LightingIn, LightingOut};
@@ -10,6 +11,7 @@ use magpie::scene::SceneFacts;
 use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 use ray_traced::RayTraced;
+use screen_space::ScreenSpace;
 use surfels::Surfels;
 
 /// What the albedo of a surface is made of, beside its normal.
@@ -23,6 +25,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "Irradiance of the sky, dimmed by `ao` and the material's occlusion map. No light from other surfaces.",
             &[precision::setting()],
             |build, settings| Ok(Box::new(SkyLight::new(build, "gi.sky", &GI_SKY_COMP, true, idle_reason, settings)?)),
+        )
+        .with(
+            "screen-space",
+            "Light of the surfaces in the picture, found by a search in the depth image, and of the sky where they leave it open.",
+            &screen_space::settings(),
+            |build, settings| Ok(Box::new(ScreenSpace::new(build, settings)?)),
         )
         .with(
             "ray-traced",

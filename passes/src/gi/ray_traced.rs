@@ -118,6 +118,6 @@ impl Effect for RayTraced {
             hints: Hints::default(),
         };
         let denoised = self.denoiser.add(g, view, noisy, "");
-        LightingOut { cache, ..LightingOut::radiance(self.resolve.add(g, view, i, denoised)) }
+        LightingOut { cache, ..LightingOut::radiance(self.resolve.add(g, view, i, denoised, None)) }
     }
 }

@@ -253,7 +253,7 @@ impl Surfels {
             background: 0.0,
         };
         let irradiance = upsample.add(g, view, of_half, "").value;
-        self.resolve.add(g, view, i, irradiance)
+        self.resolve.add(g, view, i, irradiance, None)
     }
 
     /// Adds a frame of the surfels: they move with what they are bound to, trace, and come and go.

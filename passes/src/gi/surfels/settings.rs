@@ -41,7 +41,7 @@ impl Options {
     pub fn read(settings: &Settings) -> Result<Self, SlotError> {
         Ok(Self {
             capacity: settings.u32("surfels")?,
-            radius: settings.f32("radius")?,
+            radius: settings.f32("surfel_radius")?,
             coverage: settings.f32("coverage")?,
             life: settings.u32("life")?,
             bounces: settings.u32("bounces")?,
@@ -91,7 +91,7 @@ pub fn pool_settings() -> Vec<SettingSpec> {
     let life = "Frames for which a surfel that neither the picture nor a path uses is kept; less where the pool is nearly full.";
     vec![
         SettingSpec::integer("surfels", "", surfels, 1 << 17, 1 << 10..=1 << 20),
-        SettingSpec::float("radius", "heights", radius, 0.02, 0.002..=0.1).sweep([0.01, 0.02, 0.04]),
+        SettingSpec::float("surfel_radius", "heights", radius, 0.02, 0.002..=0.1).sweep([0.01, 0.02, 0.04]),
         SettingSpec::float("coverage", "", coverage, 0.3, 0.01..=4.0).sweep([0.1, 0.3, 1.0]),
         SettingSpec::integer("budget", "rays", budget, 250_000, 1_000..=10_000_000).sweep([25_000, 250_000]),
         SettingSpec::choice("estimator", estimator, "running-mean", &["running-mean", "multi-scale"]).sweep_all(),

@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 27] = [
+pub const FEATURES: [Feature; 28] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -63,6 +63,7 @@ pub const FEATURES: [Feature; 27] = [
     ),
     Feature::set("hybrid reflections", &["stages.reflections=hybrid"]),
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
+    Feature::set("screen gi", &["stages.gi=screen-space"]),
     Feature::set("traced gi", &["stages.gi=ray-traced"]),
     Feature::set("surfels", &["stages.gi=surfels"]),
     Feature { coats: true, ..Feature::set("clear coats", &[]) },
