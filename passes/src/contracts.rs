@@ -8,9 +8,10 @@ use crate::outputs::{DIRECTION, DISTANCE, Gives, RADIANCE, SCALAR, VISIBILITY};
 pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
-use magpie::graph::{Extent, Format, FrameGraph, Handle, Image, WriteHandle};
+use magpie::graph::{Buffer, BufferToken, Extent, Format, FrameGraph, Handle, Image, PassBuilder, Record, WriteHandle};
 use magpie::scene::{Camera, ResidentError, SceneSketch, SharedScene};
 pub use magpie::scene::{SceneHandles, SceneToken};
+use magpie_shaders::Address;
 use magpie_shaders::view::MAX_SHADOW_LIGHTS;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -202,6 +203,43 @@ pub struct LightingIn {
     /// reprojected. RGBA16F with 1 in alpha; 0 in all channels where it is unknown, as in the first frame. `None` unless an effect asks for it with
     /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance).
     pub previous_radiance: Option<Handle<Image>>,
+    /// Indirect light in the world, for the hits of rays, from the slot `gi`. `None` for that slot itself, and where it keeps none.
+    pub cache: Option<LightCache>,
+}
+
+/// Diffuse indirect light that the slot `gi` keeps in the world, as surfels, for the hits of rays of other effects. How a shader asks it:
+/// `cached_light_at` of `lib/hit_shading.glsl`.
+#[derive(Clone, Copy, Debug)]
+pub struct LightCache {
+    /// A [`SurfelGrid`](magpie_shaders::surfels::SurfelGrid), which has the addresses of the other buffers.
+    pub grid: Handle<Buffer>,
+    /// [`PlacedSurfel`](magpie_shaders::surfels::PlacedSurfel) table.
+    pub placed: Handle<Buffer>,
+    /// Cells of the grid.
+    pub cells: Handle<Buffer>,
+    /// References of the cells.
+    pub references: Handle<Buffer>,
+}
+
+/// What a pass declared with [`LightCache::read`].
+#[derive(Clone, Copy, Debug)]
+pub struct LightCacheToken(BufferToken);
+
+impl LightCache {
+    /// Declares that a pass asks it.
+    pub fn read(self, p: &mut PassBuilder<'_>) -> LightCacheToken {
+        for buffer in [self.placed, self.cells, self.references] {
+            p.read(buffer);
+        }
+        LightCacheToken(p.read(self.grid))
+    }
+}
+
+impl LightCacheToken {
+    /// Where the grid is.
+    pub fn address(self, c: &Record<'_>) -> Address {
+        c.id(self.0)
+    }
 }
 
 /// Light of one kind, such as diffuse or specular indirect light. The default is no light.
@@ -214,6 +252,8 @@ pub struct LightingOut {
     pub hit_distance: Option<Handle<Image>>,
     /// Confidence in the radiance, 0 to 1, R8 unorm, R16 unorm, R16F or R32F; `None` if it is the same everywhere.
     pub confidence: Option<Handle<Image>>,
+    /// Of the slot `gi`: light in the world, for the slots after it.
+    pub cache: Option<LightCache>,
 }
 
 impl LightingOut {
@@ -232,6 +272,12 @@ impl LightingOut {
     #[must_use]
     pub fn with_confidence(self, confidence: Handle<Image>) -> Self {
         Self { confidence: Some(confidence), ..self }
+    }
+
+    /// Sets [`LightingOut::cache`].
+    #[must_use]
+    pub fn with_cache(self, cache: LightCache) -> Self {
+        Self { cache: Some(cache), ..self }
     }
 }
 

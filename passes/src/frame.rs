@@ -35,9 +35,10 @@ pub fn frame(
     let direct = slots.direct.give(g, view, DirectIn { scene, gbuffer, reprojected, shadows });
     let (previous_radiance, next) = needs.previous_radiance.then(|| slots.previous_radiance.begin(g)).unzip();
     let direct_radiance = direct.radiance.read();
-    let lighting = LightingIn { scene, gbuffer, reprojected, ao, direct: direct_radiance, previous_radiance };
+    let lighting =
+        LightingIn { scene, gbuffer, reprojected, ao, direct: direct_radiance, previous_radiance, cache: None };
     let gi = slots.gi.give(g, view, lighting);
-    let reflections = slots.reflections.give(g, view, lighting);
+    let reflections = slots.reflections.give(g, view, LightingIn { cache: gi.cache, ..lighting });
     let lit = slots.compose.give(g, view, ComposeIn { direct, gi, reflections });
     let radiance = slots.sky.give(g, view, SkyIn { depth: gbuffer.depth, lit }).read();
     next.into_iter().for_each(|next| slots.previous_radiance.keep(g, next, radiance));

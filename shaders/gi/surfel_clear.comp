@@ -1,7 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
-#include "lib/surfels.glsl"
+#include "lib/surfel_change.glsl"
 // Empties the cells, of which one more holds the number of all references, and at the beginning of a frame what paths ask for in them. Counters of the frame begin at 0, but for the number of surfels.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
@@ -15,8 +15,15 @@ void main() {
         groups.at[1] = 1u;
         groups.at[2] = 1u;
         // Placing surfels finds out how many groups the next frame needs.
-        if (params.begins != 0u) counters.counts = SurfelCounts(0u, counters.counts.live, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
+        if (params.begins != 0u) {
+            SurfelGridBufferWrite(params.cache).at[0] = params.grid;
+            counters.counts = SurfelCounts(0u, counters.counts.live, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
+        }
     }
     if (params.begins != 0u && i <= params.grid.cell_mask) SurfelWords(params.wishes).at[i] = 0u;
+    if (params.begins != 0u && i <= params.grid.cell_mask) {
+        SurfelChanges(params.changes).at[i] = SurfelChange(0, 0u, 0u);
+        SurfelChanges(params.changes).at[params.grid.cell_mask + 1u + i] = SurfelChange(0, 0u, 0u);
+    }
     if (i <= params.grid.cell_mask + 1u) SurfelCells(params.grid.cells).at[i] = uvec2(0u);
 }

@@ -36,8 +36,11 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     s.light.variance = around.light * around.light;
     s.light.variance_blend = 1.0;
     s.light.inconsistency = 1.0;
+    s.light.brightest = 0.0;
     for (int channel = 0; channel < 3; channel++) s.light.tilt[channel] = vec3(0.0);
     for (uint sector = 0u; sector < SECTORS; sector++) s.nearness[sector] = 0u;
+    for (uint pair = 0u; pair < GUIDE_SIDE * GUIDE_SIDE / 2u; pair++) s.guide[pair] = 0u;
+    s.chances = uvec4(0u);
     PlacedSurfel placed;
     placed.position = start.position;
     placed.radius = surfel_radius(params.grid, length(start.position - view.at[0].eye));

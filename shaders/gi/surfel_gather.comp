@@ -33,7 +33,8 @@ vec3 filled(ViewBuffer view, ivec2 pixel, Surface s) {
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = int(params.step) * at;
     uint place = gl_LocalInvocationIndex;
     Surface s = no_surface();
     if (inside(pixel, view.at[0].size)) s = load_surface(view, pixel, params.gbuffer);
@@ -46,6 +47,7 @@ void main() {
     barrier();
     if (!inside(pixel, view.at[0].size)) return;
     vec3 radiance = vec3(0.0);
-    if (scatters) radiance = diffuse_albedo(s) * (found.exists ? found.light : filled(view, pixel, s));
-    store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
+    if (scatters) radiance = found.exists ? found.light : filled(view, pixel, s);
+    if (scatters && params.step == 1u) radiance *= diffuse_albedo(s);
+    store(params.radiance, at, vec4(representable(radiance, params.greatest), 1.0));
 }

@@ -11,7 +11,9 @@ layout(push_constant, scalar) uniform Push { SurfelSpawnParams params; };
 const uint MARKED = 16u;
 
 shared uint least;
-shared PlacedSurfel added;
+shared vec3 added_position;
+shared vec3 added_normal;
+shared float added_radius;
 shared uint visible;
 shared uint uncovered;
 
@@ -25,7 +27,7 @@ float coverage_at(ViewBuffer view, vec3 position, vec3 normal, bool marks) {
     float coverage = 0.0;
     for (uint i = 0u; i < list.y; i++) {
         uint surfel = SurfelWords(params.grid.references).at[list.x + i];
-        float weight = surfel_weight(PlacedSurfelBuffer(params.grid.placed).at[surfel], position, normal).y;
+        float weight = surfel_weight(params.grid, surfel, position, normal, 1.0).y;
         coverage += weight;
         if (marks && weight > 0.0) SurfelPool(params.pool).at[surfel].last_used = view.at[0].frame;
     }
@@ -67,15 +69,18 @@ void main() {
         if (chosen == 0xffffffffu) break;
         if ((chosen & 0xffu) == place) {
             SurfelWords(params.asked).at[tiles + cell_groups(params.grid) + 1u + tile * TILE_SPAWNS + asked] = uint(pixel.x) | (uint(pixel.y) << 16u);
-            added.position = s.position;
-            added.normal = s.geometric_normal;
-            added.radius = surfel_radius(params.grid, length(s.position - view.at[0].eye));
-            for (uint sector = 0u; sector < SECTORS; sector++) added.nearness[sector] = 0u;
+            added_position = s.position;
+            added_normal = s.geometric_normal;
+            added_radius = surfel_radius(params.grid, length(s.position - view.at[0].eye));
             // So that it is not chosen again, not even where rounding leaves its radius 0.
             coverage = params.coverage;
         }
         barrier();
-        if (coverage < params.coverage) coverage += surfel_weight(added, s.position, s.geometric_normal).y;
+        vec3 offset = s.position - added_position;
+        float square = dot(offset, offset) / (added_radius * added_radius);
+        if (coverage < params.coverage && square < 1.0) {
+            coverage += disc_weight(square, added_radius, added_normal, offset, s.geometric_normal).y;
+        }
     }
     if (coverage < params.coverage) atomicAdd(uncovered, 1u);
     barrier();

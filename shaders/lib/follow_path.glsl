@@ -7,8 +7,8 @@
 #include "lib/surfel_cache.glsl"
 #endif
 // Indirect light along a ray, followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot
-// `direct` has that. With TINTED, surfaces may transmit light, as in lib/tinted.glsl; with SURFELS, paths end at surfaces whose indirect light
-// surfels know.
+// `direct` has that. Paths end at surfaces whose indirect light surfels know, where there are any. With TINTED, surfaces may transmit light, as in
+// lib/tinted.glsl; SURFELS: the paths are those of surfels.
 
 // Counters: closest-hit and any-hit rays.
 uvec2 paths_traced = uvec2(0u);
@@ -30,7 +30,7 @@ struct Path {
     uint bounces;           // greatest number of surfaces that are shaded, at least 1
     float regularization;   // share of the spread so far that lobes have at least for small lights, 0 to 1
 #ifdef SURFELS
-    SurfelCache cache;
+    uvec2 pool;             // of surfels
     bool seeks_emitters;    // whether the path goes on from its last hit to find emissive surfaces near it
 #endif
 };
@@ -87,16 +87,18 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
             break;
         }
         if (bounce > path.bounces) break;
-#ifdef SURFELS
         vec3 indirect;
-        ends = surfels_light(scene, path.cache, view, s, ray, hit, -direction, indirect);
+        SurfelLight found;
+        ends = cached_light_at(view, scene, path.hits, s, -direction, indirect, found);
+#ifdef SURFELS
+        note_use(view, scene, path.pool, found, s.start, ray, hit);
+#endif
         if (ends) {
             // They have the light of the sky too.
             lights.sky_count = 0u;
             radiance += throughput * indirect;
             bounce = path.bounces;
         }
-#endif
         mat3 frame = frame_of(s.normal);
         vec3 v = -direction * frame;
         uint beyond = ends ? 0u : lobes_beyond(s.bsdf, v, lobes);

@@ -6,6 +6,7 @@
 #include "lib/ray.glsl"
 #include "lib/regularization.glsl"
 #include "lib/surface.glsl"
+#include "lib/surfels.glsl"
 #ifdef TINTED
 #include "lib/tinted.glsl"
 #endif
@@ -117,6 +118,18 @@ bool previous_light_at(
     return found.a > 0.0;
 }
 
+// What a surface scatters of the indirect light that reaches it, the sky's included, as if it were diffuse, from the surfels around it. False where
+// no surfels know it, and for surfaces too smooth for that. `found`: what surfels say of the place; `full` where none were asked.
+bool cached_light_at(ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, vec3 to_viewer, out vec3 light, out SurfelLight found) {
+    light = vec3(0.0);
+    found = SurfelLight(false, false, true, vec3(0.0), 0.0, 0.0, 0u);
+    if (p.cache == uvec2(0u) || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
+    found = surfel_lookup(SurfelGridBuffer(p.cache).at[0], view.at[0].eye, s.start.position, s.start.normal, s.normal);
+    if (!found.exists || !found.known) return false;
+    light = albedo_towards(scene, s, to_viewer) * found.light;
+    return true;
+}
+
 // Light that a hit sends back along a ray.
 struct HitLight {
     vec3 emitted;
@@ -129,7 +142,12 @@ HitLight shade_hit(ViewBuffer view, SceneBuffer scene, HitShadingParams p, Hit h
     HitLight light = HitLight(s.emission, vec3(0.0));
     if (s.black) return light;
     if (s.emission == vec3(0.0) && previous_light_at(view, scene, p, s, hit.instance, -direction, light.scattered)) return light;
-    light.scattered = direct_light_at(view, scene, LightTablesBuffer(p.lights).at[0], s, -direction, LOBE_ALL, 0u, 0.0, random, traced);
+    LightTables lights = LightTablesBuffer(p.lights).at[0];
+    vec3 indirect;
+    SurfelLight found;
+    // Surfels have the light of the sky too.
+    if (cached_light_at(view, scene, p, s, -direction, indirect, found)) lights.sky_count = 0u;
+    light.scattered = indirect + direct_light_at(view, scene, lights, s, -direction, LOBE_ALL, 0u, 0.0, random, traced);
     return light;
 }
 

@@ -8,18 +8,21 @@
 const float SHORT_WINDOW = 0.08;
 // Most samples that the running mean stands for.
 const float MOST_SAMPLES = 512.0;
-// Share of the newest sample in the mean that finds changes, and standard errors that count as one.
-const float RECENT = 0.2;
-const float CHANGED = 4.0;
 // Share of the newest sample in the mean that paths take. Light that is passed on from surfel to surfel needs 1 / (share * (1 - albedo)) frames to
 // spread, and the mean of the picture keeps what it lacked until then; the noise is averaged by those who take it.
 const float NEWEST = 0.5;
 // Samples from which on bright ones are limited.
 const float LIMITED_FROM = 8.0;
 
-// A sample whose luminance is above a limit, scaled down to it. Out of the dark any light is let in.
-vec3 limited(vec3 y, vec3 mean, float limit) {
+// Share of the brightest sample of late that another sample takes from it.
+const float FADING = 0.005;
+
+// A sample whose luminance is above a limit, scaled down to it: one such sample may be an accident. If another as bright, or nearly, came before, light
+// comes from few directions, and the sample is taken as it is. Out of the dark any light is let in.
+vec3 limited(inout Estimator e, vec3 y, vec3 mean, float limit) {
     float bright = luminance(y);
+    limit = max(limit, 2.0 * e.brightest);
+    e.brightest = max(bright, (1.0 - FADING) * e.brightest);
     return bright > limit && luminance(mean) > 0.0 ? y * (limit / bright) : y;
 }
 
@@ -37,7 +40,7 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
         return;
     }
     vec3 deviation = sqrt(e.variance);
-    y = limited(y, e.short_mean, luminance(1.1 * e.short_mean + 8.0 * deviation));
+    y = limited(e, y, e.short_mean, luminance(1.1 * e.short_mean + 8.0 * deviation));
     vec3 before = y - e.short_mean;
     e.short_mean = mix(e.short_mean, y, SHORT_WINDOW);
     vec3 after = y - e.short_mean;
@@ -52,23 +55,16 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend) {
 }
 
 // Mean over all samples. Later ones count more, in proportion to their number, as the first were taken before light had spread; from MOST_SAMPLES
-// on the mean is exponential. Where a mean over the last few is farther from it than their noise explains, that one takes over. Samples are limited
-// only beyond what light from a thousandth of all directions makes: that deviates by 32 standard deviations.
+// on the mean is exponential. Where the light changes, surfel_refresh.comp lets it begin anew. Single samples are limited only beyond what light from
+// a thousandth of all directions makes: that deviates by 32 standard deviations.
 void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend) {
     float count = min(e.samples + 1.0, MOST_SAMPLES);
     blend = 2.0 / (count + 1.0);
-    if (count > LIMITED_FROM) y = limited(y, e.mean, 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(e.variance, 0.0))));
+    float limit = count > LIMITED_FROM ? 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(e.variance, 0.0))) : uintBitsToFloat(0x7f800000u);
+    y = limited(e, y, e.mean, limit);
     vec3 before = y - e.mean;
     e.mean += blend * before;
     e.variance = mix(e.variance, before * (y - e.mean), max(1.0 / count, 1.0 / 64.0));
-    e.short_mean = mix(e.short_mean, y, max(1.0 / count, RECENT));
-    if (count < 1.0 / RECENT) return;
-    float noise = luminance(sqrt(max(e.variance, 0.0))) * sqrt(RECENT / (2.0 - RECENT));
-    float difference = luminance(abs(e.short_mean - e.mean));
-    if (difference > CHANGED * noise + 0.02 * luminance(e.mean)) {
-        e.mean = e.short_mean;
-        e.samples = 1.0 / RECENT;
-    }
 }
 
 // Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane.

@@ -6,7 +6,9 @@
 #include "lib/not_finite.glsl"
 #include "lib/sequence.glsl"
 #include "lib/surfel_binding.glsl"
+#include "lib/surfel_cache.glsl"
 #include "lib/surfel_estimator.glsl"
+#include "lib/surfel_guide.glsl"
 // One path of a surfel, and short rays along its surface that find what stands on it.
 
 // Rise of these rays. They are REACH radii long.
@@ -37,9 +39,9 @@ bool is_needless(SurfelGrid grid, vec3 eye, uint surfel, PlacedSurfel own) {
     for (uint i = 0u; i < list.y; i++) {
         uint other = SurfelWords(grid.references).at[list.x + i];
         if (other == surfel) continue;
-        PlacedSurfel s = PlacedSurfelBuffer(grid.placed).at[other];
-        if (s.samples < own.samples || (s.samples == own.samples && other > surfel)) continue;
-        if (surfel_weight(s, own.position, own.normal).y > NEEDLESS) return true;
+        float samples = PlacedSurfelBuffer(grid.placed).at[other].samples;
+        if (samples < own.samples || (samples == own.samples && other > surfel)) continue;
+        if (surfel_weight(grid, other, own.position, own.normal, 1.0).y > NEEDLESS) return true;
     }
     return false;
 }
@@ -65,14 +67,19 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         }
 
         mat3 around = frame_of(start.normal);
-        vec3 l = sample_cosine(sequence2(key, s.paths, SEQUENCE_SURFELS, seed));
+        if ((params.paths & SURFEL_GUIDED) != 0u && s.paths % GUIDE_BLOCK == 0u && s.paths != 0u) s.chances = chances_of(s.guide);
+        ivec2 block_key = key + ivec2(0, int(0x10001u * (s.paths / GUIDE_BLOCK)));
+        Guided drawn = guided(s.chances, sequence2(block_key, s.paths % GUIDE_BLOCK, SEQUENCE_SURFELS, seed));
+        vec3 l = sample_cosine(drawn.u);
         vec3 direction = around * l;
         Random random = random_of(surfel, s.paths, seed ^ s.born ^ SEQUENCE_SURFELS);
-        SurfelCache cache = SurfelCache(params.grid, params.pool, params.paths & SURFEL_FEEDBACK);
-        Path path = Path(params.hits, params.bounces, params.regularization, cache, (params.paths & SURFEL_EMITTERS) != 0u);
+        Path path = Path(params.hits, params.bounces, params.regularization, params.pool, (params.paths & SURFEL_EMITTERS) != 0u);
         float distance;
-        vec3 radiance = follow(view, scene, path, surface_ray(start, direction, UNBOUNDED), l.z / PI, random, distance);
-        if (is_taken(word_at(params.rays, 2u), radiance)) add_sample(s.light, radiance, direction - l.z * start.normal, params.estimator);
+        vec3 radiance = follow(view, scene, path, surface_ray(start, direction, UNBOUNDED), drawn.density * l.z / PI, random, distance);
+        if (is_taken(word_at(params.rays, 2u), radiance)) {
+            learn(s.guide, drawn.cell, radiance);
+            add_sample(s.light, radiance / drawn.density, direction - l.z * start.normal, params.estimator);
+        }
         s.paths++;
         if (is_needless(params.grid, view.at[0].eye, surfel, placed)) pool.at[surfel].bound.instance = 0u;
         if (surfel_wish.instance != 0u) {
@@ -82,6 +89,8 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         pool.at[surfel].paths = s.paths;
         pool.at[surfel].light = s.light;
         pool.at[surfel].nearness = s.nearness;
+        pool.at[surfel].guide = s.guide;
+        pool.at[surfel].chances = s.chances;
     }
     count_rays(params.rays, paths_traced.x, paths_traced.y);
     uint traced = paths_traced.x + paths_traced.y;

@@ -102,14 +102,15 @@ float sector_of(vec3 normal, vec3 along) {
 // Chebyshev's inequality (Donnelly and Lauritzen 2006, "Variance Shadow Maps"), cubed as probes have it (Majercik et al. 2019). In place of
 // distances it has their inverses: of a wall, those are the cosine of the angle over the least distance, which is nearly linear between
 // sectors. `along`: from the surfel to the point, in its plane.
-float reached(PlacedSurfel s, vec3 along) {
+float reached(SurfelGrid grid, uint surfel, vec3 normal, vec3 along) {
+    PlacedSurfelBuffer placed = PlacedSurfelBuffer(grid.placed);
     float far = length(along);
     if (!(far > 0.0)) return 1.0;
-    float turn = sector_of(s.normal, along);
+    float turn = sector_of(normal, along);
     uint sector = uint(turn);
     float part = turn - float(sector);
-    vec2 here = unpack_upper(s.nearness[sector % SECTORS]);
-    vec2 next = unpack_upper(s.nearness[(sector + 1u) % SECTORS]);
+    vec2 here = unpack_upper(placed.at[surfel].nearness[sector % SECTORS]);
+    vec2 next = unpack_upper(placed.at[surfel].nearness[(sector + 1u) % SECTORS]);
     float nearest = mix(here.x, next.x, part);
     float behind = nearest - 1.0 / far;
     if (behind <= 0.0) return 1.0;
@@ -118,29 +119,39 @@ float reached(PlacedSurfel s, vec3 along) {
     return share * share * share;
 }
 
-// How much a surfel counts at a point of a surface with a geometric normal: `x` where nothing else is known, `y` of light that may not leak.
-vec2 surfel_weight(PlacedSurfel s, vec3 position, vec3 normal) {
-    vec3 offset = position - s.position;
-    float square = dot(offset, offset) / (s.radius * s.radius);
+// How much a disc counts at a point that is `offset` away from its centre, of a surface with a geometric normal: `x` where nothing else is known,
+// `y` of light that may not leak but behind what stands on the disc. `square`: of the distance over the radius, below 1.
+vec2 disc_weight(float square, float radius, vec3 disc_normal, vec3 offset, vec3 normal) {
+    float kernel = (1.0 - square) * (1.0 - square);
+    float facing = dot(normal, disc_normal);
+    float likeness = max(facing, 0.0);
+    float plane = max(1.0 - 2.0 * abs(dot(offset, disc_normal)) / radius, 0.0);
+    return kernel * vec2(0.5 + 0.5 * facing, likeness * likeness * plane);
+}
+
+// The same of a surfel as if it were `reach` times as large, `y` without what does not reach the point. Most surfels of a list do not: no more is
+// loaded of those than it takes to know that.
+vec2 surfel_weight(SurfelGrid grid, uint surfel, vec3 position, vec3 normal, float reach) {
+    PlacedSurfelBuffer placed = PlacedSurfelBuffer(grid.placed);
+    vec3 offset = position - placed.at[surfel].position;
+    float radius = reach * placed.at[surfel].radius;
+    float square = dot(offset, offset) / (radius * radius);
     // Written so that free places, which have no radius, do not count.
     if (!(square < 1.0)) return vec2(0.0);
-    float kernel = (1.0 - square) * (1.0 - square);
-    float height = dot(offset, s.normal);
-    float facing = dot(normal, s.normal);
-    float likeness = max(facing, 0.0);
-    likeness *= likeness;
-    float plane = max(1.0 - 2.0 * abs(height) / s.radius, 0.0);
-    vec2 weight = kernel * vec2(0.5 + 0.5 * facing, likeness * plane);
-    if (weight.y > 0.0) weight.y *= reached(s, offset - height * s.normal);
+    vec3 own = placed.at[surfel].normal;
+    vec2 weight = disc_weight(square, radius, own, offset, normal);
+    if (weight.y > 0.0) weight.y *= reached(grid, surfel, own, offset - dot(offset, own) * own);
     return weight;
 }
 
 // Irradiance over pi for a normal: exact for the surfel's own, and for light that is the same from everywhere. The tilt is a first-order term:
 // where radiance is a + b . direction, the part of b along the surface is 4 / pi of the mean of direction times irradiance, and adds 2 pi / 3
 // of itself to the irradiance.
-vec3 surfel_light(PlacedSurfel s, vec3 normal) {
-    vec3 along = vec3(dot(s.tilt[0], normal), dot(s.tilt[1], normal), dot(s.tilt[2], normal));
-    vec3 light = s.mean * (0.5 + 0.5 * dot(s.normal, normal)) + (8.0 / 3.0) * along;
+vec3 surfel_light(SurfelGrid grid, uint surfel, vec3 normal) {
+    PlacedSurfelBuffer placed = PlacedSurfelBuffer(grid.placed);
+    vec3 along;
+    for (int channel = 0; channel < 3; channel++) along[channel] = dot(placed.at[surfel].tilt[channel], normal);
+    vec3 light = placed.at[surfel].mean * (0.5 + 0.5 * dot(placed.at[surfel].normal, normal)) + (8.0 / 3.0) * along;
     return mix(light, vec3(0.0), lessThan(light, vec3(0.0)));
 }
 
@@ -177,15 +188,15 @@ SurfelSums surfel_sums(SurfelGrid grid, uvec2 list, vec3 position, vec3 geometri
     float greatest = 0.0;
     for (uint i = 0u; i < list.y; i++) {
         uint surfel = SurfelWords(grid.references).at[list.x + i];
-        PlacedSurfel s = PlacedSurfelBuffer(grid.placed).at[surfel];
-        s.radius *= reach;
-        vec2 weight = surfel_weight(s, position, geometric);
-        if (weight.x == 0.0) continue;
-        float counts = max(weight.y, unlike * weight.x) * min(s.samples, CONFIDENT);
-        sums.light += counts * surfel_light(s, normal);
+        vec2 weight = surfel_weight(grid, surfel, position, geometric, reach);
+        float counts = max(weight.y, unlike * weight.x);
+        if (counts == 0.0) continue;
+        float samples = PlacedSurfelBuffer(grid.placed).at[surfel].samples;
+        counts *= min(samples, CONFIDENT);
+        sums.light += counts * surfel_light(grid, surfel, normal);
         sums.weights += counts;
         sums.coverage += weight.y;
-        sums.samples += weight.y * s.samples;
+        sums.samples += weight.y * samples;
         if (weight.y > greatest) {
             greatest = weight.y;
             sums.most = surfel;

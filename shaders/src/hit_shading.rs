@@ -13,6 +13,8 @@ pub const MOST_SHEETS: u32 = 16;
 pub struct HitShadingParams {
     /// [`LightTables`](super::light_sampling::LightTables) of every light.
     pub lights: Address,
+    /// [`SurfelGrid`](super::surfels::SurfelGrid) of surfels that know the indirect light; 0 for none.
+    pub cache: Address,
     /// Radiance of the previous frame, RGBA16F, 0 in alpha where it is not known; no image if hits do not look there.
     pub previous_radiance: SampledImage,
     /// The denoisers' guide of the previous frame, RG32 unsigned: which surfaces that radiance belongs to.

@@ -18,6 +18,10 @@ pub const TILE_SPAWNS: u32 = 64;
 pub const CELL_LIMIT: u32 = 128;
 /// Room for references from cells, for each surfel: eight cells of each of two levels.
 pub const CELLS_OF_SURFEL: u32 = 16;
+/// Cells on a side of the square from which a surfel draws directions, each with a chance of its own.
+pub const GUIDE_SIDE: u32 = 4;
+/// Cells on a side of the blocks over which changes of light are found, beside cells.
+pub const CHANGE_BLOCK: u32 = 4;
 /// Numbers in [`SurfelShowParams::counters`].
 pub const SURFEL_COUNTERS: u32 = 8;
 /// How samples are averaged: the published multi-scale mean.
@@ -30,10 +34,10 @@ pub const SURFEL_BACK: u32 = 1;
 /// [`SurfelBinding::side`]: of the triangles that rays see, which may be coarser than those of the picture.
 pub const SURFEL_OF_RAYS: u32 = 2;
 
-/// [`SurfelTraceParams::paths`]: paths end at surfels.
-pub const SURFEL_FEEDBACK: u32 = 1;
 /// [`SurfelTraceParams::paths`]: from where they end, paths go on to emissive surfaces.
-pub const SURFEL_EMITTERS: u32 = 2;
+pub const SURFEL_EMITTERS: u32 = 1;
+/// [`SurfelTraceParams::paths`]: directions are drawn more often from where light came before.
+pub const SURFEL_GUIDED: u32 = 2;
 
 /// A point of a triangle or sphere.
 #[repr(C)]
@@ -66,6 +70,11 @@ pub struct Surfel {
     /// Mean and standard deviation of the inverse of the distance along the surface to what stands on it, per metre, of each sector: the upper
     /// halves of two floats. 0 where nothing is near.
     pub nearness: [u32; 8],
+    /// Mean square of the luminance found in each of [`GUIDE_SIDE`]² cells of the square from which directions are drawn: the upper halves of
+    /// two floats.
+    pub guide: [u32; 8],
+    /// Chances of these cells in the present block of paths: bytes, in proportion; all 0 if they are even.
+    pub chances: [u32; 4],
 }
 
 /// State of the temporal estimator. Irradiance is that on the surfel's plane over pi: the radiance of a white surface.
@@ -82,6 +91,8 @@ pub struct Estimator {
     pub newest: [f32; 3],
     /// Variance of samples.
     pub variance: [f32; 3],
+    /// Luminance of the brightest sample of late; older ones fade.
+    pub brightest: f32,
     /// Multi-scale mean: blend that the variance asks for.
     pub variance_blend: f32,
     /// Multi-scale mean: how long both means have differed.
@@ -134,6 +145,19 @@ pub struct SurfelCounts {
     pub rays: u32,
 }
 
+/// How far what surfels have found of late is from their means, added up over those of a cell, or of a block of cells. Integers, so that the order
+/// does not count.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfelChange {
+    /// Sum of differences, in 256ths of the standard deviation of samples.
+    pub sum: i32,
+    /// Sum of their squares, in 64ths.
+    pub squares: u32,
+    /// Surfels.
+    pub count: u32,
+}
+
 /// Where surfels are found: cells of a hashed grid around the camera, whose size grows with the distance.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -181,6 +205,10 @@ pub struct SurfelPoolParams {
     pub begins: u32,
     /// Counter of surfels whose place is not finite.
     pub not_finite: Address,
+    /// Output, where the frame begins: a copy of `grid`.
+    pub cache: Address,
+    /// [`SurfelChange`] of each cell, then of blocks of [`CHANGE_BLOCK`]³ cells, hashed in the same way.
+    pub changes: Address,
 }
 
 /// Push constants of `surfel_spawn.comp` and `surfel_wishes.comp`.
@@ -286,7 +314,7 @@ pub struct SurfelTraceParams {
     pub regularization: f32,
     /// How samples are averaged: [`MULTI_SCALE`] or [`RUNNING_MEAN`].
     pub estimator: u32,
-    /// `SURFEL_FEEDBACK` and `SURFEL_EMITTERS`.
+    /// `SURFEL_EMITTERS` and `SURFEL_GUIDED`.
     pub paths: u32,
 }
 
@@ -302,10 +330,12 @@ pub struct SurfelGatherParams {
     pub gbuffer: GBufferImages,
     /// Openness, for pixels that no surfel covers; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub openness: u32,
-    /// Output: radiance, RGBA16F or RGBA32F.
+    /// Output, RGBA16F or RGBA32F: radiance; with a `step` of 2 irradiance over pi, for the upper left one of four pixels.
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
+    /// Distance of the pixels that are lit: 1 or 2.
+    pub step: u32,
 }
 
 /// Push constants of `surfel_show.comp`.
@@ -330,4 +360,9 @@ pub struct SurfelShowParams {
     pub place: StorageImage,
     /// Output, R32F, one row: surfels, surfels wanted, spawned, recycled, references dropped, pixels uncovered and visible, rays.
     pub counters: StorageImage,
+    /// Output, RGBA32F, [`KEYS_WIDTH`] wide, or [`NO_IMAGE`](super::denoise::NO_IMAGE): of each surfel, in two rows, position and radius, both 0 for
+    /// free places; and its instance plus 1, triangle or sphere, and [`SurfelBinding::weights`].
+    pub table: u32,
+    /// Places in the pool.
+    pub capacity: u32,
 }

@@ -19,24 +19,19 @@ pub struct Way {
 }
 
 /// What pictures of the slot alone do not need. Ambient occlusion and the light that rays take from the last frame stay.
-const AROUND: [&str; 4] = ["gi.precision=32", "gbuffer.precision=full", "stages.reflections=off", "post.anti_aliasing=none"];
+const AROUND: [&str; 4] =
+    ["gi.precision=32", "gbuffer.precision=full", "stages.reflections=off", "post.anti_aliasing=none"];
 /// What stays out where neither ambient occlusion nor the last frame's light counts.
 const ALONE: [&str; 3] = ["stages.shadows=off", "stages.ao=off", "direct.emitter_rays=0"];
 
 /// Surfels as they are by default.
 pub const SURFELS: Way = Way { label: "surfels", implementation: "surfels", changes: &[] };
 /// One ray of each pixel, denoised.
-pub const DENOISED: Way = Way {
-    label: "ray-traced, svgf",
-    implementation: "ray-traced",
-    changes: &["gi.denoiser=svgf", "gi.rays=1"],
-};
+pub const DENOISED: Way =
+    Way { label: "ray-traced, svgf", implementation: "ray-traced", changes: &["gi.denoiser=svgf", "gi.rays=1"] };
 /// One ray of each pixel.
-pub const ONE_RAY: Way = Way {
-    label: "ray-traced, raw",
-    implementation: "ray-traced",
-    changes: &["gi.denoiser=none", "gi.rays=1"],
-};
+pub const ONE_RAY: Way =
+    Way { label: "ray-traced, raw", implementation: "ray-traced", changes: &["gi.denoiser=none", "gi.rays=1"] };
 
 /// What there is to compare; what the slot does not have is left out.
 pub fn ways() -> Vec<Way> {

@@ -228,6 +228,7 @@ void main() {
     e.variance = vec3(0.0);
     e.samples = 0.0;
     e.variance_blend = 1.0;
+    e.brightest = 0.0;
     e.inconsistency = 1.0;
     for (int channel = 0; channel < 3; channel++) e.tilt[channel] = vec3(0.0);
     for (uint i = 0u; i < frames; i++) {

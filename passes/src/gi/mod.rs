@@ -1,8 +1,9 @@
 //! Diffuse indirect light: the irradiance of the sky times ambient occlusion, rays, or surfels.
 mod ray_traced;
+mod resolve;
 mod surfels;
 
-use crate::contracts::{LightingIn, LightingOut};
+use crate::contracts::{Channel, LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
@@ -10,6 +11,9 @@ use magpie::slot::Slot;
 use magpie_shaders::GI_SKY_COMP;
 use ray_traced::RayTraced;
 use surfels::Surfels;
+
+/// What the albedo of a surface is made of, beside its normal.
+const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
@@ -30,7 +34,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "surfels",
             "Discs on surfaces that gather light over frames, one path at a time, and pass it on to each other: all bounces.",
             &surfels::settings(),
-            |build, settings| Ok(Box::new(Surfels::new(build, settings)?)),
+            |build, settings| Ok(Box::new(Surfels::new(build, settings, settings.choice("resolution")? == "half")?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
 }

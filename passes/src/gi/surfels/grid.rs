@@ -1,15 +1,15 @@
 //! The pool of surfels and the grid in which they are found.
 use super::settings::Options;
-use crate::contracts::LightingIn;
+use crate::contracts::{LightCache, LightingIn};
 use magpie::gpu::Kernel;
 use magpie::graph::{BufferToken, HistoryScope, PassBuilder, WriteHandle};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::surfels::*;
 use magpie_shaders::{
-    Address, GI_SURFEL_ALLOCATE_COMP, GI_SURFEL_CLEAR_COMP, GI_SURFEL_COUNT_COMP, GI_SURFEL_FREE_COMP,
-    GI_SURFEL_INSERT_COMP, GI_SURFEL_PLACE_COMP, GI_SURFEL_REFRESH_COMP, GI_SURFEL_SHARE_COMP, GI_SURFEL_SORT_COMP,
-    GI_SURFEL_SUM_COMP,
+    Address, GI_SURFEL_ALLOCATE_COMP, GI_SURFEL_CHANGE_COMP, GI_SURFEL_CLEAR_COMP, GI_SURFEL_COUNT_COMP,
+    GI_SURFEL_FREE_COMP, GI_SURFEL_INSERT_COMP, GI_SURFEL_PLACE_COMP, GI_SURFEL_REFRESH_COMP, GI_SURFEL_SHARE_COMP,
+    GI_SURFEL_SORT_COMP, GI_SURFEL_SUM_COMP,
 };
 use std::mem::size_of;
 
@@ -26,6 +26,7 @@ pub struct Grid {
     allocate: Kernel,
     insert: Kernel,
     sort: Kernel,
+    change: Kernel,
     refresh: Kernel,
     share: Kernel,
     options: Options,
@@ -44,10 +45,14 @@ pub struct State {
     pub cells: WriteHandle<Buffer>,
     /// References of the cells.
     pub references: WriteHandle<Buffer>,
+    /// [`SurfelGrid`] of these three.
+    pub grid: Handle<Buffer>,
     /// Workgroups of an indirect dispatch over the pool.
     pub groups: WriteHandle<Buffer>,
     /// Where paths ask for surfels.
     pub wishes: WriteHandle<Buffer>,
+    /// [`SurfelChange`] of cells and blocks.
+    pub changes: WriteHandle<Buffer>,
 }
 
 /// How many numbers are added up.
@@ -84,7 +89,15 @@ impl State {
         let (references, references_token) = p.write_buffer(self.references);
         let look_up = LookUp { placed: placed_token, cells: cells_token, references: references_token };
         let tokens = Tokens { pool: pool_token, counts: counts_token, look_up };
-        (Self { pool, counts, placed, cells, references, groups: self.groups, wishes: self.wishes }, tokens)
+        (Self { pool, counts, placed, cells, references, ..self }, tokens)
+    }
+
+    /// Declares that a pass changes what is kept of surfels, and looks them up.
+    pub fn write_pool(self, p: &mut PassBuilder<'_>) -> (Self, Tokens) {
+        let look_up = self.read(p);
+        let (pool, pool_token) = p.write_buffer(self.pool);
+        let (counts, counts_token) = p.write_buffer(self.counts);
+        (Self { pool, counts, ..self }, Tokens { pool: pool_token, counts: counts_token, look_up })
     }
 
     /// Declares that a pass looks surfels up.
@@ -94,6 +107,14 @@ impl State {
             cells: p.read(self.cells.read()),
             references: p.read(self.references.read()),
         }
+    }
+}
+
+impl State {
+    /// What others look surfels up in.
+    pub fn cache(&self) -> LightCache {
+        let [placed, cells, references] = [&self.placed, &self.cells, &self.references].map(WriteHandle::read);
+        LightCache { grid: self.grid, placed, cells, references }
     }
 }
 
@@ -131,6 +152,7 @@ impl Grid {
             allocate: build.kernel(&GI_SURFEL_ALLOCATE_COMP)?,
             insert: build.kernel(&GI_SURFEL_INSERT_COMP)?,
             sort: build.kernel(&GI_SURFEL_SORT_COMP)?,
+            change: build.kernel(&GI_SURFEL_CHANGE_COMP)?,
             refresh: build.kernel(&GI_SURFEL_REFRESH_COMP)?,
             share: build.kernel(&GI_SURFEL_SHARE_COMP)?,
             options,
@@ -151,19 +173,28 @@ impl Grid {
         let bytes = |each: usize, count: u64| BufferDesc::new(each as u64 * count);
         let pool = g.kept_buffer(&self.scope, "surfels", bytes(size_of::<Surfel>(), capacity)).buffer;
         let counts = g.kept_buffer(&self.scope, "counts", bytes(size_of::<SurfelCounts>(), 1)).buffer;
-        let (kernel, cells) = (self.clear, self.division(view).cells);
+        let (kernel, division) = (self.clear, self.division(view));
+        let cells = division.cells;
         g.pass("gi.begin", Queue::AsyncCompute, |p| {
             let (counts, counts_token) = p.write_buffer(counts);
-            let (placed, _) = p.create_buffer("placed", bytes(size_of::<PlacedSurfel>(), capacity));
-            let (references, _) = p.create_buffer("references", bytes(4, capacity * u64::from(CELLS_OF_SURFEL)));
+            let (placed, placed_token) = p.create_buffer("placed", bytes(size_of::<PlacedSurfel>(), capacity));
+            let (references, references_token) =
+                p.create_buffer("references", bytes(4, capacity * u64::from(CELLS_OF_SURFEL)));
             let (cells_buffer, cells_token) = p.create_buffer("cells", bytes(8, u64::from(cells) + 1));
             let (groups, groups_token) = p.create_buffer("groups", bytes(4, 3));
             let wish_bytes = 4 * u64::from(cells) + size_of::<SurfelBinding>() as u64 * capacity;
             let (wishes, wishes_token) = p.create_buffer("wishes", BufferDesc::new(wish_bytes));
-            let state = State { pool, counts, placed, cells: cells_buffer, references, groups, wishes };
+            let (grid, grid_token) = p.create_buffer("grid", bytes(size_of::<SurfelGrid>(), 1));
+            let (changes, changes_token) =
+                p.create_buffer("changes", bytes(size_of::<SurfelChange>(), 2 * u64::from(cells)));
+            let grid = grid.read();
+            let state = State { pool, counts, placed, cells: cells_buffer, references, grid, groups, wishes, changes };
+            let look_up = LookUp { placed: placed_token, cells: cells_token, references: references_token };
             (state, move |c: &mut Record<'_>| {
                 let params = SurfelPoolParams {
-                    grid: SurfelGrid { cells: c.id(cells_token), cell_mask: cells - 1, ..SurfelGrid::default() },
+                    grid: division.grid(c, look_up),
+                    cache: c.id(grid_token),
+                    changes: c.id(changes_token),
                     counts: c.id(counts_token),
                     groups: c.id(groups_token),
                     wishes: c.id(wishes_token),
@@ -268,9 +299,32 @@ impl Grid {
         })
     }
 
-    /// Adds what brings the light of this frame's paths to where it is looked up.
+    /// Adds what lets means begin anew where the light has changed, and brings the light of this frame's paths to where it is looked up.
     pub fn refresh(&self, g: &mut FrameGraph, view: &View, state: State) -> State {
-        let state = self.step(g, view, "gi.refresh", self.refresh, state, None);
+        let (capacity, division, block) = (self.options.capacity, self.division(view), view.block);
+        let finds_changes = self.options.estimator == RUNNING_MEAN;
+        let mut state = state;
+        for (name, kernel) in [("gi.change", self.change), ("gi.refresh", self.refresh)] {
+            if name == "gi.change" && !finds_changes {
+                continue;
+            }
+            state = g.pass(name, Queue::AsyncCompute, |p| {
+                let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
+                let (state, tokens) = state.write(p);
+                let (changes, changes_token) = p.write_buffer(state.changes);
+                (State { changes, ..state }, move |c: &mut Record<'_>| {
+                    let params = SurfelPoolParams {
+                        view: c.id(block),
+                        pool: c.id(tokens.pool),
+                        grid: division.grid(c, tokens.look_up),
+                        changes: if finds_changes { c.id(changes_token) } else { Address::default() },
+                        capacity,
+                        ..SurfelPoolParams::default()
+                    };
+                    c.dispatch_indirect(kernel, &params, surfels, 0);
+                })
+            });
+        }
         self.step(g, view, "gi.share", self.share, state, None)
     }
 

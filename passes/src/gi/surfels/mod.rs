@@ -7,10 +7,12 @@ mod grid;
 mod settings;
 mod show;
 
-use super::idle_reason;
+use super::resolve::Resolve;
+use super::{MATERIAL, idle_reason};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::hit_shading::HitShading;
 use crate::parts::pixel_lists::{PixelList, PixelLists};
+use crate::parts::upsample::{Upsample, UpsampleIn};
 use grid::{Count, Grid, State};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -23,9 +25,7 @@ use magpie_shaders::{
     GI_SURFEL_TINTED_TRACE_RAY, GI_SURFEL_TRACE_RAY, GI_SURFEL_WISHES_COMP,
 };
 use settings::Options;
-pub use settings::settings;
-
-const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
+pub use settings::{pool_settings, settings};
 
 /// Diffuse indirect light by surfels.
 pub struct Surfels {
@@ -37,6 +37,9 @@ pub struct Surfels {
     trace: RayKernel,
     /// For scenes with surfaces that let light straight through.
     tinted: RayKernel,
+    resolve: Resolve,
+    /// Set at half resolution only.
+    upsample: Option<Upsample>,
     grid: Grid,
     lists: PixelLists,
     options: Options,
@@ -50,8 +53,8 @@ struct Asked {
 }
 
 impl Surfels {
-    /// Creates the pipelines.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+    /// Creates the pipelines. `half`: the picture is lit at half resolution.
+    pub fn new(build: &Build<'_>, settings: &Settings, half: bool) -> Result<Self, SlotError> {
         let options = Options::read(settings)?;
         Ok(Self {
             spawn: build.kernel(&GI_SURFEL_SPAWN_COMP)?,
@@ -61,6 +64,8 @@ impl Surfels {
             show: build.kernel(&GI_SURFEL_SHOW_COMP)?,
             trace: build.ray_kernel(&GI_SURFEL_TRACE_RAY)?,
             tinted: build.ray_kernel(&GI_SURFEL_TINTED_TRACE_RAY)?,
+            resolve: Resolve::new(build, options.format)?,
+            upsample: half.then(|| Upsample::new(build, "gi")).transpose()?,
             grid: Grid::new(build, options)?,
             lists: PixelLists::new(build, "gi")?,
             options,
@@ -77,14 +82,15 @@ impl Surfels {
         state: State,
     ) -> State {
         let Some(hits) = HitShading::new(&i, false) else { return state };
-        let Options { bounces, regularization, estimator, feedback, .. } = self.options;
+        let Options { bounces, regularization, estimator, feedback, guided, .. } = self.options;
+        let hits = hits.with_cache(feedback.then(|| state.cache()));
         let division = self.grid.division(view);
         let emitters = if view.facts.emissive_instances > 0 { SURFEL_EMITTERS } else { 0 };
-        let paths = emitters | if feedback { SURFEL_FEEDBACK } else { 0 };
+        let paths = emitters | if guided { SURFEL_GUIDED } else { 0 };
         let (kernel, block) = (if view.facts.lets_light_through { self.tinted } else { self.trace }, view.block);
         g.pass(name, Queue::AsyncCompute, |p| {
             let (block, scene, hits, list) = (p.read(block), i.scene.trace(p), hits.read(p), list.read(p));
-            let (state, tokens) = state.write(p);
+            let (state, tokens) = state.write_pool(p);
             let (wishes, wishes_token) = p.write_buffer(state.wishes);
             (State { wishes, ..state }, move |c: &mut Record<'_>| {
                 let params = SurfelTraceParams {
@@ -203,17 +209,22 @@ impl Surfels {
         })
     }
 
-    /// Adds the light of surfels on the picture.
+    /// Adds the light of surfels on the picture: radiance, or at half resolution irradiance over pi.
     fn gather(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: &State) -> Handle<Image> {
         let (kernel, block, format) = (self.gather, view.block, self.options.format);
         let division = self.grid.division(view);
+        let (step, desc) = if self.upsample.is_some() {
+            (2, ImageDesc::half(format))
+        } else {
+            (1, ImageDesc::like(format, i.gbuffer.depth))
+        };
         g.pass("gi.gather", Queue::AsyncCompute, |p| {
             let block = p.read(block);
             let gbuffer = i.gbuffer.read(p, &[GEOMETRY, MATERIAL].concat());
             let openness = i.ao.openness.map(|image| p.sample(image));
             let tokens = state.read(p);
-            let (radiance, target) = p.create("radiance", ImageDesc::like(format, i.gbuffer.depth));
-            let extent = p.extent(i.gbuffer.depth);
+            let (radiance, target) = p.create(if step == 1 { "radiance" } else { "irradiance" }, desc);
+            let extent = p.extent_of(desc);
             (radiance.read(), move |c: &mut Record<'_>| {
                 let params = SurfelGatherParams {
                     view: c.id(block),
@@ -222,10 +233,44 @@ impl Surfels {
                     openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
                     radiance: c.id(target),
                     greatest: format.greatest(),
+                    step,
                 };
                 c.dispatch(kernel, &params, extent);
             })
         })
+    }
+
+    /// The light of surfels on the picture at its full size.
+    fn light(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: &State) -> Handle<Image> {
+        let gathered = self.gather(g, view, i, state);
+        let Some(upsample) = &self.upsample else { return gathered };
+        let of_half = UpsampleIn {
+            half_size: gathered,
+            gbuffer: i.gbuffer,
+            value: ("irradiance", self.options.format),
+            direction: None,
+            background: 0.0,
+        };
+        let irradiance = upsample.add(g, view, of_half, "").value;
+        self.resolve.add(g, view, i, irradiance)
+    }
+
+    /// Adds a frame of the surfels: they move with what they are bound to, trace, and come and go.
+    pub fn update(&self, g: &mut FrameGraph, view: &View, i: LightingIn) -> State {
+        // What the last frame left: beside the G-buffer, where a queue is free.
+        let state = self.grid.begin(g, view);
+        let (state, free, keys) = self.grid.place(g, view, i, state);
+        let state = self.grid.build(g, view, state, false);
+        let list = self.lists.add(g, "surfels", keys, Some(self.options.most_old(view.facts.lets_light_through)));
+        let state = self.trace(g, view, i, (list, "gi.trace"), state);
+        // What this frame's picture and paths ask for.
+        let (state, asked) = self.ask(g, view, i, state);
+        let (state, list) = self.commit(g, view, i, state, &asked, free);
+        let state = self.grid.build(g, view, state, true);
+        let state = self.trace(g, view, i, (list, "gi.trace_new"), state);
+        let state = self.grid.refresh(g, view, state);
+        show::show(g, view, i, &state, self.grid.division(view), self.options.capacity, self.show);
+        state
     }
 }
 
@@ -242,20 +287,7 @@ impl Effect for Surfels {
         if is_idle || i.scene.lights.is_none() {
             return LightingOut::default();
         }
-        // What the last frame left: beside the G-buffer, where a queue is free.
-        let state = self.grid.begin(g, view);
-        let (state, free, keys) = self.grid.place(g, view, i, state);
-        let state = self.grid.build(g, view, state, false);
-        let list = self.lists.add(g, "surfels", keys, Some(self.options.most_old(view.facts.lets_light_through)));
-        let state = self.trace(g, view, i, (list, "gi.trace"), state);
-        // What this frame's picture and paths ask for.
-        let (state, asked) = self.ask(g, view, i, state);
-        let (state, list) = self.commit(g, view, i, state, &asked, free);
-        let state = self.grid.build(g, view, state, true);
-        let state = self.trace(g, view, i, (list, "gi.trace_new"), state);
-        let state = self.grid.refresh(g, view, state);
-        let radiance = self.gather(g, view, i, &state);
-        show::show(g, view, i, &state, self.grid.division(view), self.show);
-        LightingOut::radiance(radiance)
+        let state = self.update(g, view, i);
+        LightingOut::radiance(self.light(g, view, i, &state)).with_cache(state.cache())
     }
 }

@@ -23,6 +23,8 @@ pub struct Options {
     pub regularization: f32,
     /// `MULTI_SCALE` or `RUNNING_MEAN`.
     pub estimator: u32,
+    /// Whether directions are drawn more often from where light came before.
+    pub guided: bool,
     /// Whether hits take the light of surfels.
     pub feedback: bool,
     /// Of the radiance that the slot writes.
@@ -45,6 +47,7 @@ impl Options {
             bounces: settings.u32("bounces")?,
             regularization: settings.f32("regularization")?,
             estimator: if settings.choice("estimator")? == "multi-scale" { MULTI_SCALE } else { RUNNING_MEAN },
+            guided: settings.switch("guided")?,
             feedback: settings.switch("feedback")?,
             format: precision::format(settings)?,
             budget: settings.u32("budget")?,
@@ -73,28 +76,41 @@ impl Options {
     }
 }
 
-/// Describes the settings.
-pub fn settings() -> Vec<SettingSpec> {
+/// Describes the settings of the surfels themselves, which do not depend on what they light.
+pub fn pool_settings() -> Vec<SettingSpec> {
     let surfels = "Places in the pool. Higher: more surfaces beside those in sight are remembered, with memory and time for each place.";
     let radius = "Radius of a surfel on the screen, over the height of the picture. Higher: fewer surfels, and light that changes more slowly \
                   over surfaces.";
     let coverage = "A pixel asks for a surfel where the weights of those around it add up to less. Higher: more surfels, less noise.";
-    let budget = "Rays of a frame at most. Higher: light follows changes sooner.";
-    let bounces = "Surfaces that a path meets before it ends, where no surfels know the light. Higher: more light from places out of sight.";
+    let budget = "Rays of surfels in a frame at most. Higher: light follows changes sooner.";
     let estimator = "How a surfel averages over time. `running-mean`: over all samples until the light changes. `multi-scale`: the published mean \
                      over a long and a short window.";
-    let feedback = "Paths end at surfels, whose light they take: each frame adds a bounce. Without, light bounces `bounces` times.";
+    let feedback = "Paths of surfels end at surfels, whose light they take: each frame adds a bounce. Without, light bounces `bounces` times.";
+    let guided =
+        "Surfels send their paths more often to where light came from before. Less noise from small bright places.";
     let life = "Frames for which a surfel that neither the picture nor a path uses is kept; less where the pool is nearly full.";
     vec![
         SettingSpec::integer("surfels", "", surfels, 1 << 17, 1 << 10..=1 << 20),
         SettingSpec::float("radius", "heights", radius, 0.02, 0.002..=0.1).sweep([0.01, 0.02, 0.04]),
         SettingSpec::float("coverage", "", coverage, 0.3, 0.01..=4.0).sweep([0.1, 0.3, 1.0]),
         SettingSpec::integer("budget", "rays", budget, 250_000, 1_000..=10_000_000).sweep([25_000, 250_000]),
-        SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
-        hit_shading::regularization(),
         SettingSpec::choice("estimator", estimator, "running-mean", &["running-mean", "multi-scale"]).sweep_all(),
         SettingSpec::switch("feedback", feedback, true).sweep_all(),
+        SettingSpec::switch("guided", guided, true).sweep_all(),
         SettingSpec::integer("life", "frames", life, 240, 1..=10_000),
-        precision::setting(),
     ]
+}
+
+/// Describes all settings.
+pub fn settings() -> Vec<SettingSpec> {
+    let bounces = "Surfaces that a path meets before it ends, where no surfels know the light. Higher: more light from places out of sight.";
+    let resolution = "`full`: every pixel looks surfels up. `half`: one pixel of four, upsampled along surfaces; normal maps count less.";
+    let mut settings = pool_settings();
+    settings.extend([
+        SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
+        hit_shading::regularization(),
+        SettingSpec::choice("resolution", resolution, "full", &["full", "half"]).sweep_all(),
+        precision::setting(),
+    ]);
+    settings
 }

@@ -1,10 +1,10 @@
 //! Shading at the hits of rays: direct light by sampling every kind of light, or all light that the previous frame saw there. The shader
 //! code is `lib/hit_shading.glsl`, which the reference uses too.
-use crate::contracts::LightingIn;
+use crate::contracts::{LightCache, LightCacheToken, LightingIn};
 use magpie::graph::{Buffer, BufferToken, Handle, Image, PassBuilder, Record, SampleToken};
 use magpie::slot::SettingSpec;
-use magpie_shaders::SampledImage;
 use magpie_shaders::hit_shading::HitShadingParams;
+use magpie_shaders::{Address, SampledImage};
 
 /// Setting of everything that follows paths.
 pub fn regularization() -> SettingSpec {
@@ -18,6 +18,7 @@ pub fn regularization() -> SettingSpec {
 pub struct HitShading {
     lights: Handle<Buffer>,
     previous: Option<Previous>,
+    cache: Option<LightCache>,
 }
 
 /// What the previous frame saw.
@@ -30,17 +31,24 @@ struct Previous {
 impl HitShading {
     /// From what an effect is given. `None` unless it asked for [`Needs::light_tables`](magpie::slot::Needs::light_tables). With `reuse`,
     /// hits use the light of the previous frame, for which it has to ask for
-    /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance); without, they do not, even where another effect asked.
+    /// [`Needs::previous_radiance`](magpie::slot::Needs::previous_radiance); without, they do not, even where another effect asked. Indirect
+    /// light is that of [`LightingIn::cache`], where there is one.
     pub fn new(i: &LightingIn, reuse: bool) -> Option<Self> {
         let guide = i.reprojected.previous_guide;
         let previous = i.previous_radiance.filter(|_| reuse).map(|radiance| Previous { radiance, guide });
-        Some(Self { lights: i.scene.lights?, previous })
+        Some(Self { lights: i.scene.lights?, previous, cache: i.cache })
+    }
+
+    /// The same with the light of another cache.
+    #[must_use]
+    pub fn with_cache(self, cache: Option<LightCache>) -> Self {
+        Self { cache, ..self }
     }
 
     /// Declares that a pass shades hits. It also has to declare that it [traces](crate::contracts::SceneHandles::trace).
     pub fn read(self, p: &mut PassBuilder<'_>) -> HitShadingToken {
         let previous = self.previous.map(|previous| (p.sample(previous.radiance), p.sample(previous.guide)));
-        HitShadingToken { lights: p.read(self.lights), previous }
+        HitShadingToken { lights: p.read(self.lights), previous, cache: self.cache.map(|cache| cache.read(p)) }
     }
 }
 
@@ -49,6 +57,7 @@ impl HitShading {
 pub struct HitShadingToken {
     lights: BufferToken,
     previous: Option<(SampleToken, SampleToken)>,
+    cache: Option<LightCacheToken>,
 }
 
 impl HitShadingToken {
@@ -56,6 +65,11 @@ impl HitShadingToken {
     pub fn params(self, c: &Record<'_>) -> HitShadingParams {
         let image = |token: Option<SampleToken>| token.map_or(SampledImage::NONE, |token| c.id(token));
         let (radiance, guide) = self.previous.unzip();
-        HitShadingParams { lights: c.id(self.lights), previous_radiance: image(radiance), previous_guide: image(guide) }
+        HitShadingParams {
+            lights: c.id(self.lights),
+            cache: self.cache.map_or(Address::default(), |token| token.address(c)),
+            previous_radiance: image(radiance),
+            previous_guide: image(guide),
+        }
     }
 }

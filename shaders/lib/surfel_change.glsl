@@ -1,0 +1,45 @@
+#ifndef LIB_SURFEL_CHANGE_GLSL
+#define LIB_SURFEL_CHANGE_GLSL
+#include "lib/colour.glsl"
+#include "lib/surfel_estimator.glsl"
+#include "lib/surfels.glsl"
+// Changes of light. What one surfel finds is too noisy to tell a lamp that went out from a few dark directions. Many surfels together tell: the
+// differences of their newest light from their means, each over its own standard deviation, have a mean of 0 while nothing changes.
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SurfelChanges { SurfelChange at[]; };
+
+// Samples from which on a surfel has a say.
+const float HAS_SAY = 8.0;
+// Standard errors that count as a change; more where few surfels are asked.
+const float CHANGED = 4.5;
+const float CHANGED_FEW = 8.0;
+// The variance of `Estimator::newest` over that of samples.
+const float NEWEST_VARIANCE = NEWEST / (2.0 - NEWEST);
+
+// Where the changes of a surfel's cell and block are.
+uvec2 change_places(SurfelGrid grid, vec3 from_eye) {
+    int level = cell_level(length(from_eye));
+    ivec3 cell = cell_of(grid, from_eye, level);
+    ivec3 block = ivec3(floor(vec3(cell) / float(CHANGE_BLOCK)));
+    return uvec2(cell_index(grid, cell, level), grid.cell_mask + 1u + cell_index(grid, block, level + 256));
+}
+
+// How far the newest light of a surfel is from its mean, in standard deviations of samples.
+float change_of(Estimator e) {
+    float mean = luminance(e.mean);
+    float deviation = luminance(sqrt(max(vec3(e.variance), 0.0))) + 0.02 * mean;
+    float apart = luminance(e.newest) - mean;
+    return apart == 0.0 ? 0.0 : clamp(apart / max(deviation, 1e-30), -8.0, 8.0);
+}
+
+// Standard errors by which the surfels of a place differ from their means, over those that count as a change: beyond 1 it is one. Errors are the
+// greater of what the variance of samples gives, and of what the differences scatter.
+float change_at(SurfelChange c) {
+    if (c.count == 0u) return 0.0;
+    float count = float(c.count);
+    float sum = float(c.sum) / 256.0;
+    float scatter = float(c.squares) / 64.0 - sum * sum / count;
+    return sum / ((CHANGED + CHANGED_FEW / count) * sqrt(max(NEWEST_VARIANCE * count, scatter)));
+}
+
+#endif
