@@ -53,6 +53,7 @@ pub struct Frames {
     /// Time of the next frame, seconds.
     pub time: f64,
     way: Way,
+    pixels: usize,
 }
 
 /// Counters of a frame, in the order of `SurfelShowParams::counters`.
@@ -77,7 +78,7 @@ impl Frames {
         let options = RenderOptions { width, height, check: gpu.validates(), ..RenderOptions::default() };
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&changes)?, options)?;
         renderer.read_slots(&["gi"])?;
-        Ok(Self { renderer, camera: scene.cameras[0].clone(), time: 0.0, way })
+        Ok(Self { renderer, camera: scene.cameras[0].clone(), time: 0.0, way, pixels: (width * height) as usize })
     }
 
     /// The next frame as it is, with one of its images.
@@ -93,7 +94,11 @@ impl Frames {
     fn image(&mut self, view: Option<&str>) -> Result<(Vec<DVec3>, FrameResult)> {
         let result = self.frame(view)?;
         ensure!(result.findings.is_empty(), "{}: {}", self.way.label, result.findings[0]);
-        let light = light_of(&result)?;
+        // Without a sky `sky` gives nothing.
+        let light = match self.way.implementation {
+            "sky" if result.slots[0].1.is_none() => vec![DVec3::ZERO; self.pixels],
+            _ => light_of(&result)?,
+        };
         ensure!(light.iter().all(|v| v.is_finite()), "{}: light is not finite", self.way.label);
         Ok((light, result))
     }
@@ -136,7 +141,8 @@ impl Frames {
 /// # Errors
 /// Where the slot gave none.
 pub fn light_of(result: &FrameResult) -> Result<Vec<DVec3>> {
-    let image = result.slots[0].1.as_ref().context("no image of `gi`")?;
+    let image = &result.slots.first().context("no slot was read")?.1;
+    let image = image.as_ref().context("no image of `gi`")?;
     Ok(image.values().iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect())
 }
 
