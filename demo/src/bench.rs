@@ -197,8 +197,7 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
         config,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
-    let is_share = !options.picture && options.slot != "reflections";
-    let display = if is_share { Display::PLAIN } else { Display::of(&options.config) };
+    let display = if options.is_radiance() { Display::of(&options.config) } else { Display::PLAIN };
     let perceived = |place: Place<'_>, seen: &Seen, truth: &Seen| {
         let [seen, truth] = [seen, truth].map(|image| {
             let (width, height) = (image.size.width as usize, image.size.height as usize);

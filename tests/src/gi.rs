@@ -2,7 +2,7 @@
 use crate::against::relmse;
 use crate::harness::config;
 use anyhow::{Context, Result, ensure};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use magpie::gpu::Gpu;
 use magpie::scene::{Camera, Scene};
 use magpie_passes::reference::Estimate;
@@ -53,6 +53,7 @@ pub struct Frames {
     /// Time of the next frame, seconds.
     pub time: f64,
     way: Way,
+    pixels: usize,
 }
 
 /// Counters of a frame, in the order of `SurfelShowParams::counters`.
@@ -65,7 +66,7 @@ pub struct Counters {
 }
 
 impl Frames {
-    /// Frames of a scene, with settings beside those of the way.
+    /// Frames of a scene, with settings beside those of the way. They have every check on if the device does.
     ///
     /// # Errors
     /// Any error of the renderer.
@@ -74,10 +75,10 @@ impl Frames {
         let chosen = format!("stages.gi={}", way.implementation);
         let alone: &[&str] = if way.implementation == "surfels" { &ALONE } else { &[] };
         let changes = [&[chosen.as_str()], &AROUND[..], alone, way.changes, changes].concat();
-        let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
+        let options = RenderOptions { width, height, check: gpu.validates(), ..RenderOptions::default() };
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&changes)?, options)?;
         renderer.read_slots(&["gi"])?;
-        Ok(Self { renderer, camera: scene.cameras[0].clone(), time: 0.0, way })
+        Ok(Self { renderer, camera: scene.cameras[0].clone(), time: 0.0, way, pixels: (width * height) as usize })
     }
 
     /// The next frame as it is, with one of its images.
@@ -93,7 +94,13 @@ impl Frames {
     fn image(&mut self, view: Option<&str>) -> Result<(Vec<DVec3>, FrameResult)> {
         let result = self.frame(view)?;
         ensure!(result.findings.is_empty(), "{}: {}", self.way.label, result.findings[0]);
-        Ok((light_of(&result)?, result))
+        // Without a sky `sky` gives nothing.
+        let light = match self.way.implementation {
+            "sky" if result.slots[0].1.is_none() => vec![DVec3::ZERO; self.pixels],
+            _ => light_of(&result)?,
+        };
+        ensure!(light.iter().all(|v| v.is_finite()), "{}: light is not finite", self.way.label);
+        Ok((light, result))
     }
 
     /// The light of the next frame.
@@ -134,8 +141,9 @@ impl Frames {
 /// # Errors
 /// Where the slot gave none.
 pub fn light_of(result: &FrameResult) -> Result<Vec<DVec3>> {
-    let image = result.slots[0].1.as_ref().context("no image of `gi`")?;
-    Ok(image.values().iter().map(|v| DVec3::new(f64::from(v[0]), f64::from(v[1]), f64::from(v[2]))).collect())
+    let image = &result.slots.first().context("no slot was read")?.1;
+    let image = image.as_ref().context("no image of `gi`")?;
+    Ok(image.values().iter().map(|v| Vec3::from_slice(v).as_dvec3()).collect())
 }
 
 /// Mean over pixels and channels.

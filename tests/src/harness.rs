@@ -25,6 +25,17 @@ pub fn gpu() -> Result<Option<BorrowedGpu>> {
     Ok(Some(BorrowedGpu { gpu: devices.borrow(), devices }))
 }
 
+/// A device without validation, for tests of so many small frames that the layers would take nearly all of the time; other tests render the
+/// same passes with every check on. `None` if `MAGPIE_NO_GPU` is set. A process must not use [`gpu`] too: see there.
+pub fn gpu_without_validation() -> Result<Option<Gpu>> {
+    if env::var_os("MAGPIE_NO_GPU").is_some() {
+        eprintln!("skipped: MAGPIE_NO_GPU is set");
+        return Ok(None);
+    }
+    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: false, ..GpuOptions::default() };
+    Ok(Some(Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out")?))
+}
+
 /// The devices of this process: as many as tests run in parallel, at most four, all created before the first is used and none destroyed
 /// before the process ends.
 /// The validation layer looks up the device of every call in a map that it modifies, without a lock, when a device is created or destroyed.

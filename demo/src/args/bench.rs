@@ -80,8 +80,8 @@ pub struct BenchMotionArguments {
     /// The scene.
     #[command(flatten)]
     pub scene: BenchSceneArguments,
-    /// The slot, one with a denoiser
-    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections"])]
+    /// The slot
+    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections", "gi"])]
     pub slot: String,
     /// Compare the picture at the end of the frame in place of the slot's image
     #[arg(long)]

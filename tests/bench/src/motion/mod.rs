@@ -2,7 +2,7 @@
 mod paths;
 mod report;
 
-pub use paths::{Moment, Path, Turned, around, paths, stand};
+pub use paths::{Moment, Path, Turned, around, paths, paths_of_light, stand};
 pub use report::MotionReport;
 
 use crate::FrameBenchError;
@@ -15,6 +15,8 @@ use serde::Serialize;
 
 /// Frames of eight rays per pixel that a ground truth is the mean of.
 const TRUTH_FRAMES: u32 = 16;
+/// The same of diffuse indirect light, whose paths make more noise.
+const GI_TRUTH_FRAMES: u32 = 32;
 /// The same for pictures, over whose pixels anti-aliasing averages: as many as its jitter has places.
 const PICTURE_TRUTH_FRAMES: u32 = 48;
 /// Frames at rest before the motion: more than the longest default history.
@@ -23,7 +25,7 @@ pub const WARM_UP: u32 = 40;
 /// Options of `magpie bench motion`.
 #[derive(Clone, Debug)]
 pub struct MotionOptions {
-    /// Name of the slot, whose implementation must have a denoiser.
+    /// Name of the slot: `gi`, or one with a denoiser.
     pub slot: String,
     /// Compares the picture at the end of the frame in place of the slot's image.
     pub picture: bool,
@@ -44,6 +46,12 @@ pub struct MotionOptions {
 }
 
 impl MotionOptions {
+    /// Whether what is compared is light, without a greatest value, and no share.
+    #[must_use]
+    pub fn is_radiance(&self) -> bool {
+        self.picture || matches!(self.slot.as_str(), "reflections" | GI)
+    }
+
     /// Whether `name` takes part: it is wanted, or none of the `names` of its kind is.
     fn takes(&self, names: &[&str], name: &str) -> bool {
         let is_wanted = |name: &str| self.only.iter().any(|only| only == name);
@@ -59,20 +67,41 @@ pub struct Contestant {
     /// Implementation of the slot.
     implementation: &'static str,
     changes: &'static [(&'static str, &'static str)],
+    /// The one slot that has it; without, it takes part where the implementation has a denoiser.
+    only_in: Option<&'static str>,
 }
 
 /// The implementation of slots that trace.
 const TRACED: &str = "ray-traced";
 const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
+/// Nothing that one frame takes from another, and as many bounces as there can be.
+const TRUE_GI: &[(&str, &str)] = &[
+    ("rays", "8"),
+    ("denoiser", "none"),
+    ("reuse", "false"),
+    ("cache", "none"),
+    ("bounces", "8"),
+    ("regularization", "0"),
+];
+/// The slot of diffuse indirect light, which has implementations that need no denoiser.
+const GI: &str = "gi";
 
 impl Contestant {
     const fn new(label: &'static str, changes: &'static [(&'static str, &'static str)]) -> Self {
-        Self { label, implementation: TRACED, changes }
+        Self { label, implementation: TRACED, changes, only_in: None }
+    }
+
+    const fn of_gi(
+        label: &'static str,
+        implementation: &'static str,
+        changes: &'static [(&'static str, &'static str)],
+    ) -> Self {
+        Self { label, implementation, changes, only_in: Some(GI) }
     }
 }
 
 /// The variants to compare, the raw one first. What an effect has no settings for is skipped.
-pub const CONTESTANTS: [Contestant; 12] = [
+pub const CONTESTANTS: [Contestant; 18] = [
     Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none")]),
     Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
     Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
@@ -84,6 +113,12 @@ pub const CONTESTANTS: [Contestant; 12] = [
     Contestant::new("blur, reconstructed", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "true")]),
     Contestant::new("blur, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "recurrent-blur")]),
     Contestant { implementation: "hybrid", ..Contestant::new("hybrid", &[("pixels_per_ray", "16")]) },
+    Contestant::of_gi("svgf, cache of surfels", TRACED, &[("rays", "1"), ("denoiser", "svgf"), ("cache", "surfels")]),
+    Contestant::of_gi("surfels", "surfels", &[]),
+    Contestant::of_gi("surfels, half", "surfels", &[("resolution", "half")]),
+    Contestant::of_gi("surfels, multi-scale", "surfels", &[("estimator", "multi-scale")]),
+    Contestant::of_gi("screen-space", "screen-space", &[]),
+    Contestant::of_gi("sky", "sky", &[]),
     Contestant::new("eight rays", TRUE),
 ];
 
@@ -171,6 +206,7 @@ struct Bench {
     slot: String,
     /// The picture at the end of the frame; of a truth the one before anti-aliasing.
     picture: bool,
+    is_radiance: bool,
     lights: u32,
     label: String,
     last: Option<FrameResult>,
@@ -191,7 +227,8 @@ impl Bench {
         let slot = if picture { "sky" } else { options.slot.as_str() };
         renderer.read_slots(&[slot]).map_err(failed)?;
         let (lights, label) = (scene.lights.len() as u32, label.to_owned());
-        Ok(Self { renderer, slot: options.slot.clone(), picture, lights, label, last: None })
+        let is_radiance = options.is_radiance();
+        Ok(Self { renderer, slot: options.slot.clone(), picture, is_radiance, lights, label, last: None })
     }
 
     fn frame(&mut self, path: &Path, moment: &Moment, is_truth: bool) -> Result<Seen, FrameBenchError> {
@@ -208,17 +245,13 @@ impl Bench {
         let none = || FrameBenchError::NoImage { path: path.name, slot: self.slot.clone() };
         let image = image.ok_or_else(none)?;
         // Alpha of radiance says nothing.
-        let channels = (image.format.channels() as usize).min(if self.is_radiance() { 3 } else { 4 });
+        let channels = (image.format.channels() as usize).min(if self.is_radiance { 3 } else { 4 });
         Ok(Seen { size: image.extent, channels, pixels: image.values() })
-    }
-
-    fn is_radiance(&self) -> bool {
-        self.picture || self.slot == "reflections"
     }
 
     /// What errors are measured of: single bright pixels must not decide.
     fn compared(&self, seen: &Seen) -> Values {
-        let shown = |x: f64| if self.is_radiance() { x / (1.0 + x) } else { x };
+        let shown = |x: f64| if self.is_radiance { x / (1.0 + x) } else { x };
         seen.pixels.iter().flat_map(|v| v[..seen.channels].iter().map(|x| shown(f64::from(*x)))).collect()
     }
 
@@ -233,12 +266,16 @@ impl Bench {
 }
 
 /// The configuration of a contestant; settings that its implementation does not have are skipped. None if the slot does not have the
-/// implementation, or it has no denoiser.
+/// implementation, or it has no denoiser and is not meant for this slot.
 fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, FrameBenchError> {
     let catalogue: Catalogue = Slots::default().catalogue();
     let known = catalogue.slot(&options.slot).and_then(|s| s.implementation(of.implementation));
     let has = |key: &str| known.is_none_or(|i| i.settings.iter().any(|s| s.key == key));
-    if of.implementation != TRACED && (known.is_none() || !has("denoiser")) {
+    let takes_part = match of.only_in {
+        Some(slot) => slot == options.slot && known.is_some(),
+        None => of.implementation == TRACED || (known.is_some() && has("denoiser")),
+    };
+    if !takes_part {
         return Ok(None);
     }
     let mut config = options.config.clone();
@@ -256,13 +293,19 @@ fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, Fra
 
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
 fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, FrameBenchError> {
-    let Some(mut config) = config(options, Contestant::new("truth", TRUE))? else { return Ok(Vec::new()) };
+    let of_gi = options.slot == GI;
+    let contestant = Contestant::new("truth", if of_gi { TRUE_GI } else { TRUE });
+    let Some(mut config) = config(options, contestant)? else { return Ok(Vec::new()) };
     // The slots of the truth have the size of the picture.
     if let Some(scale) = config.settings.get_mut("post").and_then(|post| post.get_mut("resolution_scale")) {
         *scale = Value::Float(1.0);
     }
     let mut bench = Bench::new(gpu, &path.scene, options, "truth", &config)?;
-    let frames = if options.picture { PICTURE_TRUTH_FRAMES } else { TRUTH_FRAMES };
+    let frames = match () {
+        () if options.picture => PICTURE_TRUTH_FRAMES,
+        () if of_gi => GI_TRUTH_FRAMES,
+        () => TRUTH_FRAMES,
+    };
     let mut truths: Vec<Seen> = Vec::with_capacity(path.moments.len());
     for (at, moment) in path.moments.iter().enumerate() {
         // Where nothing moves, all frames have the same truth.
@@ -310,7 +353,12 @@ pub fn walk(
         if !options.takes(&CONTESTANTS.map(|c| c.label), contestant.label) || configs.contains(&config) {
             continue; // not wanted, or the effect does not have this setting
         }
-        courses.push(course(gpu, path, options, (contestant.label, &config), &truths, perceived)?);
+        match course(gpu, path, options, (contestant.label, &config), &truths, perceived) {
+            Ok(course) => courses.push(course),
+            // In a scene without a sky it has nothing to do.
+            Err(FrameBenchError::NoImage { .. }) if contestant.implementation == "sky" => continue,
+            Err(error) => return Err(error),
+        }
         configs.push(config);
     }
     Ok(courses)
@@ -369,7 +417,10 @@ pub fn run(
     perceived: Perceived<'_>,
     mut progress: impl FnMut(&str),
 ) -> Result<MotionReport, FrameBenchError> {
-    let paths = paths(scene, options.frames);
+    let mut paths = paths(scene, options.frames);
+    if options.slot == GI {
+        paths.extend(paths_of_light(scene, options.frames));
+    }
     let labels = CONTESTANTS.map(|contestant| contestant.label);
     for name in &options.only {
         if !paths.iter().any(|path| path.name == name) && !labels.contains(&name.as_str()) {

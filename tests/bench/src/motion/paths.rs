@@ -1,6 +1,6 @@
 //! Scripted motion, the same for every scene.
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
-use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Node, Property, Scene};
+use magpie::scene::{Animation, Camera, Channel, Instance, Interpolation, Light, Local, Node, Property, Scene};
 
 /// Time between two frames, seconds.
 const FRAME: f64 = 1.0 / 60.0;
@@ -8,6 +8,13 @@ const FRAME: f64 = 1.0 / 60.0;
 const CAMERA_TURN: f64 = 0.01;
 /// Rotation of the lights about the world's vertical axis per frame, radians.
 const LIGHT_TURN: f64 = 0.005;
+
+/// Rotation of the circling lamp over the whole path, radians.
+const LAMP_TURN: f64 = 1.5;
+/// Time in which a door opens, seconds.
+const DOOR_OPENS: f64 = 0.1;
+/// Longer than any path, seconds.
+const LONG: f64 = 1000.0;
 
 /// State of the scene in a frame.
 #[derive(Clone, Debug)]
@@ -120,6 +127,82 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     paths
 }
 
+/// Paths for indirect light, beside the others: a coloured lamp circles around what the camera looks at, and a door slides open, in scenes with a
+/// thing of that name that nothing moves.
+#[must_use]
+pub fn paths_of_light(scene: &Scene, frames: u32) -> Vec<Path> {
+    let Some(camera) = scene.cameras.first() else { return Vec::new() };
+    let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
+    let path = |name, scene| {
+        let moments = (0..frames).map(|frame| still(FRAME * f64::from(frame))).collect();
+        Path { name, scene, before: Some(still(0.0)), moments }
+    };
+    let mut paths = vec![path("lamp", with_circling_lamp(scene, camera, FRAME * f64::from(frames)))];
+    let door = |i: &&Instance| i.node.is_none() && i.skin.is_none() && i.name.to_lowercase().contains("door");
+    if let Some(door) = scene.instances.iter().position(|i| door(&i)) {
+        paths.push(path("door", with_opening_door(scene, door)));
+    }
+    paths
+}
+
+/// Adds a lamp that is brighter than all others and circles around the middle of the picture.
+fn with_circling_lamp(scene: &Scene, camera: &Camera, seconds: f64) -> Scene {
+    let mut moving = scene.clone();
+    moving.animations.clear();
+    let forward = -camera.world_from_camera.matrix3.z_axis;
+    let distance = distance_along(scene, camera.eye(), forward).unwrap_or(1e3 * f64::from(camera.near));
+    let centre = camera.eye() + 0.85 * distance * forward;
+    let (across, radius) = (0.2 * distance, (0.01 * distance) as f32);
+    // The same for scenes of any size: on a surface at the distance of the circle, light of some suns.
+    let radiance = Vec3::new(12.0, 4.0, 1.5) * (across as f32 / radius).powi(2);
+    moving.light_nodes.resize(moving.lights.len(), None);
+    moving.light_nodes.push(Some(moving.nodes.len() as u32));
+    let at = |k: u32| centre + DQuat::from_rotation_y(f64::from(k) / 8.0 * LAMP_TURN) * DVec3::X * across;
+    moving.lights.push(Light::Sphere { centre: at(0), radius, radiance });
+    let places: Vec<Vec3> = (0..=8).map(|k| at(k).as_vec3()).collect();
+    moves(&mut moving, "lamp", DQuat::IDENTITY, DVec3::ONE, &places, seconds);
+    moving
+}
+
+/// Lets a thing slide aside by its width, from the first frame on.
+fn with_opening_door(scene: &Scene, door: usize) -> Scene {
+    let mut moving = scene.clone();
+    moving.animations.clear();
+    let world = moving.instances[door].world_from_object;
+    let [low, high] = moving.meshes[moving.instances[door].mesh as usize].bounds().unwrap_or_default();
+    let size = (high - low).as_dvec3();
+    let along = if size.x > size.z { DVec3::X * size.x } else { DVec3::Z * size.z };
+    let (scale, rotation, from) = world.to_scale_rotation_translation();
+    let to = from + world.transform_vector3(along);
+    moving.instances[door].node = Some(moving.nodes.len() as u32);
+    moves(&mut moving, "door", rotation, scale, &[from.as_vec3(), to.as_vec3()], DOOR_OPENS);
+    moving
+}
+
+/// Adds a node that goes from place to place, in so many seconds to the last, where it stays.
+fn moves(scene: &mut Scene, name: &str, rotation: DQuat, scale: DVec3, places: &[Vec3], seconds: f64) {
+    let node = scene.nodes.len() as u32;
+    let local = Local::Trs { translation: places[0].as_dvec3(), rotation, scale };
+    scene.nodes.push(Node { name: name.to_owned(), local, ..Node::default() });
+    let step = seconds / (places.len() - 1) as f64;
+    let mut times: Vec<f32> = (0..places.len()).map(|k| (step * k as f64) as f32).collect();
+    let mut values: Vec<f32> = places.iter().flat_map(|place| place.to_array()).collect();
+    // Animations repeat: this one not within any path.
+    times.push(LONG as f32);
+    values.extend(places[places.len() - 1].to_array());
+    scene.animations.push(Animation {
+        name: name.to_owned(),
+        duration: LONG,
+        channels: vec![Channel {
+            node,
+            property: Property::Translation,
+            interpolation: Interpolation::Linear,
+            times,
+            values,
+        }],
+    });
+}
+
 /// Position and orientation of a light: the transform of a node that carries it.
 #[must_use]
 pub fn stand(light: &Light) -> (DVec3, DQuat) {
@@ -164,6 +247,7 @@ fn turn_lights(scene: &mut Scene, seconds: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use magpie::scene::Animator;
 
     #[test]
     fn a_camera_goes_around_what_it_looks_at() {
@@ -199,5 +283,25 @@ mod tests {
         assert_eq!(names(&scene), ["still", "camera", "lights", "switch"]);
         assert_eq!(names(&Scene { lights: Vec::new(), ..scene }), ["still", "camera"]);
         assert_eq!(names(&magpie::scene::builtin("carousel").unwrap())[2], "things");
+    }
+
+    #[test]
+    fn a_lamp_circles_and_a_door_opens() {
+        let mut scene = magpie::scene::builtin("cornell").unwrap();
+        assert_eq!(paths_of_light(&scene, 4).iter().map(|p| p.name).collect::<Vec<_>>(), ["lamp"]);
+        let door = scene.instances.iter().position(|i| i.name == "short block").unwrap();
+        scene.instances[door].name = "Door".to_owned();
+        let paths = paths_of_light(&scene, 24);
+        assert_eq!(paths.iter().map(|p| p.name).collect::<Vec<_>>(), ["lamp", "door"]);
+        for path in &paths {
+            let animator = Animator::new(&path.scene);
+            let [first, last] = [0, 23].map(|k: usize| animator.pose(path.moments[k].time));
+            let lamp = path.scene.lights.len() - 1;
+            let [(from, _), (to, _)] = [&first, &last].map(|pose| stand(&pose.lights[lamp]));
+            let went = first.instances[door].translation.distance(last.instances[door].translation);
+            // The block is 2.08 m wide.
+            assert_eq!(went > 1.5, path.name == "door", "{}: the door went {went} m", path.name);
+            assert_eq!(from.distance(to) > 1.0, path.name == "lamp", "{}: from {from} to {to}", path.name);
+        }
     }
 }

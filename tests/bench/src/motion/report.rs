@@ -140,6 +140,8 @@ impl MotionReport {
                 "camera" => "while the camera moves",
                 "switch" => "after a switch",
                 "lights" => "while lights move",
+                "lamp" => "while a coloured lamp moves",
+                "door" => "after a door has opened",
                 _ => "while things move",
             };
             let title = format!("{} {when}: {}", self.slot, self.scene);
