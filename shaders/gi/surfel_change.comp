@@ -2,7 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/surfel_change.glsl"
-// Adds up, over the surfels of each cell and block, how far their newest light is from their means.
+// Adds up, over the surfels of each cell and block, how far their light of late is from their means.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
 
@@ -11,12 +11,15 @@ void main() {
     SurfelPool pool = SurfelPool(params.pool);
     if (i >= params.capacity || pool.at[i].bound.instance == 0u || pool.at[i].light.samples < HAS_SAY) return;
     vec3 from_eye = PlacedSurfelBuffer(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye;
-    float change = change_of(pool.at[i].light);
+    Estimator e = pool.at[i].light;
     SurfelChanges changes = SurfelChanges(params.changes);
-    uvec2 places = change_places(params.grid, from_eye);
-    for (int place = 0; place < 2; place++) {
-        atomicAdd(changes.at[places[place]].sum, int(round(256.0 * change)));
-        atomicAdd(changes.at[places[place]].squares, uint(round(64.0 * change * change)));
-        atomicAdd(changes.at[places[place]].count, 1u);
+    for (uint window = 0u; window < 2u; window++) {
+        float change = change_of(e, window == 0u ? vec3(e.newest) : vec3(e.short_mean));
+        uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
+        for (int place = 0; place < 2; place++) {
+            atomicAdd(changes.at[places[place]].sum, int(round(256.0 * change)));
+            atomicAdd(changes.at[places[place]].squares, uint(round(64.0 * change * change)));
+            atomicAdd(changes.at[places[place]].count, 1u);
+        }
     }
 }

@@ -22,8 +22,9 @@ void main() {
     }
     if (params.begins != 0u && i <= params.grid.cell_mask) SurfelWords(params.wishes).at[i] = 0u;
     if (params.begins != 0u && i <= params.grid.cell_mask) {
-        SurfelChanges(params.changes).at[i] = SurfelChange(0, 0u, 0u, 0u);
-        SurfelChanges(params.changes).at[params.grid.cell_mask + 1u + i] = SurfelChange(0, 0u, 0u, 0u);
+        for (uint part = 0u; part < 4u; part++) {
+            SurfelChanges(params.changes).at[part * (params.grid.cell_mask + 1u) + i] = SurfelChange(0, 0u, 0u, 0u);
+        }
     }
     if (i <= params.grid.cell_mask + 1u) SurfelCells(params.grid.cells).at[i] = uvec2(0u);
 }

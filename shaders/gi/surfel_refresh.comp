@@ -9,14 +9,14 @@ layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { PlacedSurfel at[]; };
 
-// Samples that are left where the light has changed.
-const float LEFT = 2.0;
+// Samples that are left where the light has changed, about as many as the windows hold.
+const float LEFT[2] = float[](2.0, 12.0);
 
 // Whether the light at a surfel has changed: in its cell, or in its block if its cell does not say otherwise.
-bool has_changed(vec3 from_eye) {
-    uvec2 places = change_places(params.grid, from_eye);
-    float cell = change_at(SurfelChanges(params.changes).at[places.x]);
-    float block = change_at(SurfelChanges(params.changes).at[places.y]);
+bool has_changed(vec3 from_eye, uint window) {
+    uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
+    float cell = change_at(SurfelChanges(params.changes).at[places.x], WINDOWS[window]);
+    float block = change_at(SurfelChanges(params.changes).at[places.y], WINDOWS[window]);
     return abs(cell) > 1.0 || (abs(block) > 1.0 && cell * block > 0.0);
 }
 
@@ -26,9 +26,14 @@ void main() {
     if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
     Placed(params.grid.placed).at[i].nearness = pool.at[i].nearness;
     if (params.changes == uvec2(0u) || pool.at[i].light.samples < HAS_SAY) return;
-    if (!has_changed(Placed(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye)) return;
-    vec3 newest = pool.at[i].light.newest;
-    pool.at[i].light.mean = newest;
-    pool.at[i].light.variance = newest * newest;
-    pool.at[i].light.samples = LEFT;
+    vec3 from_eye = Placed(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye;
+    for (uint window = 0u; window < 2u; window++) {
+        if (!has_changed(from_eye, window)) continue;
+        vec3 of_late = window == 0u ? vec3(pool.at[i].light.newest) : vec3(pool.at[i].light.short_mean);
+        pool.at[i].light.mean = of_late;
+        pool.at[i].light.short_mean = of_late;
+        pool.at[i].light.variance = of_late * of_late;
+        pool.at[i].light.samples = min(pool.at[i].light.samples, LEFT[window]);
+        break;
+    }
 }

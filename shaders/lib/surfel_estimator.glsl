@@ -57,15 +57,15 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend, floa
 }
 
 // Mean over all samples. Later ones count more, in proportion to their number, as the first were taken before light had spread; from MOST_SAMPLES
-// on the mean is exponential. Where the light changes, surfel_refresh.comp lets it begin anew. Single samples are limited only beyond what light from
-// a thousandth of all directions makes: that deviates by 32 standard deviations.
+// on the mean is exponential. Where the light changes, surfel_refresh.comp lets it begin anew.
 void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
     float count = min(e.samples + 1.0, MOST_SAMPLES);
     blend = 2.0 / (count + 1.0);
-    y = limited(e, y, 8.0 * luminance(e.mean) + 32.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
+    y = limited(e, y, 4.0 * luminance(e.mean) + 8.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
     vec3 before = y - e.mean;
     e.mean += blend * before;
     e.variance = mix(e.variance, before * (y - e.mean), max(1.0 / count, 1.0 / 64.0));
+    e.short_mean = mix(e.short_mean, y, max(1.0 / count, SHORT_WINDOW));
 }
 
 // Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane. `nearby`: luminance of the brightest sample of late of surfels

@@ -209,7 +209,8 @@ pub struct SurfelPoolParams {
     pub not_finite: Address,
     /// Output, where the frame begins: a copy of `grid`.
     pub cache: Address,
-    /// [`SurfelChange`] of each cell, then of blocks of [`CHANGE_BLOCK`]³ cells, hashed in the same way.
+    /// [`SurfelChange`] of each cell, then of blocks of [`CHANGE_BLOCK`]³ cells, hashed in the same way; both over the newest samples, then over a
+    /// longer window.
     pub changes: Address,
 }
 

@@ -44,7 +44,8 @@ fn light_in_closed_rooms_goes_to_its_end_and_stays() -> Result<()> {
         let started = Instant::now();
         // What walls have scattered at least twice: the pixel's own wall, and one that is lit by walls.
         let truth = f64::from(albedo * albedo / (1.0 - albedo));
-        let mut frames = Frames::new(&gpu, &shining(albedo), SURFELS, &["gi.radius=0.1", "gi.surfels=2048"], SIZE)?;
+        let mut frames =
+            Frames::new(&gpu, &shining(albedo), SURFELS, &["gi.surfel_radius=0.1", "gi.surfels=2048"], SIZE)?;
         let (mut most, mut ratios, mut now) = (0.0_f64, Vec::new(), 0.0);
         for frame in 1..=last {
             now = mean(&frames.next()?) / truth;

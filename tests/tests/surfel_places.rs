@@ -105,7 +105,7 @@ type Found = BTreeMap<&'static str, (usize, f64)>;
 fn follow(scene: &Scene, size: [u32; 2], count: u32, every: u32) -> Result<Found> {
     let Some(gpu) = gpu_without_validation()? else { return Ok(Found::new()) };
     let animator = Animator::new(scene);
-    let mut frames = Frames::new(&gpu, scene, SURFELS, &["gi.surfels=16384", "gi.radius=0.03"], size)?;
+    let mut frames = Frames::new(&gpu, scene, SURFELS, &["gi.surfels=16384", "gi.surfel_radius=0.03"], size)?;
     let origin = FloatingOrigin::default().follow(&frames.camera);
     let mut found = Found::new();
     for frame in 1..=count {

@@ -84,9 +84,9 @@ pub struct SceneFacts {
     pub roughness: Histogram,
     /// Metalness.
     pub metalness: Histogram,
-    /// Share that reflects diffusely at all: all but what is metal throughout.
+    /// Share that reflects diffusely at all: all but what is metal throughout, black or unlit.
     pub diffuse: f64,
-    /// Share of materials that have a specular reflection: all but dielectrics whose reflection KHR_materials_specular takes away.
+    /// Share of materials that have a specular reflection: all but unlit ones, and dielectrics whose reflection KHR_materials_specular takes away.
     pub specular: f64,
     /// Share whose alpha is tested.
     pub alpha_tested: f64,
@@ -285,8 +285,9 @@ impl InstanceFacts {
             emissive_power,
             roughness,
             metalness,
-            diffuse: least_metalness < 1.0,
-            specular: material.specular > 0.0 || material.metalness > 0.0 || material.clearcoat > 0.0,
+            diffuse: least_metalness < 1.0 && !material.unlit && material.base_colour.truncate() != Vec3::ZERO,
+            specular: !material.unlit
+                && (material.specular > 0.0 || material.metalness > 0.0 || material.clearcoat > 0.0),
             alpha_tested: matches!(material.alpha, AlphaMode::Mask(_)),
             blended: material.alpha == AlphaMode::Blend,
             transmissive: material.transmission > 0.0,

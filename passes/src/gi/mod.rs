@@ -51,7 +51,7 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
 fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.diffuse {
         _ if facts.area == 0.0 => Some("there is no surface"),
-        0.0 => Some("all surfaces are metal"),
+        0.0 => Some("all surfaces are metal, black or unlit"),
         _ => None,
     }
 }

@@ -18,7 +18,6 @@ use magpie_shaders::{GI_SCREEN_LIGHT_COMP, GI_SCREEN_SEARCH_COMP};
 /// What the light of a surface is taken from.
 const SHINES: &[Channel] = &[Channel::Depth, Channel::Motion, Channel::Emission, Channel::Ids];
 
-
 /// Diffuse indirect light found on the screen.
 pub struct ScreenSpace {
     light: Kernel,

@@ -81,7 +81,11 @@ pub fn scenes() -> Result<Vec<(&'static str, Scene, Reasons)>> {
         ("emission alone", dark, [NO_LIGHT, UNUSED, None, NO_SKY, NO_SKY, NO_SKY]),
         ("a lamp of no strength", switched_off, [NO_LIGHT, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
         ("a black sky", black, [None, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
-        ("metal", with_sky(still_life(metal())), [None, None, NO_EMITTER, Some("all surfaces are metal"), None, None]),
+        (
+            "metal",
+            with_sky(still_life(metal())),
+            [None, None, NO_EMITTER, Some("all surfaces are metal, black or unlit"), None, None],
+        ),
         (
             "Lambert",
             with_sky(still_life(lambert)),
