@@ -33,10 +33,17 @@ pub const DENOISED: Way =
 pub const ONE_RAY: Way =
     Way { label: "ray-traced, raw", implementation: "ray-traced", changes: &["gi.denoiser=none", "gi.rays=1"] };
 
+/// The same with surfels at the hits.
+pub const CACHED: Way = Way {
+    label: "ray-traced, svgf, surfels at hits",
+    implementation: "ray-traced",
+    changes: &["gi.denoiser=svgf", "gi.rays=1", "gi.cache=surfels"],
+};
+
 /// What there is to compare; what the slot does not have is left out.
 pub fn ways() -> Vec<Way> {
     let simple = |implementation| Way { label: implementation, implementation, changes: &[] };
-    let all = [SURFELS, DENOISED, ONE_RAY, simple("sky"), simple("screen-space")];
+    let all = [SURFELS, DENOISED, CACHED, ONE_RAY, simple("sky"), simple("screen-space")];
     let infos = Slots::default().infos();
     let has = |name: &str| {
         infos.iter().filter(|slot| slot.name == "gi").any(|slot| slot.implementations.iter().any(|i| i.name == name))
@@ -107,27 +114,27 @@ impl Frames {
     ///
     /// # Errors
     /// Any error of the renderer, and values that are not finite.
-    pub fn next(&mut self) -> Result<Vec<DVec3>> {
+    pub fn light(&mut self) -> Result<Vec<DVec3>> {
         Ok(self.image(None)?.0)
     }
 
     /// The light after so many others.
     ///
     /// # Errors
-    /// As of [`next`](Self::next).
+    /// As of [`light`](Self::light).
     pub fn after(&mut self, others: u32) -> Result<Vec<DVec3>> {
         for _ in 0..others {
             let request = FrameRequest { camera: &self.camera, time: self.time, view: None, read_back: false };
             let result = self.renderer.frame(request)?.context("no frame")?;
             ensure!(result.findings.is_empty(), "{}: {}", self.way.label, result.findings[0]);
         }
-        self.next()
+        self.light()
     }
 
     /// The light of the next frame, and counters of surfels.
     ///
     /// # Errors
-    /// As of [`next`](Self::next), and where there are no surfels.
+    /// As of [`light`](Self::light), and where there are no surfels.
     pub fn counted(&mut self) -> Result<(Vec<DVec3>, Counters)> {
         let (light, result) = self.image(Some("gi.show:counters"))?;
         let values = result.images.as_ref().context("no image")?.linear.values();

@@ -111,7 +111,7 @@ fn follow(scene: &Scene, size: [u32; 2], count: u32, every: u32) -> Result<Found
     for frame in 1..=count {
         frames.time = FRAME * f64::from(frame);
         if frame % every != 0 {
-            frames.next()?;
+            frames.light()?;
             continue;
         }
         let now = Now::new(scene, &animator, frames.time);

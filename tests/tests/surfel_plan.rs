@@ -38,9 +38,8 @@ fn last_frames_surfels_run_beside_the_gbuffer() -> Result<()> {
     let queues = Queues { async_compute: true, transfer: false };
     let plan = plan(&declared, &Switches::default(), queues, &mut Packed);
     let batch_of = |name: &str| -> Result<usize> {
-        let runs = |batch: &Batch| {
-            plan.order[batch.passes.range()].iter().any(|pass| declared.pass_name(*pass) == name)
-        };
+        let runs =
+            |batch: &Batch| plan.order[batch.passes.range()].iter().any(|pass| declared.pass_name(*pass) == name);
         plan.batches.iter().position(runs).with_context(|| format!("`{name}` does not run"))
     };
     let gbuffer = batch_of("gbuffer.draw")?;
