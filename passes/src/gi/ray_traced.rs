@@ -34,7 +34,7 @@ pub fn settings() -> Vec<SettingSpec> {
     let bounces = "Surfaces that a path may meet one after another. Higher: more light in rooms, more time.";
     let cache = "What knows the indirect light at hits. `none`: paths go on. `surfels`: those of the implementation of that name, which are kept beside; \
                  paths end at them, and have all bounces.";
-    let reuse = "Hits that the previous frame shows take its light, with all its bounces, instead of sampling lights.";
+    let reuse = "Hits that the previous frame shows take its light, with all its bounces, instead of sampling lights. Not with `cache`.";
     let mut settings = vec![
         SettingSpec::among("rays", "", rays, 1, &[1, 2, 4, 8]).sweep_all(),
         SettingSpec::integer("bounces", "", bounces, 2, 1..=8).sweep([1, 2, 4]),
@@ -61,7 +61,8 @@ impl RayTraced {
             samples: settings.u32("rays")?,
             bounces: settings.u32("bounces")?,
             regularization: settings.f32("regularization")?,
-            reuse: settings.switch("reuse")?,
+            // Surfels have all bounces, the picture those that it shows.
+            reuse: settings.switch("reuse")? && settings.choice("cache")? == "none",
             format: precision::format(settings)?,
             denoiser: Denoiser::new(build, "gi", Options::read(settings)?)?,
         })
