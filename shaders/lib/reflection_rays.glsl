@@ -48,11 +48,11 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
         uint samples = 0u;
         RayStart start;
         if (has_rays) {
-            samples = params.samples;
+            samples = params.density;
             start = reflector_start(view, params, pixel, r);
         }
         for (uint i = 0u; i < samples; i++) {
-            uint index = view.at[0].frame * params.samples + i;
+            uint index = view.at[0].frame * params.density + i;
             LobeSample s = sample_lobe(view, r, pixel, index);
             if (!s.exists) continue;
             Reflected found = reflect_along(view, params, pixel, r, start, s, index);
@@ -60,8 +60,8 @@ void trace_pixel(ViewBuffer view, TraceParams params, ivec2 pixel) {
             nearest = min(nearest, found.distance);
         }
         // Without rays the sky, for denoisers that take it for that of a neighbour.
-        if (!has_rays) radiance = float(params.samples) * sky_reflected(view, r.surface, 1.0);
-        radiance /= float(params.samples) * specular_albedo(r.surface);
+        if (!has_rays) radiance = float(params.density) * sky_reflected(view, r.surface, 1.0);
+        radiance /= float(params.density) * specular_albedo(r.surface);
         width = lobe_width(view, r.surface, strongest_alpha(r.bsdf, r.v), nearest);
     }
     store(params.radiance, pixel, vec4(representable(radiance, params.greatest), 1.0));
@@ -85,14 +85,14 @@ void trace_found(ViewBuffer view, TraceParams params, ivec2 pixel, uint index, i
 
 // The ray of a cell.
 void trace_cell(ViewBuffer view, TraceParams params, ivec2 cell) {
-    ivec2 side = side_of(params.pixels_per_ray);
+    ivec2 side = side_of(params.density);
     trace_found(view, params, ray_pixel(view, cell, side), ray_turns(view, side), cell);
 }
 
 // Which of both `params` asks for, at `at` of the launch.
 void trace_reflections(TraceParams params, ivec2 at) {
     ViewBuffer view = ViewBuffer(params.view);
-    uvec2 side = uvec2(side_of(params.pixels_per_ray));
+    uvec2 side = uvec2(side_of(params.rays_found == NO_IMAGE ? 1u : params.density));
     uvec2 cells = (view.at[0].size + side - 1u) / side;
     if (!inside(at, cells)) return;
     if (params.rays_found == NO_IMAGE) trace_pixel(view, params, at);

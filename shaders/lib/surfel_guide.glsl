@@ -1,5 +1,6 @@
 #ifndef LIB_SURFEL_GUIDE_GLSL
 #define LIB_SURFEL_GUIDE_GLSL
+#include "lib/colour.glsl"
 #include "lib/surfels.glsl"
 // From where a surfel's light comes, learned from its own paths. Directions are drawn from a unit square that is mapped to the hemisphere by its cosine;
 // cells of that square in which the square of the luminance was greater before are drawn more often. Each sample is divided by the density that it was

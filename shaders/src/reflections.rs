@@ -33,10 +33,8 @@ pub struct TraceParams {
     pub width: StorageImage,
     /// Output: the ray of each cell, RGBA16F as `lib/found_ray.glsl` packs it; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub rays_found: u32,
-    /// Pixels of a cell: 1, 2 side by side, or 4 in a square. Without `rays_found` 1.
-    pub pixels_per_ray: u32,
-    /// Rays of each pixel, at least 1; with `rays_found` 1.
-    pub samples: u32,
+    /// Without `rays_found`: rays of each pixel, at least 1. With it: pixels of a cell, which has one ray: 1, 2 side by side, or 4 in a square.
+    pub density: u32,
     /// Greatest number of bounces, at least 1: surfaces that a ray meets one after another and that are shaded.
     pub bounces: u32,
     /// As the setting of that name, 0 to 1.

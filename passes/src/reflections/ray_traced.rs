@@ -224,8 +224,8 @@ impl Launch {
             rays: c.rays(),
             gbuffer: declared.gbuffer.images(c),
             hits: declared.hits.params(c),
-            samples: self.samples,
-            pixels_per_ray: self.pixels_per_ray,
+            // One of them is 1.
+            density: self.samples.max(self.pixels_per_ray),
             bounces: self.bounces,
             regularization: self.regularization,
             greatest: self.greatest,
