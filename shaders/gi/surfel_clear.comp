@@ -17,7 +17,9 @@ void main() {
         // Placing surfels finds out how many groups the next frame needs.
         if (params.begins != 0u) {
             SurfelGridBufferWrite(params.cache).at[0] = params.grid;
-            counters.counts = SurfelCounts(0u, counters.counts.live, 0u, 0u, 0u, 0u, 0u, 0u, 0u);
+            uint before = counters.counts.changed[1];
+            uint changed = max(counters.counts.changed[0], before - (before + 31u) / 32u);
+            counters.counts = SurfelCounts(0u, counters.counts.live, 0u, 0u, 0u, 0u, 0u, 0u, 0u, uvec2(0u, changed));
         }
     }
     if (params.begins != 0u && i <= params.grid.cell_mask) SurfelWords(params.wishes).at[i] = 0u;

@@ -19,6 +19,21 @@ SurfelBinding seen_at(ViewBuffer view, ivec2 pixel) {
     return seen_binding(SceneBuffer(params.scene), load_uint(params.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), position);
 }
 
+// Light at a point by what surfels around it share. Paths take light that is newer but has more noise.
+SharedLight shared_around(vec3 eye, vec3 position, vec3 normal) {
+    SurfelPool pool = SurfelPool(params.pool);
+    uvec2 list = cell_list(params.grid, eye, position);
+    SharedLight sum = no_shared_light();
+    float weights = 0.0;
+    float seen = 0.0;
+    for (uint i = 0u; i < list.y; i++) {
+        uint other = SurfelWords(params.grid.references).at[list.x + i];
+        float weight = surfel_weight(params.grid, other, position, normal, REACH).y * min(pool.at[other].light.samples, CONFIDENT);
+        if (weight > 0.0) add_shared(sum, pool.at[other].light_shared, weight, weights, seen);
+    }
+    return mean_shared(sum, weights, seen);
+}
+
 // False where there is no place for it: a triangle without area, or a pixel without a position.
 bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     Surfel s;
@@ -29,15 +44,19 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     s.born = view.at[0].frame;
     s.paths = 0u;
     SurfelLight around = surfel_lookup(params.grid, view.at[0].eye, start.position, start.normal, start.normal);
-    s.light.mean = around.light;
+    s.light_shared = no_shared_light();
+    if (around.known) s.light_shared = shared_around(view.at[0].eye, start.position, start.normal);
+    else s.light_shared.mean = around.light;
+    s.openness = -1.0;
+    s.light.mean = s.light_shared.mean;
     s.light.samples = min(around.samples, INHERITED);
-    s.light.short_mean = around.light;
+    s.light.short_mean = s.light.mean;
     s.light.newest = around.light;
-    s.light.variance = around.light * around.light;
+    s.light.variance = s.light.mean * s.light.mean;
     s.light.variance_blend = 1.0;
     s.light.inconsistency = 1.0;
     s.light.brightest = 0.0;
-    for (int channel = 0; channel < 3; channel++) s.light.tilt[channel] = vec3(0.0);
+    s.light.tilt = s.light_shared.tilt;
     for (uint sector = 0u; sector < SECTORS; sector++) s.nearness[sector] = 0u;
     for (uint pair = 0u; pair < GUIDE_SIDE * GUIDE_SIDE / 2u; pair++) s.guide[pair] = 0u;
     s.chances = uvec4(0u);
@@ -46,8 +65,9 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     placed.radius = surfel_radius(params.grid, length(start.position - view.at[0].eye));
     placed.normal = start.normal;
     placed.samples = s.light.samples;
-    placed.mean = s.light.mean;
+    placed.mean = s.light.newest;
     placed.tilt = s.light.tilt;
+    placed.openness = s.light_shared.openness;
     placed.nearness = s.nearness;
     SurfelPool(params.pool).at[surfel] = s;
     PlacedSurfelBufferWrite(params.grid.placed).at[surfel] = placed;

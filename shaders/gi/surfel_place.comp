@@ -51,6 +51,7 @@ void main() {
             placed.samples = s.light.samples;
             placed.mean = s.light.newest;
             placed.tilt = s.light.tilt;
+            placed.openness = s.light_shared.openness;
             placed.nearness = s.nearness;
             PlacedSurfelBufferWrite(params.grid.placed).at[i] = placed;
             uint block = change_places(params.grid, placed.position - view.at[0].eye).y;

@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/surfel_change.glsl"
+#include "lib/surfel_guide.glsl"
 // Lets means begin anew where the light has changed, and brings what surfels have found to stand around them to where it is looked up. In the passes before it is that of the last frame, so that no path
 // depends on which came first.
 layout(local_size_x = SURFEL_GROUP) in;
@@ -11,13 +12,20 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { Pla
 
 // Samples that are left where the light has changed, about as many as the windows hold.
 const float LEFT[2] = float[](2.0, 12.0);
+const float LEFT_LIKELY = 4.0;
+// Samples below which what is left is so little that directions are learned anew.
+const float FORGETS = 16.0;
 
-// Whether the light at a surfel has changed: in its cell, or in its block if its cell does not say otherwise.
-bool has_changed(vec3 from_eye, uint window) {
+// Shares of all surfels whose light has clearly changed of late between which lesser evidence counts ever more: what changes in one place does so elsewhere as
+// well, by light that is passed on.
+const vec2 CHANGES_ELSEWHERE = vec2(0.005, 0.05);
+
+// How much tells that the light at a surfel has changed, over what it takes: in its cell, or in its block if its cell does not say otherwise.
+float evidence(vec3 from_eye, uint window) {
     uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
     float cell = change_at(SurfelChanges(params.changes).at[places.x], WINDOWS[window]);
     float block = change_at(SurfelChanges(params.changes).at[places.y], WINDOWS[window]);
-    return abs(cell) > 1.0 || (abs(block) > 1.0 && cell * block > 0.0);
+    return max(abs(cell), cell * block > 0.0 ? abs(block) : 0.0);
 }
 
 void main() {
@@ -27,13 +35,36 @@ void main() {
     Placed(params.grid.placed).at[i].nearness = pool.at[i].nearness;
     if (params.changes == uvec2(0u) || pool.at[i].light.samples < HAS_SAY) return;
     vec3 from_eye = Placed(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye;
+    SurfelCounters counters = SurfelCounters(params.counts);
+    float elsewhere = float(counters.counts.changed[1]) / float(max(counters.counts.live, 1u));
+    float likely = smoothstep(CHANGES_ELSEWHERE.x, CHANGES_ELSEWHERE.y, elsewhere);
+    float samples = pool.at[i].light.samples;
     for (uint window = 0u; window < 2u; window++) {
-        if (!has_changed(from_eye, window)) continue;
+        float found = evidence(from_eye, window);
+        if (found < 1.0) {
+            // Not enough to throw away what is known, but the likelier a change is, the sooner that shall count no more.
+            float evident = likely * found;
+            if (evident > 0.0) samples = min(samples, LEFT_LIKELY / (evident * evident));
+            continue;
+        }
+        atomicAdd(counters.counts.changed[0], 1u);
         vec3 of_late = window == 0u ? vec3(pool.at[i].light.newest) : vec3(pool.at[i].light.short_mean);
+        // What is darker than before has less tilt as well.
+        float before = luminance(pool.at[i].light.mean);
+        float left = before > 0.0 ? min(luminance(of_late) / before, 1.0) : 0.0;
+        for (int channel = 0; channel < 3; channel++) pool.at[i].light.tilt[channel] *= left;
+        pool.at[i].light_shared.mean = of_late;
+        pool.at[i].light_shared.tilt = pool.at[i].light.tilt;
         pool.at[i].light.mean = of_late;
         pool.at[i].light.short_mean = of_late;
         pool.at[i].light.variance = of_late * of_late;
-        pool.at[i].light.samples = min(pool.at[i].light.samples, LEFT[window]);
+        samples = min(samples, LEFT[window]);
         break;
     }
+    // What was learned of directions is of no use where the light is another. Paths begin a block with even chances.
+    if (samples < min(pool.at[i].light.samples, FORGETS)) {
+        for (uint pair = 0u; pair < GUIDE_SIDE * GUIDE_SIDE / 2u; pair++) pool.at[i].guide[pair] = 0u;
+        pool.at[i].paths += GUIDE_BLOCK - pool.at[i].paths % GUIDE_BLOCK;
+    }
+    pool.at[i].light.samples = samples;
 }

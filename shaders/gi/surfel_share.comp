@@ -1,24 +1,49 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/gbuffer.glsl"
 #include "lib/surfels.glsl"
-// Brings the light of surfels to where the picture looks it up. Those with few samples share them with others around them: what they keep for
-// themselves is their own.
+#include "shared/denoise.glsl"
+// Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them. Later they take what those
+// share as a guess that counts as so many samples more; as the others do the same, light of ever more surfels is averaged from frame to frame, until their
+// own samples are enough. What surfels keep for themselves is their own.
 layout(local_size_x = SURFEL_GROUP) in;
-layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
+layout(push_constant, scalar) uniform Push { SurfelShareParams params; };
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { PlacedSurfel at[]; };
 
-// Samples with which a surfel stands alone. With fewer it shares with others within a distance that is so great that they have as many, at most REACH radii.
+// Samples with which a surfel stands alone.
+const float ALONE = 256.0;
+// Samples that the guess counts for: so many times a surfel's own, and at most. Ever less towards those with which it stands alone.
+const float GUESS = 4.0;
+const float MOST_GUESS = 128.0;
+// Radii within which others are asked. The youngest ask within a distance that is so great that others have ENOUGH samples, at most REACH radii.
+const float ASKED = 2.0;
 const float ENOUGH = 64.0;
+// Samples with which a surfel is no longer one of the youngest: before, light has not spread everywhere, and what is shared would be what it was before.
+const float YOUNGEST = 12.0;
+// More samples than this do not make a surfel count more.
+const float SETTLED = 64.0;
+// Share of the newest frame in the mean of openness.
+const float NEWEST_OPENNESS = 0.125;
+// Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
+const float SEEN = 0.1;
 
-struct Shared {
-    vec3 mean;
-    mat3 tilt;
-    float samples;
-};
+// Openness that the picture shows at a surfel's centre; below 0 if it does not show it.
+float seen_openness(ViewBuffer view, PlacedSurfel s) {
+    vec4 clip = view.at[0].clip_from_world * vec4(s.position, 1.0);
+    if (params.openness == NO_IMAGE || !(clip.w > 0.0)) return -1.0;
+    vec2 uv = 0.5 + 0.5 * clip.xy / clip.w;
+    ivec2 pixel = ivec2(floor(uv * vec2(view.at[0].size)));
+    if (!inside(pixel, view.at[0].size)) return -1.0;
+    float depth = load(params.depth, pixel).r;
+    if (depth == 0.0) return -1.0;
+    vec3 apart = world_position(view, pixel, depth) - s.position;
+    // The pixel's centre is not the surfel's: what is across the surface counts.
+    return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
+}
 
-void add_cell(inout Shared sum, ivec3 cell, int level, vec3 position, vec3 normal, float reach) {
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, ivec3 cell, int level, vec3 position, vec3 normal, float reach, bool young) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
@@ -32,42 +57,66 @@ void add_cell(inout Shared sum, ivec3 cell, int level, vec3 position, vec3 norma
         if (cell_of(params.grid, centre - eye, level) != cell) continue;
         vec3 own = PlacedSurfelBuffer(params.grid.placed).at[other].normal;
         float weight = disc_weight(square, reach, own, offset, normal).y;
-        if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own) * min(pool.at[other].light.samples, ENOUGH);
+        if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own) * min(pool.at[other].light.samples, SETTLED);
         if (weight == 0.0) continue;
-        sum.mean += weight * pool.at[other].light.mean;
-        for (int channel = 0; channel < 3; channel++) sum.tilt[channel] += weight * pool.at[other].light.tilt[channel];
-        sum.samples += weight;
+        SharedLight light = pool.at[other].light_shared;
+        if (young || light.is_known == 0u) {
+            light.mean = pool.at[other].light.mean;
+            light.tilt = pool.at[other].light.tilt;
+        }
+        add_shared(sum, light, weight, weights, seen);
     }
+}
+
+// What surfels around one share, itself among them.
+SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples) {
+    SharedLight sum = no_shared_light();
+    float weights = 0.0;
+    float seen = 0.0;
+    vec3 from_eye = s.position - eye;
+    int level = cell_level(length(from_eye));
+    bool young = samples < YOUNGEST;
+    float reach = s.radius * (young ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
+    ivec3 low = cell_of(params.grid, from_eye - reach, level);
+    ivec3 high = cell_of(params.grid, from_eye + reach, level);
+    for (int z = low.z; z <= high.z; z++) {
+        for (int y = low.y; y <= high.y; y++) {
+            for (int x = low.x; x <= high.x; x++) add_cell(sum, weights, seen, ivec3(x, y, z), level, s.position, s.normal, reach, young);
+        }
+    }
+    return mean_shared(sum, weights, seen);
 }
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     SurfelPool pool = SurfelPool(params.pool);
     if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
+    ViewBuffer view = ViewBuffer(params.view);
     Placed placed = Placed(params.grid.placed);
+    PlacedSurfel s = placed.at[i];
     float samples = pool.at[i].light.samples;
-    vec3 mean = pool.at[i].light.mean;
-    vec3 tilt[3] = pool.at[i].light.tilt;
-    if (samples < ENOUGH) {
-        vec3 position = placed.at[i].position;
-        vec3 normal = placed.at[i].normal;
-        vec3 from_eye = position - ViewBuffer(params.view).at[0].eye;
-        int level = cell_level(length(from_eye));
-        float reach = placed.at[i].radius * clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH);
-        ivec3 low = cell_of(params.grid, from_eye - reach, level);
-        ivec3 high = cell_of(params.grid, from_eye + reach, level);
-        Shared sum = Shared(vec3(0.0), mat3(0.0), 0.0);
-        for (int z = low.z; z <= high.z; z++) {
-            for (int y = low.y; y <= high.y; y++) {
-                for (int x = low.x; x <= high.x; x++) add_cell(sum, ivec3(x, y, z), level, position, normal, reach);
-            }
-        }
-        if (sum.samples > 0.0) {
-            mean = sum.mean / sum.samples;
-            for (int channel = 0; channel < 3; channel++) tilt[channel] = sum.tilt[channel] / sum.samples;
-        }
+    float seen = seen_openness(view, s);
+    float openness = pool.at[i].openness;
+    if (seen >= 0.0) openness = openness < 0.0 ? seen : mix(openness, seen, NEWEST_OPENNESS);
+    SharedLight light = pool.at[i].light_shared;
+    // Each asks about as often as it has new samples, the youngest in each frame.
+    uint period = samples < YOUNGEST ? 1u : samples < SETTLED ? 2u : 4u;
+    bool asks = samples < ALONE && (i + view.at[0].frame) % period == 0u;
+    if (asks) {
+        light = shared_by_others(view.at[0].eye, s, samples);
+        float guess = min(GUESS * samples, MOST_GUESS) * (1.0 - samples / ALONE);
+        float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
+        light.mean = mix(light.mean, pool.at[i].light.mean, own);
+        for (int channel = 0; channel < 3; channel++) light.tilt[channel] = mix(light.tilt[channel], pool.at[i].light.tilt[channel], own);
+        if (openness >= 0.0) light.openness = light.openness < 0.0 ? openness : mix(light.openness, openness, own);
+    } else if (samples >= ALONE) {
+        light.mean = pool.at[i].light.mean;
+        light.tilt = pool.at[i].light.tilt;
+        light.openness = openness;
     }
-    placed.at[i].mean = mean;
+    pool.at[i].openness = openness;
+    placed.at[i].mean = light.mean;
+    placed.at[i].tilt = light.tilt;
+    placed.at[i].openness = light.openness;
     placed.at[i].samples = samples;
-    placed.at[i].tilt = tilt;
 }

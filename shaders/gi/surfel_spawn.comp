@@ -17,6 +17,12 @@ shared float added_radius;
 shared uint visible;
 shared uint uncovered;
 
+// Which pixel of each square of `stride` is looked at in a frame. All have their turn.
+uvec2 turn_of(uint frame) {
+    uint turn = bitfieldReverse(frame % (params.stride * params.stride)) >> (32u - 2u * findMSB(params.stride));
+    return params.stride == 1u ? uvec2(0u) : uvec2((turn ^ (turn / params.stride)) % params.stride, turn / params.stride);
+}
+
 bool scatters_diffusely(ivec2 pixel) {
     return load(params.gbuffer.base_colour, pixel).rgb != vec3(0.0) && load(params.gbuffer.material, pixel).r < 1.0;
 }
@@ -36,7 +42,7 @@ float coverage_at(ViewBuffer view, vec3 position, vec3 normal, bool marks) {
 
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy * params.stride + turn_of(view.at[0].frame));
     uint place = gl_LocalInvocationIndex;
     uint tiles = gl_NumWorkGroups.x * gl_NumWorkGroups.y;
     uint tile = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;

@@ -122,7 +122,7 @@ bool previous_light_at(
 // no surfels know it, and for surfaces too smooth for that. `found`: what surfels say of the place; `full` where none were asked.
 bool cached_light_at(ViewBuffer view, SceneBuffer scene, HitShadingParams p, SurfacePoint s, vec3 to_viewer, out vec3 light, out SurfelLight found) {
     light = vec3(0.0);
-    found = SurfelLight(false, false, true, vec3(0.0), 0.0, 0.0, 0u);
+    found = SurfelLight(false, false, true, vec3(0.0), 0.0, 0.0, -1.0, 0u);
     if (p.cache == uvec2(0u) || narrowest_alpha(s.bsdf) < LEAST_REUSED_ALPHA) return false;
     found = surfel_lookup(SurfelGridBuffer(p.cache).at[0], view.at[0].eye, s.start.position, s.start.normal, s.normal);
     if (!found.exists || !found.known) return false;

@@ -11,6 +11,8 @@ const float MOST_SAMPLES = 512.0;
 // Share of the newest sample in the mean that paths take. Light that is passed on from surfel to surfel needs 1 / (share * (1 - albedo)) frames to
 // spread, and the mean of the picture keeps what it lacked until then; the noise is averaged by those who take it.
 const float NEWEST = 0.5;
+// With fewer samples the newest alone: light then spreads by a bounce in each frame.
+const float SPREADING = 16.0;
 // Samples from which on their variance tells what is bright. Before, samples are limited to so many times the brightest one nearby.
 const float LIMITED_FROM = 8.0;
 const float YOUNG = 32.0;
@@ -74,7 +76,7 @@ void add_sample(inout Estimator e, vec3 y, vec3 along, float nearby, uint kind) 
     float blend;
     if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend, nearby);
     else add_to_running_mean(e, y, blend, nearby);
-    e.newest = mix(e.newest, y, max(1.0 / (e.samples + 1.0), NEWEST));
+    e.newest = mix(e.newest, y, e.samples < SPREADING ? 1.0 : NEWEST);
     for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * along, blend);
     e.samples = min(e.samples + 1.0, MOST_SAMPLES);
 }

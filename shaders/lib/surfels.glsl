@@ -144,6 +144,35 @@ vec2 surfel_weight(SurfelGrid grid, uint surfel, vec3 position, vec3 normal, flo
     return weight;
 }
 
+SharedLight no_shared_light() {
+    SharedLight none;
+    none.mean = vec3(0.0);
+    for (int channel = 0; channel < 3; channel++) none.tilt[channel] = vec3(0.0);
+    none.openness = -1.0;
+    none.is_known = 0u;
+    return none;
+}
+
+// Adds to sums of what surfels share, whose weights are `weights`, and `seen` for openness.
+void add_shared(inout SharedLight sum, SharedLight light, float weight, inout float weights, inout float seen) {
+    sum.mean += weight * light.mean;
+    for (int channel = 0; channel < 3; channel++) sum.tilt[channel] += weight * light.tilt[channel];
+    sum.is_known = 1u;
+    weights += weight;
+    if (light.openness < 0.0) return;
+    sum.openness = max(sum.openness, 0.0) + weight * light.openness;
+    seen += weight;
+}
+
+SharedLight mean_shared(SharedLight sum, float weights, float seen) {
+    if (weights > 0.0) {
+        sum.mean /= weights;
+        for (int channel = 0; channel < 3; channel++) sum.tilt[channel] /= weights;
+    }
+    if (seen > 0.0) sum.openness /= seen;
+    return sum;
+}
+
 // Irradiance over pi for a normal: exact for the surfel's own, and for light that is the same from everywhere. The tilt is a first-order term:
 // where radiance is a + b . direction, the part of b along the surface is 4 / pi of the mean of direction times irradiance, and adds 2 pi / 3
 // of itself to the irradiance.
@@ -163,6 +192,7 @@ struct SurfelLight {
     vec3 light;       // irradiance over pi
     float coverage;   // sum of weights, however many samples they have
     float samples;    // mean number of samples
+    float openness;   // ambient occlusion at the surfels' centres; below 0 where it is not known
     uint most;        // the surfel that counts most
 };
 
@@ -180,11 +210,13 @@ struct SurfelSums {
     float weights;
     float coverage;
     float samples;
+    float openness;
+    float seen;    // sum of the weights of `openness`
     uint most;
 };
 
 SurfelSums surfel_sums(SurfelGrid grid, uvec2 list, vec3 position, vec3 geometric, vec3 normal, float reach, float unlike) {
-    SurfelSums sums = SurfelSums(vec3(0.0), 0.0, 0.0, 0.0, 0u);
+    SurfelSums sums = SurfelSums(vec3(0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0u);
     float greatest = 0.0;
     for (uint i = 0u; i < list.y; i++) {
         uint surfel = SurfelWords(grid.references).at[list.x + i];
@@ -195,6 +227,11 @@ SurfelSums surfel_sums(SurfelGrid grid, uvec2 list, vec3 position, vec3 geometri
         counts *= min(samples, CONFIDENT);
         sums.light += counts * surfel_light(grid, surfel, normal);
         sums.weights += counts;
+        float openness = PlacedSurfelBuffer(grid.placed).at[surfel].openness;
+        if (openness >= 0.0) {
+            sums.openness += counts * openness;
+            sums.seen += counts;
+        }
         sums.coverage += weight.y;
         sums.samples += weight.y * samples;
         if (weight.y > greatest) {
@@ -217,12 +254,14 @@ SurfelLight surfel_lookup(SurfelGrid grid, vec3 eye, vec3 position, vec3 geometr
         sums.weights += share * others.weights;
         sums.coverage += share * others.coverage;
         sums.samples += share * others.samples;
+        sums.openness += share * others.openness;
+        sums.seen += share * others.seen;
         if (coverage == 0.0) sums.most = others.most;
     }
     bool known = sums.coverage > 0.0;
     return SurfelLight(
         sums.weights > 0.0, known, list.y == CELL_LIMIT, sums.weights > 0.0 ? sums.light / sums.weights : vec3(0.0), coverage,
-        known ? sums.samples / sums.coverage : 0.0, sums.most
+        known ? sums.samples / sums.coverage : 0.0, sums.seen > 0.0 ? sums.openness / sums.seen : -1.0, sums.most
     );
 }
 

@@ -10,7 +10,7 @@ pub const SECTORS: u32 = 8;
 pub const KEYS_WIDTH: u32 = 512;
 /// Surfels of a workgroup.
 pub const SURFEL_GROUP: u32 = 256;
-/// Pixels on a side of the tiles in which surfels are spawned.
+/// Pixels on a side of the tiles in which surfels are spawned, of those that are looked at in a frame.
 pub const SPAWN_TILE: u32 = 16;
 /// Greatest number of surfels that a tile spawns in one frame.
 pub const TILE_SPAWNS: u32 = 64;
@@ -67,6 +67,10 @@ pub struct Surfel {
     pub paths: u32,
     /// What it has gathered.
     pub light: Estimator,
+    /// What it and those around it have gathered: what lights the picture.
+    pub light_shared: SharedLight,
+    /// Mean of the ambient occlusion that the picture showed at its centre, as openness; below 0 if it never did.
+    pub openness: f32,
     /// Mean and standard deviation of the inverse of the distance along the surface to what stands on it, per metre, of each sector: the upper
     /// halves of two floats. 0 where nothing is near.
     pub nearness: [u32; 8],
@@ -101,6 +105,20 @@ pub struct Estimator {
     pub tilt: [[f32; 3]; 3],
 }
 
+/// Means over the samples of a surfel and of those around it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SharedLight {
+    /// Of [`Estimator::mean`].
+    pub mean: [f32; 3],
+    /// Of [`Estimator::tilt`].
+    pub tilt: [[f32; 3]; 3],
+    /// Of [`Surfel::openness`]; below 0 where none is known.
+    pub openness: f32,
+    /// 1 if there is any light, 0 before a surfel has shared for the first time.
+    pub is_known: u32,
+}
+
 /// A surfel in this frame, as it is looked up.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -113,10 +131,12 @@ pub struct PlacedSurfel {
     pub normal: [f32; 3],
     /// [`Estimator::samples`].
     pub samples: f32,
-    /// [`Estimator::newest`] for paths, then [`Estimator::mean`] for the picture.
+    /// [`Estimator::newest`] for paths, then [`SharedLight::mean`] for the picture.
     pub mean: [f32; 3],
-    /// [`Estimator::tilt`].
+    /// [`Estimator::tilt`] for paths, then [`SharedLight::tilt`].
     pub tilt: [[f32; 3]; 3],
+    /// [`SharedLight::openness`].
+    pub openness: f32,
     /// [`Surfel::nearness`].
     pub nearness: [u32; 8],
 }
@@ -137,12 +157,14 @@ pub struct SurfelCounts {
     pub recycled: u32,
     /// References in cells, beyond [`CELL_LIMIT`] of a cell.
     pub dropped: u32,
-    /// Pixels that no surfel covers.
+    /// Pixels that no surfel covers, of those that were looked at.
     pub uncovered: u32,
-    /// Pixels that a surfel should cover.
+    /// Pixels that a surfel should cover, of those that were looked at.
     pub visible: u32,
     /// Rays that surfels have traced.
     pub rays: u32,
+    /// Surfels whose light has clearly changed: in this frame; and in that of the last frames in which most have, an eighth less for each frame since.
+    pub changed: [u32; 2],
 }
 
 /// How far what surfels have found of late is from their means, added up over those of a cell, or of a block of cells. Integers, so that the order
@@ -237,6 +259,8 @@ pub struct SurfelSpawnParams {
     pub coverage: f32,
     /// Number of tiles, for `surfel_wishes.comp`.
     pub tiles: u32,
+    /// Of so many pixels in a row, and so many in a column, one is looked at in a frame. A power of 2.
+    pub stride: u32,
 }
 
 /// Push constants of `surfel_sum.comp`.
@@ -323,6 +347,24 @@ pub struct SurfelTraceParams {
     pub paths: u32,
 }
 
+/// Push constants of `surfel_share.comp` and `surfel_keep.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfelShareParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// [`Surfel`] table.
+    pub pool: Address,
+    /// Where surfels are found.
+    pub grid: SurfelGrid,
+    /// Places in the pool.
+    pub capacity: u32,
+    /// Reversed depth of the G-buffer.
+    pub depth: SampledImage,
+    /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub openness: u32,
+}
+
 /// Push constants of `surfel_gather.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -333,7 +375,7 @@ pub struct SurfelGatherParams {
     pub grid: SurfelGrid,
     /// The G-buffer.
     pub gbuffer: GBufferImages,
-    /// Openness, for pixels that no surfel covers; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub openness: u32,
     /// Output, RGBA16F or RGBA32F: radiance; with a `step` of 2 irradiance over pi, for the upper left one of four pixels.
     pub radiance: StorageImage,

@@ -78,11 +78,25 @@ impl Frames {
     /// # Errors
     /// Any error of the renderer.
     pub fn new(gpu: &Gpu, scene: &Scene, way: Way, changes: &[&str], size: [u32; 2]) -> Result<Self> {
-        let [width, height] = size;
+        Self::seeded(gpu, scene, way, changes, size, RenderOptions::default().seed)
+    }
+
+    /// The same with a seed of its own.
+    ///
+    /// # Errors
+    /// Any error of the renderer.
+    pub fn seeded(
+        gpu: &Gpu,
+        scene: &Scene,
+        way: Way,
+        changes: &[&str],
+        [width, height]: [u32; 2],
+        seed: u32,
+    ) -> Result<Self> {
         let chosen = format!("stages.gi={}", way.implementation);
         let alone: &[&str] = if way.implementation == "surfels" { &ALONE } else { &[] };
         let changes = [&[chosen.as_str()], &AROUND[..], alone, way.changes, changes].concat();
-        let options = RenderOptions { width, height, check: gpu.validates(), ..RenderOptions::default() };
+        let options = RenderOptions { width, height, seed, check: gpu.validates(), ..RenderOptions::default() };
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&changes)?, options)?;
         renderer.read_slots(&["gi"])?;
         Ok(Self { renderer, camera: scene.cameras[0].clone(), time: 0.0, way, pixels: (width * height) as usize })

@@ -131,6 +131,11 @@ fn ao() -> Result<()> {
 }
 
 #[test]
+fn gi() -> Result<()> {
+    slot_in_order("gi", Only::Gi, &builtin("courtyard")?)
+}
+
+#[test]
 fn reflections() -> Result<()> {
     slot_in_order("reflections", Only::Reflections, &builtin("courtyard")?)
 }

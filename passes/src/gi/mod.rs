@@ -8,7 +8,7 @@ use crate::contracts::{Channel, LightingIn, LightingOut};
 use crate::precision;
 use crate::sky_light::{Off, SkyLight};
 use magpie::scene::SceneFacts;
-use magpie::slot::Slot;
+use magpie::slot::{Preset, Slot};
 use magpie_shaders::GI_SKY_COMP;
 use ray_traced::RayTraced;
 use screen_space::ScreenSpace;
@@ -16,6 +16,22 @@ use surfels::Surfels;
 
 /// What the albedo of a surface is made of, beside its normal.
 const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
+
+/// From cheap to accurate. Rays that end at surfels see what lies between those.
+pub const PRESETS: [Preset; 4] = [
+    Preset {
+        name: "low",
+        implementation: "surfels",
+        settings: &[("surfel_radius", "0.04"), ("coverage", "0.1"), ("resolution", "half")],
+    },
+    Preset { name: "medium", implementation: "surfels", settings: &[("surfel_radius", "0.03"), ("resolution", "half")] },
+    Preset { name: "high", implementation: "surfels", settings: &[] },
+    Preset {
+        name: "ultra",
+        implementation: "ray-traced",
+        settings: &[("cache", "surfels"), ("denoiser", "recurrent-blur")],
+    },
+];
 
 pub fn slot() -> Slot<LightingIn, LightingOut> {
     Slot::new("gi")
@@ -45,6 +61,8 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             |build, settings| Ok(Box::new(Surfels::new(build, settings, settings.choice("resolution")? == "half")?)),
         )
         .with("off", "None.", &[], |_, _| Ok(Box::new(Off)))
+        .default_to("surfels")
+        .presets(&PRESETS)
 }
 
 /// The reason why no surface of the scene reflects diffusely, if none does.

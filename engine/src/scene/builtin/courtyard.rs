@@ -1,7 +1,7 @@
 //! A small courtyard in the afternoon sun: sand, terracotta and green against cobalt blue.
 //!
-//! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. A fountain stands in
-//! the middle, a still basin in front of it. The sun is to the left, behind the camera, so that the shadow of the pergola falls across
+//! The arcade is at the back (-z), a pergola on the left and a plastered wall on the right; the front is open. Behind the outer arches are
+//! alcoves with saffron walls, which get little but the light that the floor sends up. A fountain stands in the middle, a still basin in front of it. The sun is to the left, behind the camera, so that the shadow of the pergola falls across
 //! the floor.
 use super::foliage::{Random, climber, core, crown, leaf_texture};
 use super::shapes::{Shape, arcade, block, curve, cushion, lathe, line, sphere};
@@ -23,6 +23,7 @@ struct Palette {
     stone: u32,
     pale: u32,
     terracotta: u32,
+    saffron: u32,
     cobalt: u32,
     wood: u32,
     iron: u32,
@@ -55,6 +56,7 @@ fn palette(stage: &mut Stage) -> Palette {
         stone: stage.material(dielectric("limestone", [0.62, 0.57, 0.49], 0.75)),
         pale: stage.material(dielectric("pale limestone", [0.76, 0.72, 0.64], 0.65)),
         terracotta: stage.material(matte("terracotta plaster", [0.66, 0.31, 0.17])),
+        saffron: stage.material(matte("saffron plaster", [0.72, 0.36, 0.06])),
         cobalt: stage.material(dielectric("cobalt glaze", [0.022, 0.075, 0.42], 0.18)),
         wood: stage.material(dielectric("weathered wood", [0.33, 0.22, 0.13], 0.7)),
         iron: stage.material(metal("iron", [0.30, 0.29, 0.28], 0.55)),
@@ -85,6 +87,7 @@ pub(super) fn scene() -> Scene {
     let p = palette(&mut stage);
     ground(&mut stage);
     walls(&mut stage, &p);
+    alcoves(&mut stage, &p);
     pergola(&mut stage, &p);
     water::fountain(&mut stage, &p);
     water::basin(&mut stage, &p);
@@ -106,6 +109,7 @@ pub(super) fn scene() -> Scene {
     stage.scene.daylight = Some(daylight);
     stage.camera("default", [-1.55, 1.72, 8.1], [0.33, 1.2, -0.9], 40.0);
     stage.camera("close", [0.70, 1.36, 5.35], [1.92, 0.86, 3.2], 36.0);
+    stage.camera("alcove", [2.35, 1.55, -4.3], [4.2, 1.6, -7.5], 55.0);
     stage.scene
 }
 
@@ -163,6 +167,23 @@ fn walls(stage: &mut Stage, p: &Palette) {
     // A low wall on the left, behind the pergola.
     stage.add("left wall", block(0.36, 0.95, 11.5, 0.02), p.plaster, at(-HALF - 0.1, -SUNK, -0.02, 0.0));
     stage.add("left coping", block(0.54, 0.10, 11.7, 0.025), p.pale, at(-HALF - 0.1, 0.95 - 2.0 * SUNK, -0.02, 0.0));
+}
+
+/// Two alcoves behind the outer arches, with a passage to the garden between them, under one roof.
+fn alcoves(stage: &mut Stage, p: &Palette) {
+    const DEPTH: f32 = 1.3;
+    let inside = -HALF - 0.25;
+    let (middle, back) = (inside - 0.5 * DEPTH, inside - DEPTH);
+    let rear = stage.mesh("alcove rear", block(4.55, 3.6, 0.2, 0.01));
+    let side = stage.mesh("alcove side", block(0.2, 3.6, DEPTH + 0.1, 0.01));
+    for x in [-1.0, 1.0] {
+        stage.put(rear, p.saffron, at(x * 3.925, -SUNK, back, 0.0));
+        for wall in [1.75, 6.1] {
+            stage.put(side, p.saffron, at(x * wall, -SUNK, middle, 0.0));
+        }
+    }
+    stage.add("alcove floor", block(12.4, 0.10, DEPTH + 0.3, 0.008), p.pale, at(0.0, -0.101, middle, 0.0));
+    stage.add("alcove roof", block(12.6, 0.22, DEPTH + 0.4, 0.02), p.pale, at(0.0, 3.6 - 2.0 * SUNK, middle, 0.0));
 }
 
 /// Two rows of columns with beams, rafters and a climber, and the lantern.

@@ -1,15 +1,16 @@
 //! The pool of surfels and the grid in which they are found.
 use super::settings::Options;
-use crate::contracts::{LightCache, LightingIn};
+use crate::contracts::{Channel, LightCache, LightingIn};
 use magpie::gpu::Kernel;
 use magpie::graph::{BufferToken, HistoryScope, PassBuilder, WriteHandle};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
+use magpie_shaders::denoise::NO_IMAGE;
 use magpie_shaders::surfels::*;
 use magpie_shaders::{
-    Address, GI_SURFEL_ALLOCATE_COMP, GI_SURFEL_CHANGE_COMP, GI_SURFEL_CLEAR_COMP, GI_SURFEL_COUNT_COMP,
-    GI_SURFEL_FREE_COMP, GI_SURFEL_INSERT_COMP, GI_SURFEL_PLACE_COMP, GI_SURFEL_REFRESH_COMP, GI_SURFEL_SHARE_COMP,
-    GI_SURFEL_SORT_COMP, GI_SURFEL_SUM_COMP,
+    Address, SampledImage, GI_SURFEL_ALLOCATE_COMP, GI_SURFEL_CHANGE_COMP, GI_SURFEL_CLEAR_COMP, GI_SURFEL_COUNT_COMP,
+    GI_SURFEL_FREE_COMP, GI_SURFEL_INSERT_COMP, GI_SURFEL_KEEP_COMP, GI_SURFEL_PLACE_COMP, GI_SURFEL_REFRESH_COMP,
+    GI_SURFEL_SHARE_COMP, GI_SURFEL_SORT_COMP, GI_SURFEL_SUM_COMP,
 };
 use std::mem::size_of;
 
@@ -29,6 +30,7 @@ pub struct Grid {
     change: Kernel,
     refresh: Kernel,
     share: Kernel,
+    keep: Kernel,
     options: Options,
     scope: HistoryScope,
 }
@@ -155,6 +157,7 @@ impl Grid {
             change: build.kernel(&GI_SURFEL_CHANGE_COMP)?,
             refresh: build.kernel(&GI_SURFEL_REFRESH_COMP)?,
             share: build.kernel(&GI_SURFEL_SHARE_COMP)?,
+            keep: build.kernel(&GI_SURFEL_KEEP_COMP)?,
             options,
             scope: HistoryScope::new(),
         })
@@ -302,7 +305,7 @@ impl Grid {
         })
     }
 
-    /// Adds what lets means begin anew where the light has changed, and brings the light of this frame's paths to where it is looked up.
+    /// Adds what lets means begin anew where the light has changed.
     pub fn refresh(&self, g: &mut FrameGraph, view: &View, state: State) -> State {
         let (capacity, division, block) = (self.options.capacity, self.division(view), view.block);
         let finds_changes = self.options.estimator == RUNNING_MEAN;
@@ -321,6 +324,7 @@ impl Grid {
                         pool: c.id(tokens.pool),
                         grid: division.grid(c, tokens.look_up),
                         changes: if finds_changes { c.id(changes_token) } else { Address::default() },
+                        counts: c.id(tokens.counts),
                         capacity,
                         ..SurfelPoolParams::default()
                     };
@@ -328,7 +332,33 @@ impl Grid {
                 })
             });
         }
-        self.step(g, view, "gi.share", self.share, state, None)
+        state
+    }
+
+    /// Adds what brings the light of this frame's paths to where it is looked up.
+    pub fn share(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: State) -> State {
+        let (capacity, division, block) = (self.options.capacity, self.division(view), view.block);
+        let mut state = state;
+        for (name, kernel) in [("gi.share", self.share), ("gi.keep", self.keep)] {
+            state = g.pass(name, Queue::AsyncCompute, |p| {
+                let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
+                let gbuffer = (name == "gi.share").then(|| i.gbuffer.read(p, &[Channel::Depth]));
+                let openness = i.ao.openness.filter(|_| name == "gi.share").map(|image| p.sample(image));
+                let (state, tokens) = state.write(p);
+                (state, move |c: &mut Record<'_>| {
+                    let params = SurfelShareParams {
+                        view: c.id(block),
+                        pool: c.id(tokens.pool),
+                        grid: division.grid(c, tokens.look_up),
+                        capacity,
+                        depth: gbuffer.map_or_else(SampledImage::default, |gbuffer| gbuffer.images(c).depth),
+                        openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
+                    };
+                    c.dispatch_indirect(kernel, &params, surfels, 0);
+                })
+            });
+        }
+        state
     }
 
     /// Adds a pass over all cells or, without, over all surfels.

@@ -119,7 +119,8 @@ impl Surfels {
         let (spawn, wishes, block, coverage) = (self.spawn, self.wishes, view.block, self.options.coverage);
         let division = self.grid.division(view);
         let Extent { width, height } = g.extent(i.gbuffer.depth);
-        let groups = [width.div_ceil(SPAWN_TILE), height.div_ceil(SPAWN_TILE), 1];
+        let stride = self.options.stride(height);
+        let groups = [width.div_ceil(SPAWN_TILE * stride), height.div_ceil(SPAWN_TILE * stride), 1];
         let tiles = groups[0] * groups[1];
         let cells = division.cells.div_ceil(SURFEL_GROUP);
         let (state, asked) = g.pass("gi.spawn", Queue::AsyncCompute, |p| {
@@ -137,6 +138,7 @@ impl Surfels {
                     gbuffer: gbuffer.images(c),
                     asked: c.id(asked_token),
                     coverage,
+                    stride,
                     ..SurfelSpawnParams::default()
                 };
                 c.dispatch_groups(spawn, &params, groups);
@@ -270,6 +272,7 @@ impl Surfels {
         let state = self.grid.build(g, view, state, true);
         let state = self.trace(g, view, i, (list, "gi.trace_new"), state);
         let state = self.grid.refresh(g, view, state);
+        let state = self.grid.share(g, view, i, state);
         show::show(g, view, i, &state, self.grid.division(view), self.options.capacity, self.show);
         state
     }

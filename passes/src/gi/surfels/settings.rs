@@ -54,6 +54,12 @@ impl Options {
         })
     }
 
+    /// Distance of the pixels that are looked at in a frame for whether surfels cover them: at most a third of a surfel's radius.
+    pub fn stride(&self, height: u32) -> u32 {
+        let radius = self.radius * height as f32;
+        [4, 2].into_iter().find(|&stride| radius >= 3.0 * stride as f32).unwrap_or(1)
+    }
+
     /// Rays of a path at most. `tinted`: there are surfaces that let light straight through, beyond each of which another ray starts.
     const fn rays_of_path(&self, tinted: bool) -> u32 {
         if tinted {

@@ -1,0 +1,15 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/surfels.glsl"
+// Keeps what surfels share for the next frame.
+layout(local_size_x = SURFEL_GROUP) in;
+layout(push_constant, scalar) uniform Push { SurfelShareParams params; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    SurfelPool pool = SurfelPool(params.pool);
+    if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
+    PlacedSurfelBuffer placed = PlacedSurfelBuffer(params.grid.placed);
+    pool.at[i].light_shared = SharedLight(placed.at[i].mean, placed.at[i].tilt, placed.at[i].openness, 1u);
+}
