@@ -44,10 +44,12 @@ fn a_plan_says_what_runs_and_why_not() {
     let json: Value = serde_json::from_str(&said(&["plan", "builtin:cornell", "--json", "--size", "64x36"])).unwrap();
     let slots = json["slots"].as_array().unwrap();
     let slot = |name: &str| slots.iter().find(|slot| slot["slot"] == name).unwrap();
-    for (name, runs) in [("gbuffer", true), ("shadows", true), ("gi", false), ("sky", false), ("rays", false)] {
+    for (name, runs) in
+        [("gbuffer", true), ("shadows", true), ("gi", true), ("reflections", false), ("sky", false), ("rays", false)]
+    {
         assert_eq!((slot(name)["runs"].as_bool(), slot(name)["reason"].is_string()), (Some(runs), !runs), "{name}");
     }
-    assert_eq!(slot("gi")["reason"], "the scene has no sky");
+    assert_eq!(slot("reflections")["reason"], "the scene has no sky");
     assert_eq!(slot("shadows")["implementation"], "ray-traced");
     assert!(slot("shadows")["passes"].as_array().unwrap().iter().any(|pass| pass == "shadows.trace"));
     assert!(json["memory"]["transient_bytes"].as_u64().unwrap() > 0 && json["bytes_per_pixel"].as_f64().unwrap() > 0.0);

@@ -70,6 +70,8 @@ pub struct Counters {
     pub live: f32,
     /// Share of pixels that no surfel covers.
     pub uncovered: f32,
+    /// Rays of surfels.
+    pub rays: f32,
 }
 
 impl Frames {
@@ -153,7 +155,7 @@ impl Frames {
         let (light, result) = self.image(Some("gi.show:counters"))?;
         let values = result.images.as_ref().context("no image")?.linear.values();
         ensure!(values.len() == 8 && values[6][0] > 0.0, "counters: {values:?}");
-        Ok((light, Counters { live: values[0][0], uncovered: values[5][0] / values[6][0] }))
+        Ok((light, Counters { live: values[0][0], uncovered: values[5][0] / values[6][0], rays: values[7][0] }))
     }
 }
 

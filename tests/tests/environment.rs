@@ -167,7 +167,7 @@ fn the_slots_show_it() -> Result<()> {
         let scene = world(e.clone());
         let resident = ResidentScene::new(&gpu, &scene, ResidentOptions::default())?.shared();
         let shot = Shot { scene: &resident, camera: &scene.cameras[0], extent: EXTENT };
-        let ran = bench.frame(shot, &config(&[])?, &wanted)?.clean()?;
+        let ran = bench.frame(shot, &config(&["stages.gi=sky"])?, &wanted)?.clean()?;
         let [depth, lit, gi, reflections] = wanted;
         Ok([ran.values(depth)?, ran.values(lit)?, ran.values(gi)?, ran.values(reflections)?])
     };

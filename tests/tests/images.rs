@@ -82,7 +82,8 @@ fn direct() -> Result<()> {
 
 #[test]
 fn gi() -> Result<()> {
-    golden("gi", output("gi.sky", "radiance", &[])?.as_ref())
+    golden("gi", output("gi.gather", "radiance", &[])?.as_ref())?;
+    golden("gi.sky", output("gi.sky", "radiance", &["stages.gi=sky"])?.as_ref())
 }
 
 #[test]
@@ -96,7 +97,7 @@ fn compose() -> Result<()> {
         output("compose.sum", "lit", &[])?,
         output("compose.sum", "lit", &["compose.precision=32"])?,
         output("direct.shade", "radiance", &[])?,
-        output("gi.sky", "radiance", &[])?,
+        output("gi.gather", "radiance", &[])?,
         output("reflections.sky", "radiance", &[])?,
     ) else {
         return Ok(());

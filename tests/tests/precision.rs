@@ -40,7 +40,10 @@ fn half_resolution_shadows_keep_their_own_pixels_and_err_at_edges_only() -> Resu
         !has_pass(&full, "shadows.upsample") && has_pass(&half, "shadows.upsample"),
         "what is not needed costs no pass"
     );
-    let rays = |r: &FrameResult| r.sample.passes.iter().map(|p| p.rays_any).sum::<u64>() as f64;
+    let of_shadows = |r: &FrameResult| -> u64 {
+        r.sample.passes.iter().filter(|p| p.name.starts_with("shadows.")).map(|p| p.rays_any).sum()
+    };
+    let rays = |r: &FrameResult| of_shadows(r) as f64;
     let share = rays(&half) / rays(&full);
     ensure!((share - 0.25).abs() < 0.01, "{share} of the rays");
 

@@ -47,7 +47,7 @@ fn it_is_the_frame_before_and_nothing_in_the_first() -> Result<()> {
         }
         Ok(all)
     };
-    let hard = ["shadows.edges=hard", "direct.area=0"];
+    let hard = ["shadows.edges=hard", "direct.area=0", "stages.gi=off"];
     let plain = frames(&Slots::default(), &config(&hard)?)?;
     let mut echo = config(&hard)?;
     echo.set("stages.reflections=echo")?;

@@ -99,7 +99,7 @@ fn without_a_reflection_it_is_lambert() -> Result<()> {
     let mut s = seen_at(60.0, dielectric(colour, 0.5, 0.0, [1.0; 3]));
     s.environment = Some(even(Vec3::ONE));
     let wanted = Vec3::from(colour).as_dvec3();
-    let gi = framed(&gpu, &s, &["stages.ao=off", "gbuffer.precision=full"], ("gi.sky", "radiance"))?;
+    let gi = framed(&gpu, &s, &["stages.gi=sky", "stages.ao=off", "gbuffer.precision=full"], ("gi.sky", "radiance"))?;
     // Where nothing reflects there is no such pass; with another surface, out of sight below this one, there is.
     let mut mixed = s.clone();
     let below = Affine3A::from_translation(Vec3::NEG_Y * 9.0);

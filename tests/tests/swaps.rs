@@ -186,7 +186,7 @@ fn only_what_changes_begins_anew() -> Result<()> {
 fn what_cannot_be_made_leaves_the_old_one_in_place() -> Result<()> {
     let (slots, validity_log) = slots();
     // Without noise all frames are equal.
-    let still = ["stages.post=trail", "shadows.edges=hard", "direct.area=0"];
+    let still = ["stages.post=trail", "stages.gi=sky", "shadows.edges=hard", "direct.area=0"];
     let Some(mut run) = Run::new(&slots, &configuration(&still)?)? else { return Ok(()) };
     let before = run.renderer.config().clone();
     let expected = run.image()?;
@@ -321,9 +321,10 @@ fn a_thousand_swaps_and_resizes_leak_nothing() -> Result<()> {
     run.renderer.restart();
     let (last, at_last, told_last) = settle(&mut run)?;
     println!("in use (bytes, places): {at_first:?} before, {at_last:?} after");
-    // A heap begins at a multiple of its alignment of 64 KiB, and the allocator counts the gap before it as in use.
+    // Each of the graph's heaps begins at a multiple of its alignment of 64 KiB, and the allocator counts the gap before it as in use.
+    // Nothing can leak without a place of its own.
     ensure!(at_last.1 == at_first.1, "{} places in use instead of {}", at_last.1, at_first.1);
-    ensure!(at_last.0.abs_diff(at_first.0) < 1 << 16, "{} bytes in use instead of {}", at_last.0, at_first.0);
+    ensure!(at_last.0.abs_diff(at_first.0) < 4 << 16, "{} bytes in use instead of {}", at_last.0, at_first.0);
     ensure!(told_last == told_first, "{told_last:?} instead of {told_first:?}");
     let display = |i: &ReadBack| i.display.as_ref().map(|d| d.bytes.clone());
     ensure!(last.linear.bytes == first.linear.bytes && display(&last) == display(&first), "another image");

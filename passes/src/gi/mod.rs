@@ -24,7 +24,11 @@ pub const PRESETS: [Preset; 4] = [
         implementation: "surfels",
         settings: &[("surfel_radius", "0.04"), ("coverage", "0.1"), ("resolution", "half")],
     },
-    Preset { name: "medium", implementation: "surfels", settings: &[("surfel_radius", "0.03"), ("resolution", "half")] },
+    Preset {
+        name: "medium",
+        implementation: "surfels",
+        settings: &[("surfel_radius", "0.03"), ("resolution", "half")],
+    },
     Preset { name: "high", implementation: "surfels", settings: &[] },
     Preset {
         name: "ultra",
@@ -72,4 +76,11 @@ fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
         0.0 => Some("all surfaces are metal, black or unlit"),
         _ => None,
     }
+}
+
+/// The reason why nothing bounces, if nothing does. Lights that are dimmed to nothing count: what is kept of light that bounces must be there when they shine
+/// again.
+fn no_bounces(facts: &SceneFacts) -> Option<&'static str> {
+    let shines = facts.has_sky || facts.shows_emission || facts.lights.iter().any(|light| light.full_power > 0.0);
+    idle_reason(facts).or_else(|| (!shines).then_some("no light shines"))
 }

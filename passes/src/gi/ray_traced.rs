@@ -1,7 +1,7 @@
 //! Diffuse indirect light by rays: cosine-distributed, shaded where they hit, denoised without the albedo of the surface.
 use super::resolve::Resolve;
 use super::surfels::{self, Surfels};
-use super::{MATERIAL, idle_reason};
+use super::{MATERIAL, no_bounces};
 use crate::contracts::{LightingIn, LightingOut, RAY_START};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::hit_shading::{self, HitShading};
@@ -102,7 +102,7 @@ impl Effect for RayTraced {
     type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
-        idle_reason(facts).map_or_else(
+        no_bounces(facts).map_or_else(
             || Needs { light_tables: true, previous_radiance: self.reuse, ..Needs::default() },
             Needs::idle,
         )

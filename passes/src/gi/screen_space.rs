@@ -1,7 +1,7 @@
 //! Diffuse indirect light found on the screen, after Therrien, Levesque and Gilet 2023, "Screen Space Indirect Lighting with Visibility
 //! Bitmask": the light of what the depth image shows around each pixel, and that of the sky where nothing is in the way.
 use super::resolve::Resolve;
-use super::{MATERIAL, idle_reason};
+use super::{MATERIAL, no_bounces};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
 use crate::parts::upsample::{Upsample, UpsampleIn};
@@ -157,7 +157,7 @@ impl Effect for ScreenSpace {
     type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
-        idle_reason(facts).map_or_else(Needs::default, Needs::idle)
+        no_bounces(facts).map_or_else(Needs::default, Needs::idle)
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {

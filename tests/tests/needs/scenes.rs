@@ -75,12 +75,12 @@ pub fn scenes() -> Result<Vec<(&'static str, Scene, Reasons)>> {
     Ok(vec![
         ("courtyard", builtin("courtyard")?, [None, None, NO_EMITTER, None, None, None]),
         ("carousel", builtin("carousel")?, [None, None, NO_EMITTER, None, None, None]),
-        ("cornell", builtin("cornell")?, [None, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
-        ("a sun", still_life(matte()), [None, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
-        ("no lights", unlit, [NO_LIGHT, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
-        ("emission alone", dark, [NO_LIGHT, UNUSED, None, NO_SKY, NO_SKY, NO_SKY]),
-        ("a lamp of no strength", switched_off, [NO_LIGHT, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
-        ("a black sky", black, [None, UNUSED, NO_EMITTER, NO_SKY, NO_SKY, NO_SKY]),
+        ("cornell", builtin("cornell")?, [None, None, NO_EMITTER, None, NO_SKY, NO_SKY]),
+        ("a sun", still_life(matte()), [None, None, NO_EMITTER, None, NO_SKY, NO_SKY]),
+        ("no lights", unlit, [NO_LIGHT, UNUSED, NO_EMITTER, NO_LIGHT, NO_SKY, NO_SKY]),
+        ("emission alone", dark, [NO_LIGHT, None, None, None, NO_SKY, NO_SKY]),
+        ("a lamp of no strength", switched_off, [NO_LIGHT, UNUSED, NO_EMITTER, NO_LIGHT, NO_SKY, NO_SKY]),
+        ("a black sky", black, [None, None, NO_EMITTER, None, NO_SKY, NO_SKY]),
         (
             "metal",
             with_sky(still_life(metal())),

@@ -103,7 +103,7 @@ mod tests {
         assert!((20_000..=80_000).contains(&triangles), "{triangles} triangles");
         assert!(scene.meshes.len() * 2 < scene.instances.len(), "things are instanced");
         let names: Vec<_> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
-        assert_eq!(names, ["default", "close"]);
+        assert_eq!(names, ["default", "close", "alcove"]);
         let daylight = scene.daylight.as_ref().unwrap();
         assert!(
             matches!(scene.lights[0], Light::Directional { direction, .. } if direction.abs_diff_eq(-daylight.to_sun, 1e-6))

@@ -8,7 +8,7 @@ mod settings;
 mod show;
 
 use super::resolve::Resolve;
-use super::{MATERIAL, idle_reason};
+use super::{MATERIAL, no_bounces};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::hit_shading::HitShading;
 use crate::parts::pixel_lists::{PixelList, PixelLists};
@@ -283,7 +283,7 @@ impl Effect for Surfels {
     type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
-        idle_reason(facts).map_or_else(|| Needs { light_tables: true, ..Needs::default() }, Needs::idle)
+        no_bounces(facts).map_or_else(|| Needs { light_tables: true, ..Needs::default() }, Needs::idle)
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {

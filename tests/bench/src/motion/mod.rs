@@ -279,6 +279,10 @@ fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, Fra
         return Ok(None);
     }
     let mut config = options.config.clone();
+    if options.slot != GI && !options.picture && !config.stages.contains_key(GI) {
+        // It changes no image of the slot, but where rays end at what it keeps.
+        config.set(&format!("stages.{GI}=off"))?;
+    }
     if config.stages.get(&options.slot).is_some_and(|chosen| chosen != of.implementation) {
         // They are those of another implementation.
         config.settings.remove(&options.slot);
