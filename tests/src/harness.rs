@@ -140,6 +140,11 @@ pub fn config(changes: &[&str]) -> Result<Config> {
     Ok(config)
 }
 
+/// As [`config`], with the light of the sky alone for `gi`: for tests of other slots, which need not wait for surfels.
+pub fn config_without_bounces(changes: &[&str]) -> Result<Config> {
+    config(&[&["stages.gi=sky"], changes].concat())
+}
+
 /// Renders `frames` frames with every check on; any finding is an error. The last frame is read back.
 pub fn render(
     gpu: &Gpu,

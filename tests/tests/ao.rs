@@ -12,7 +12,7 @@ use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::StorageImage;
 use magpie_tests::bench::Bench;
 use magpie_tests::fixtures;
-use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::harness::{builtin, config_without_bounces, gpu};
 use std::env;
 use std::f64::consts::PI;
 
@@ -26,7 +26,7 @@ fn frames(
     mut look: impl FnMut(&FrameResult) -> Result<()>,
 ) -> Result<()> {
     let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
-    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config_without_bounces(changes)?, options)?;
     renderer.read_slots(&["ao", "direct"])?;
     for _ in 0..count {
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };

@@ -15,7 +15,7 @@ use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_shaders::denoise::WIDEST_NOISE;
 use magpie_shaders::{SampledImage, Stage, StorageImage};
 use magpie_tests::fixtures::{add, camera, material, plane, scene, sun};
-use magpie_tests::harness::{builtin, gpu};
+use magpie_tests::harness::{builtin, config_without_bounces, gpu};
 
 const SIZE: [u32; 2] = [96, 54];
 
@@ -163,7 +163,7 @@ fn images(scene: &Scene, config: &Config, frames: u32, wanted: &[(&str, &str)]) 
 }
 
 fn patterned(settings: &[&str]) -> Result<Config> {
-    let mut config = Config::default();
+    let mut config = config_without_bounces(&[])?;
     config.set("stages.shadows=pattern")?;
     // Patterns have values outside of 0 to 1, which 16 bits hold as radiance only.
     config.set("shadows.precision=32")?;
@@ -527,7 +527,7 @@ fn every_signal_has_a_history() -> Result<()> {
     let scene = builtin("courtyard")?;
     for denoiser in ["svgf", "pica-pica", "recurrent-blur"] {
         for (slot, traced) in [("ao", "stages.ao=ray-traced"), ("shadows", "stages.shadows=ray-traced")] {
-            let mut config = Config::default();
+            let mut config = config_without_bounces(&[])?;
             for change in [traced, &format!("{slot}.denoiser={denoiser}"), &format!("{slot}.adaptive=false")] {
                 config.set(change)?;
             }

@@ -7,7 +7,7 @@ use magpie::scene::{Animation, Camera, Channel, Interpolation, Light, Local, Nod
 use magpie_bench::motion::stand;
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::camera;
-use magpie_tests::harness::{config, gpu};
+use magpie_tests::harness::{config_without_bounces, gpu};
 
 #[allow(dead_code, reason = "shared with the tests of maps")]
 #[path = "shadow_maps/rig.rs"]
@@ -47,7 +47,7 @@ struct Run {
 impl Run {
     fn new(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Self> {
         let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
-        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+        let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config_without_bounces(changes)?, options)?;
         renderer.read_slots(&["shadows"])?;
         Ok(Self { renderer })
     }

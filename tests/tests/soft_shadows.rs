@@ -6,7 +6,7 @@ use magpie::scene::Scene;
 use magpie_accuracy::metrics::RELMSE_EPSILON;
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
-use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::harness::{builtin, config_without_bounces, gpu};
 use std::env;
 
 #[allow(dead_code, reason = "shared with the tests of maps")]
@@ -16,7 +16,7 @@ mod rig;
 /// Mean visibility of the first lights over some frames of eight rays.
 fn mean(gpu: &Gpu, scene: &Scene, [width, height]: [u32; 2], frames: u32) -> Result<Vec<DVec3>> {
     let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
-    let config = config(&["shadows.denoiser=none", "shadows.rays=8"])?;
+    let config = config_without_bounces(&["shadows.denoiser=none", "shadows.rays=8"])?;
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config, options)?;
     renderer.read_slots(&["shadows"])?;
     let mut sums = vec![DVec3::ZERO; (width * height) as usize];

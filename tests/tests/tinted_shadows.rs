@@ -8,7 +8,7 @@ use magpie::scene::{AlphaMode, Light, Material, Scene};
 use magpie_passes::reference::{Estimate, Only, PixelSampling, Reference, ReferenceOptions, Strategy};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::{add, camera, material, plane, scene, sun};
-use magpie_tests::harness::{builtin, config, gpu, render};
+use magpie_tests::harness::{builtin, config_without_bounces, gpu, render};
 
 /// Half a step of 8 bits, the format of the slot's image.
 const HALF_STEP: f32 = 0.5 / 255.0;
@@ -101,7 +101,7 @@ fn strip_of(scene: &Scene, [width, height]: [u32; 2], count: usize) -> Vec<Optio
 /// A frame with every check on, with `shadows` read back.
 fn shadows(gpu: &Gpu, scene: &Scene, changes: &[&str], rays: Rays, [width, height]: [u32; 2]) -> Result<FrameResult> {
     let options = RenderOptions { width, height, rays, check: true, ..RenderOptions::default() };
-    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config_without_bounces(changes)?, options)?;
     renderer.read_slots(&["shadows", "direct"])?;
     let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
     let result = renderer.frame(request)?.context("no frame")?;
@@ -192,7 +192,7 @@ fn soft_tinted_shadows_converge_to_the_reference() -> Result<()> {
     let (scene, size, frames) = (window(), [40, 24], 64);
     let truth = truth(&gpu, &scene, 2048, of_shadows(size))?;
     let options = RenderOptions { width: size[0], height: size[1], check: true, ..RenderOptions::default() };
-    let config = config(&["shadows.denoiser=none", "shadows.rays=8"])?;
+    let config = config_without_bounces(&["shadows.denoiser=none", "shadows.rays=8"])?;
     let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config, options)?;
     renderer.read_slots(&["shadows"])?;
     let mut sums = vec![DVec3::ZERO; truth.mean.len()];
@@ -296,7 +296,7 @@ fn what_is_denoised_is_finite_and_keeps_its_colours() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let scene = window();
     for changes in [&["shadows.history=8"][..], &["shadows.resolution=half"]] {
-        let config = config(changes)?;
+        let config = config_without_bounces(changes)?;
         let options = RenderOptions { width: 32, height: 20, check: true, ..RenderOptions::default() };
         let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config, options)?;
         renderer.read_slots(&["shadows"])?;
@@ -327,14 +327,14 @@ fn eight_lights_keep_their_shadows() -> Result<()> {
         let (position, intensity) = (DVec3::new(f64::from(at) - 3.5, 2.5, -0.5), Vec3::splat(2.0));
         scene.lights.push(Light::Point { position, intensity, range: None });
     }
-    let config = config(&["shadows.most_lights=8", "shadows.denoiser=none"])?;
+    let config = config_without_bounces(&["shadows.most_lights=8", "shadows.denoiser=none"])?;
     let result = render(&gpu, &scene, &config, [16, 9], 1, None)?;
     for light in 0..8 {
         let name = if light == 0 { "shadows.trace".to_owned() } else { format!("shadows.trace_{}", light + 1) };
         ensure!(result.sample.passes.iter().any(|p| p.name == name), "no {name}");
     }
     // With maps lights share images, and nothing is tinted.
-    let maps = render(&gpu, &scene, &magpie_tests::harness::config(&["stages.shadows=hybrid"])?, [16, 9], 1, None)?;
+    let maps = render(&gpu, &scene, &config_without_bounces(&["stages.shadows=hybrid"])?, [16, 9], 1, None)?;
     ensure!(!maps.sample.passes.iter().any(|p| p.name == "shadows.trace_2"), "a hybrid has one group");
 
     // All eight lights in the picture: without a sky, it equals the ground truth.

@@ -11,7 +11,7 @@ use magpie::scene::{
 };
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
-use magpie_tests::harness::{builtin, config, gpu, render};
+use magpie_tests::harness::{builtin, config, config_without_bounces, gpu, render};
 
 const SIZE: [u32; 2] = [160, 90];
 /// Large enough that most pixels of the courtyard show a single surface.
@@ -44,7 +44,7 @@ fn last(
     view: Option<(&str, &str)>,
 ) -> Result<Values> {
     let options = RenderOptions { width, height, seed, ..RenderOptions::default() };
-    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(changes)?, options)?;
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config_without_bounces(changes)?, options)?;
     let mut shown = None;
     for frame in 1..=FRAMES {
         let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back: frame == FRAMES };
@@ -175,7 +175,7 @@ fn single_rays_are_as_bright_in_the_mean_as_many() -> Result<()> {
         let changes = ["shadows.denoiser=none", rays, "stages.gi=off", "stages.reflections=off", "stages.sky=off"];
         let options = RenderOptions { width: 64, height: 36, ..RenderOptions::default() };
         let known: Vec<&str> = changes.iter().copied().filter(|c| config(&[c]).is_ok()).collect();
-        let mut renderer = Renderer::new(&gpu, &s, &Slots::default(), &config(&known)?, options)?;
+        let mut renderer = Renderer::new(&gpu, &s, &Slots::default(), &config_without_bounces(&known)?, options)?;
         renderer.read_slots(&["direct"])?;
         let mut sum = 0.0;
         for _ in 0..64 {

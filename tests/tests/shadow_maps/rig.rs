@@ -7,7 +7,7 @@ use magpie::graph::Extent;
 use magpie::scene::{Camera, Light, Mesh, Scene, Sphere, supply_missing};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::{add, block, camera, material, mesh, plane, scene};
-use magpie_tests::harness::config;
+use magpie_tests::harness::config_without_bounces;
 use magpie_tests::oracle::gbuffer::Eye;
 
 pub const SIZE: [u32; 2] = [160, 90];
@@ -19,7 +19,7 @@ pub struct Rig {
 
 impl Rig {
     pub fn new(gpu: &Gpu, scene: &Scene, changes: &[&str]) -> Result<Self> {
-        Self::with(gpu, scene, &config(changes)?)
+        Self::with(gpu, scene, &config_without_bounces(changes)?)
     }
 
     pub fn with(gpu: &Gpu, scene: &Scene, config: &Config) -> Result<Self> {
