@@ -12,7 +12,7 @@ use magpie_shaders::surfels::{MULTI_SCALE, RUNNING_MEAN};
 use magpie_tests::against::{RAW_REFLECTIONS, Shown, light_and_block_error, mean_with, truth_of};
 use magpie_tests::bench::Bench;
 use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
-use magpie_tests::harness::{builtin, config, gpu};
+use magpie_tests::harness::{builtin, config, gpu, save_picture};
 
 const SURFELS: [&str; 7] = [
     "stages.gi=surfels",
@@ -179,6 +179,7 @@ fn rooms(wall: f32) -> Scene {
 #[test]
 fn walls_let_no_light_through() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut pictures = Vec::new();
     for wall in [0.001, 0.01, 0.1] {
         let scene = rooms(wall);
         let light = Frames::new(&gpu, &scene, &[])?.light(23)?;
@@ -191,8 +192,12 @@ fn walls_let_no_light_through() -> Result<()> {
         println!("wall of {wall} m: dark side {:.2e} of the bright one ({bright:.3})", dark / bright);
         ensure!(bright > 0.01, "the bright side is dark: {bright}");
         ensure!(dark < 0.01 * bright, "wall of {wall} m: {}", dark / bright);
+        let brighter = light.iter().map(|v| 100.0 * *v).collect();
+        pictures.extend([light, brighter]);
     }
-    Ok(())
+    // Above as it is, below a hundred times as bright.
+    let order = [0, 2, 4, 1, 3, 5].map(|k: usize| pictures[k].clone());
+    save_picture("surfel walls", SIZE[0], 3, &order)
 }
 
 /// What a mirror shows has the light that surfels know: with one bounce, and without rays of its own for the rest.
