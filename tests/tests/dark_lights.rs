@@ -6,7 +6,7 @@ use magpie::scene::{Environment, Light, Material, Mesh, Scene, Sphere};
 use magpie_passes::reference::{Estimate, Reference, ReferenceOptions, Strategy};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene};
-use magpie_tests::harness::{config, gpu};
+use magpie_tests::harness::{config_without_bounces, gpu};
 
 const SIZE: [u32; 2] = [16, 12];
 
@@ -109,7 +109,7 @@ fn estimate(gpu: &Gpu, scene: &Scene, strategy: Strategy, samples: u32) -> Resul
 fn frame(gpu: &Gpu, scene: &Scene) -> Result<Vec<[f32; 4]>> {
     let options = RenderOptions { width: SIZE[0], height: SIZE[1], check: true, ..RenderOptions::default() };
     // Without paths that choose among lights at random: they would choose others.
-    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config(&["stages.gi=sky"])?, options)?;
+    let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &config_without_bounces(&[])?, options)?;
     let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
     let result = renderer.frame(request)?.context("no frame")?;
     ensure!(result.findings.is_empty(), "{}: {}", scene.name, result.findings[0]);

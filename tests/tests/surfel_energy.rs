@@ -58,9 +58,7 @@ fn light_in_closed_rooms_goes_to_its_end_and_stays() -> Result<()> {
             "albedo {albedo}: {ratios:.4?}, at most {most:.4}, after {last} frames {now:.4}, {:.1} s",
             started.elapsed().as_secs_f64()
         );
-        // Up to the noise of one frame's mean.
-        let approaches =
-            ratios.windows(2).all(|pair| (pair[1] - 1.0).abs() < ((pair[0] - 1.0).abs() + 0.005).max(0.02));
+        let approaches = ratios.windows(2).all(|pair| (pair[1] - 1.0).abs() < (pair[0] - 1.0).abs().max(0.02));
         // In so few frames the light in rooms of high albedo has not yet spread.
         let has_spread = f64::from(last) * f64::from(1.0 - albedo) > 20.0;
         if most > 1.05 || !approaches || (has_spread && (now - 1.0).abs() > 0.05) || now < 0.5 {

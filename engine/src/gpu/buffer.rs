@@ -1,11 +1,11 @@
 //! Buffers, which shaders access by device address.
-use super::device::{Garbage, lock};
+use super::device::Garbage;
 use super::heap::Heap;
 use super::rays::RaySupport;
 use super::{Gpu, GpuError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 use magpie_shaders::Address;
 use std::sync::Arc;
 
@@ -74,22 +74,10 @@ impl Buffer {
             BufferMemory::Upload => MemoryLocation::CpuToGpu,
             BufferMemory::ReadBack => MemoryLocation::GpuToCpu,
         };
-        let allocation = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear: true,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        });
-        let allocation = match allocation {
-            Ok(a) => a,
-            Err(e) => {
-                log::error!("{name}: {e}");
-                // SAFETY: nothing uses the buffer yet.
-                unsafe { device.destroy_buffer(raw, None) };
-                return Err(GpuError::OutOfMemory { what: name.to_owned(), bytes: size });
-            }
-        };
+        let allocation = gpu.allocate(name, requirements, location, true).inspect_err(|_| {
+            // SAFETY: nothing uses the buffer yet.
+            unsafe { device.destroy_buffer(raw, None) };
+        })?;
         // SAFETY: the memory was allocated for this buffer and is bound once.
         let bound = unsafe { device.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
         let mut made = Self {

@@ -1,9 +1,9 @@
 //! Device memory that several objects share, side by side or aliased.
-use super::device::{Garbage, lock};
+use super::device::Garbage;
 use super::{Gpu, GpuError};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 
 /// A block of device memory. It is freed after it is dropped and the device has finished using it.
 pub(crate) struct Heap {
@@ -23,17 +23,7 @@ impl Heap {
     pub fn new(gpu: &Gpu, name: &str, bytes: u64, kind: u8) -> Result<Self, GpuError> {
         let requirements =
             vk::MemoryRequirements { size: bytes.max(1), alignment: ALIGN, memory_type_bits: 1 << u32::from(kind) };
-        let allocation = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
-            name,
-            requirements,
-            location: MemoryLocation::GpuOnly,
-            linear: false,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        });
-        let memory = allocation.map_err(|e| {
-            log::error!("{name}: {e}");
-            GpuError::OutOfMemory { what: name.to_owned(), bytes }
-        })?;
+        let memory = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false)?;
         Ok(Self { gpu: gpu.clone(), memory: Some(memory), bytes })
     }
 

@@ -1,12 +1,12 @@
 //! Images, with their indices in the bindless set.
 use super::bindless::place;
-use super::device::{Garbage, lock};
+use super::device::Garbage;
 use super::heap::Heap;
 use super::{Gpu, GpuError, access, format};
 use crate::graph::{Extent, Format, Layout, Part};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 use magpie_shaders::{SampledImage, StorageImage};
 use std::sync::{Arc, RwLock};
 
@@ -97,22 +97,10 @@ impl Image {
         let raw = info.create(gpu, name)?;
         // SAFETY: the image was just made.
         let requirements = unsafe { device.get_image_memory_requirements(raw) };
-        let allocation = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
-            name,
-            requirements,
-            location: MemoryLocation::GpuOnly,
-            linear: false,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        });
-        let memory = match allocation {
-            Ok(a) => a,
-            Err(e) => {
-                log::error!("{name}: {e}");
-                // SAFETY: nothing uses the image yet.
-                unsafe { device.destroy_image(raw, None) };
-                return Err(GpuError::OutOfMemory { what: name.to_owned(), bytes: requirements.size });
-            }
-        };
+        let memory = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false).inspect_err(|_| {
+            // SAFETY: nothing uses the image yet.
+            unsafe { device.destroy_image(raw, None) };
+        })?;
         // SAFETY: the memory lives as long as the image.
         let raw_memory = unsafe { memory.memory() };
         let (offset, bytes) = (memory.offset(), requirements.size);
