@@ -14,7 +14,7 @@ void main() {
     Estimator e = pool.at[i].light;
     SurfelChanges changes = SurfelChanges(params.changes);
     for (uint window = 0u; window < 2u; window++) {
-        float change = change_of(e, window == 0u ? vec3(e.newest) : vec3(e.short_mean));
+        float change = change_of(e, window);
         uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
         for (int place = 0; place < 2; place++) {
             atomicAdd(changes.at[places[place]].sum, int(round(256.0 * change)));

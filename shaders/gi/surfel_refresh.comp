@@ -23,8 +23,8 @@ const vec2 CHANGES_ELSEWHERE = vec2(0.005, 0.05);
 // How much tells that the light at a surfel has changed, over what it takes: in its cell, or in its block if its cell does not say otherwise.
 float evidence(vec3 from_eye, uint window) {
     uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
-    float cell = change_at(SurfelChanges(params.changes).at[places.x], WINDOWS[window]);
-    float block = change_at(SurfelChanges(params.changes).at[places.y], WINDOWS[window]);
+    float cell = change_at(SurfelChanges(params.changes).at[places.x]);
+    float block = change_at(SurfelChanges(params.changes).at[places.y]);
     return max(abs(cell), cell * block > 0.0 ? abs(block) : 0.0);
 }
 

@@ -11,11 +11,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SurfelChange
 // Samples from which on a surfel has a say.
 const float HAS_SAY = 4.0;
 // Standard errors that count as a change; more where few surfels are asked.
-const float CHANGED = 4.0;
-const float CHANGED_FEW = 6.0;
-// Windows over which surfels tell of a change: `Estimator::newest`, and `Estimator::short_mean`, which tells of lesser changes later. Shares of the newest
-// sample in both.
-const float WINDOWS[2] = float[](NEWEST, SHORT_WINDOW);
+const float CHANGED = 3.0;
+const float CHANGED_FEW = 10.0;
+// Standard errors beyond which a surfel counts no more.
+const float FARTHEST = 16.0;
 
 // Where the changes of a surfel's cell and block are.
 uvec2 change_places(SurfelGrid grid, vec3 from_eye) {
@@ -25,22 +24,25 @@ uvec2 change_places(SurfelGrid grid, vec3 from_eye) {
     return uvec2(cell_index(grid, cell, level), grid.cell_mask + 1u + cell_index(grid, block, level + 256));
 }
 
-// How far the light of late is from the mean, in standard deviations of samples.
-float change_of(Estimator e, vec3 of_late) {
+// How far the light of late is from the mean, in standard errors. Windows: of `Estimator::newest`, and of `Estimator::short_mean`, which tells of lesser
+// changes later.
+float change_of(Estimator e, uint window) {
+    float share = window == 0u ? share_of_newest(e) : SHORT_WINDOW;
     float mean = luminance(e.mean);
     float deviation = luminance(sqrt(max(vec3(e.variance), 0.0))) + 0.02 * mean;
-    float apart = luminance(of_late) - mean;
-    return apart == 0.0 ? 0.0 : clamp(apart / max(deviation, 1e-30), -8.0, 8.0);
+    float apart = luminance(window == 0u ? vec3(e.newest) : vec3(e.short_mean)) - mean;
+    float error = deviation * sqrt(share / (2.0 - share) + noise_of_mean(e));
+    return apart == 0.0 ? 0.0 : clamp(apart / max(error, 1e-30), -FARTHEST, FARTHEST);
 }
 
 // Standard errors by which the surfels of a place differ from their means, over those that count as a change: beyond 1 it is one. Errors are the
 // greater of what the variance of samples gives, and of what the differences scatter.
-float change_at(SurfelChange c, float window) {
+float change_at(SurfelChange c) {
     if (c.count == 0u) return 0.0;
     float count = float(c.count);
     float sum = float(c.sum) / 256.0;
     float scatter = float(c.squares) / 64.0 - sum * sum / count;
-    return sum / ((CHANGED + CHANGED_FEW / count) * sqrt(max(window / (2.0 - window) * count, scatter)));
+    return sum / ((CHANGED + CHANGED_FEW / count) * sqrt(max(count, scatter)));
 }
 
 #endif

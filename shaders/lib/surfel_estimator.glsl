@@ -13,6 +13,21 @@ const float MOST_SAMPLES = 512.0;
 const float NEWEST = 0.5;
 // With fewer samples the newest alone: light then spreads by a bounce in each frame.
 const float SPREADING = 16.0;
+
+// Share of the newest sample in `Estimator::newest`.
+float share_of_newest(Estimator e) {
+    return e.samples < SPREADING ? 1.0 : NEWEST;
+}
+
+// Samples below which their weights in the running mean rise with the third power of their number, and with the second; from there on with their number.
+const float FEW = 24.0;
+const float SOME = 64.0;
+
+// Variance of the running mean, over that of samples: about, as it depends on the power.
+float noise_of_mean(Estimator e) {
+    return 2.0 / max(e.samples, 1.0);
+}
+
 // Samples from which on their variance tells what is bright. Before, samples are limited to so many times the brightest one nearby.
 const float LIMITED_FROM = 8.0;
 const float YOUNG = 32.0;
@@ -58,15 +73,16 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend, floa
     e.mean = mix(e.mean, y, blend);
 }
 
-// Mean over all samples. Later ones count more, in proportion to their number, as the first were taken before light had spread; from MOST_SAMPLES
-// on the mean is exponential. Where the light changes, surfel_refresh.comp lets it begin anew.
+// Mean over all samples. Later ones count more, as the first were taken before light had spread, or while it still changed; from MOST_SAMPLES on the mean
+// is exponential. Where the light changes, surfel_refresh.comp lets it begin anew.
 void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
     float count = min(e.samples + 1.0, MOST_SAMPLES);
-    blend = 2.0 / (count + 1.0);
+    float power = count < FEW ? 3.0 : count < SOME ? 2.0 : 1.0;
+    blend = (power + 1.0) / (count + power);
     y = limited(e, y, 4.0 * luminance(e.mean) + 8.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
     vec3 before = y - e.mean;
     e.mean += blend * before;
-    e.variance = mix(e.variance, before * (y - e.mean), max(1.0 / count, 1.0 / 64.0));
+    e.variance = mix(e.variance, before * before, max(1.0 / count, 1.0 / 64.0));
     e.short_mean = mix(e.short_mean, y, max(1.0 / count, SHORT_WINDOW));
 }
 
@@ -76,7 +92,7 @@ void add_sample(inout Estimator e, vec3 y, vec3 along, float nearby, uint kind) 
     float blend;
     if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend, nearby);
     else add_to_running_mean(e, y, blend, nearby);
-    e.newest = mix(e.newest, y, e.samples < SPREADING ? 1.0 : NEWEST);
+    e.newest = mix(e.newest, y, share_of_newest(e));
     for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * along, blend);
     e.samples = min(e.samples + 1.0, MOST_SAMPLES);
 }

@@ -196,8 +196,9 @@ struct SurfelLight {
     uint most;        // the surfel that counts most
 };
 
-// Where no surfel of the same surface covers a point, others count this much.
-const float UNLIKE = 1e-3;
+// Where no surfel of the same surface covers a point, others count this much. So little, that they make no difference where one does: they know less than half
+// of its light, and what is passed on from surfel to surfel would lose a part of that each time.
+const float UNLIKE = 1e-6;
 // More samples than this do not make a surfel count more.
 const float CONFIDENT = 64.0;
 // Coverage below which surfels that do not reach a point count as if they were so many times larger: as far as they know what stands around.

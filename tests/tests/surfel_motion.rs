@@ -37,7 +37,7 @@ fn changes() -> Vec<Change> {
             scene: rooms::coloured_lamp(),
             before: (0.0, 0.0),
             steps: vec![(0.0, 1.0)],
-            missing: [0.1, 0.04],
+            missing: [0.1, 0.02],
         },
         Change {
             name: "lamp switched off",
@@ -51,14 +51,14 @@ fn changes() -> Vec<Change> {
             scene: rooms::moving_lamp(),
             before: (0.0, 1.0),
             steps: moving(),
-            missing: [0.1, 0.04],
+            missing: [0.1, 0.02],
         },
         Change {
             name: "door opens",
             scene: rooms::opening_door(),
             before: (0.0, 1.0),
             steps: moving(),
-            missing: [0.1, 0.08],
+            missing: [0.1, 0.06],
         },
     ]
 }
