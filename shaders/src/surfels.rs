@@ -363,6 +363,10 @@ pub struct SurfelShareParams {
     pub depth: SampledImage,
     /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub openness: u32,
+    /// [`SurfelCounts`].
+    pub counts: Address,
+    /// Output: from [`SurfelCounts::live`] on to [`SurfelCounts::visible`], for the statistics.
+    pub counted: Address,
 }
 
 /// Push constants of `surfel_gather.comp`.

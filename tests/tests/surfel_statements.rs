@@ -154,3 +154,20 @@ fn the_budget_holds_at_any_size() -> Result<()> {
     }
     Ok(())
 }
+
+/// The statistics of the last pass over surfels have the counters of the frame, the same as its picture of counters.
+#[test]
+fn surfels_stand_in_the_statistics() -> Result<()> {
+    let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
+    let mut frames = Frames::new(&gpu, &builtin("cornell")?, SURFELS, &[], SIZE)?;
+    for frame in 1..=3 {
+        let result = frames.frame(Some("gi.show:counters"))?;
+        let shown = result.images.context("no image")?.linear.values();
+        let pass = result.sample.passes.iter().find(|pass| pass.name == "gi.keep").context("no pass `gi.keep`")?;
+        let names = ["surfels", "wanted", "spawned", "recycled", "dropped", "uncovered", "visible"];
+        ensure!(pass.counts.iter().map(|(name, _)| *name).eq(names), "{:?}", pass.counts);
+        let differs = pass.counts.iter().zip(&shown).any(|((_, count), shown)| *count as f32 != shown[0]);
+        ensure!(!differs && pass.counts[0].1 > 0, "frame {frame}: {:?}, shown {shown:?}", pass.counts);
+    }
+    Ok(())
+}

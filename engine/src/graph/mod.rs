@@ -75,7 +75,7 @@ pub use handle::{Accel, Blas, Buffer, BuildInput, Copyable, Handle, Image, Kind,
 pub use history::{BufferHistory, History, HistoryScope, KeptBuffer, KeptLayers};
 pub use pass::{Frame, FrameGraph, Observer, Produced, RecordFn, SlotObserver};
 pub use plan::{Plan, plan};
-pub use record::{IndirectDraws, MipCopy, Record, Token};
+pub use record::{IndirectDraws, MOST_COUNTS, MipCopy, Record, Token};
 pub use switches::{Queues, Switches};
 pub use token::{
     BufferToken, BuildInputToken, BuildToken, ColorToken, CopySource, CopyTarget, DepthToken, IndexToken,

@@ -64,7 +64,14 @@ impl BufferRange {
 pub(super) struct Recorded {
     pub draws: u32,
     pub dispatches: u32,
+    /// Names of what the pass counts itself.
+    pub counts: &'static [&'static str],
 }
+
+/// Things that a pass can count itself.
+pub const MOST_COUNTS: usize = 8;
+/// Bytes of counters that every pass has, before those.
+pub(super) const OWN_COUNTERS: u64 = 16;
 
 /// One mip of an image in a buffer, rows tightly packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,6 +179,13 @@ impl Record<'_> {
     /// `lib/not_finite.glsl`.
     pub fn not_finite(&self) -> Address {
         self.counters.offset(8)
+    }
+
+    /// Address of a `uint` for each of these names, 0 at first, in which shaders of this pass count things of their own, or to which they write a count.
+    /// They stand in the statistics of the pass under these names. At most [`MOST_COUNTS`]; further names are left out.
+    pub fn counts(&mut self, names: &'static [&'static str]) -> Address {
+        self.recorded.counts = &names[..names.len().min(MOST_COUNTS)];
+        self.counters.offset(OWN_COUNTERS)
     }
 
     /// Dispatches one thread per pixel of `extent`, in the workgroup size of the kernel.

@@ -13,7 +13,7 @@ mod trace;
 use serde::Serialize;
 
 pub use recorder::{MeasureError, NotFinite, Recorder};
-pub use report::{CSV_COLUMNS, Device, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run};
+pub use report::{CSV_COLUMNS, Counts, Device, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run};
 pub use slots::{PartReport, SlotReport, slot_reports, slot_table};
 pub use statistics::{Spread, median, nearest_rank};
 pub use table::pass_table;
@@ -50,6 +50,8 @@ pub struct PassTime {
     pub rays_screen: u64,
     /// Number of non-finite values that its shaders left out of what they keep or average.
     pub not_finite: u64,
+    /// What the pass counts itself, such as surfels: [`Record::counts`](crate::graph::Record::counts).
+    pub counts: Vec<(&'static str, u64)>,
     /// Thread that recorded it; 0 is the one that ran the frame.
     pub thread: u32,
     /// Shader invocations; `None` if they were not counted, or if the pass only copies.

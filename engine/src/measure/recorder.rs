@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{
     FrameSample, PassTime, Statistics,
-    report::{FrameReport, GraphReport, Median, PassReport, Rays, Report, Run},
+    report::{Counts, FrameReport, GraphReport, Median, PassReport, Rays, Report, Run},
     statistics::{Spread, median},
 };
 
@@ -187,6 +187,7 @@ impl Column<'_> {
             not_finite: self.samples.iter().map(|p| p.not_finite).sum(),
             draws: of(|p| u64::from(p.draws)).round() as u64,
             dispatches: of(|p| u64::from(p.dispatches)).round() as u64,
+            counts: counts(&self.samples),
             statistics: statistics(&self.samples),
         }
     }
@@ -197,6 +198,21 @@ fn queues(frame: &FrameSample) -> u64 {
     let passes = &frame.passes;
     let first = |at: usize| !passes[..at].iter().any(|p| p.queue == passes[at].queue);
     (0..passes.len()).filter(|&at| first(at)).count() as u64
+}
+
+/// Medians of what the pass counts itself, over the frames in which it does.
+fn counts(samples: &[&PassTime]) -> Counts {
+    let mut names: Vec<&'static str> = Vec::new();
+    for (name, _) in samples.iter().flat_map(|p| &p.counts) {
+        if !names.contains(name) {
+            names.push(name);
+        }
+    }
+    let of = |name: &'static str| {
+        let values = samples.iter().flat_map(|p| &p.counts).filter(|(n, _)| *n == name).map(|(_, count)| *count);
+        (name, middle_of(values).unwrap_or_default().round() as u64)
+    };
+    Counts(names.into_iter().map(of).collect())
 }
 
 /// Median invocation counts, over the frames that have any; `None` if none has.

@@ -1,6 +1,6 @@
 //! The report of a run, as JSON and CSV.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::{Acceleration, Memory, SlotReport, Statistics, statistics::Spread};
 use crate::config::Config;
@@ -96,6 +96,24 @@ impl Rays {
     }
 }
 
+/// What a pass counts itself, by name; an object in JSON.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counts(pub Vec<(&'static str, u64)>);
+
+impl Serialize for Counts {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_map(self.0.iter().copied())
+    }
+}
+
+impl Counts {
+    /// Whether it counts nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
 /// One pass, over all frames in which it ran.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PassReport {
@@ -121,6 +139,9 @@ pub struct PassReport {
     pub draws: u64,
     /// Dispatches per frame.
     pub dispatches: u64,
+    /// What it counts itself, per frame.
+    #[serde(skip_serializing_if = "Counts::is_empty")]
+    pub counts: Counts,
     /// Pipeline statistics per frame; `None` if they were not asked for, or if the pass only copies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub statistics: Option<Statistics>,

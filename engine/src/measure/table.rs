@@ -5,7 +5,7 @@ use super::Report;
 const RIGHT_FROM: usize = 2;
 
 /// One row per pass, then the total: GPU time, share of the frame, CPU time, bytes per pixel and per second as declared, rays, non-finite values (summed over all frames), draws and
-/// dispatches. Columns that are zero in every row are left out. With several queues, a line says how much time their overlap saved.
+/// dispatches. Columns that are zero in every row are left out. With several queues, a line says how much time their overlap saved. Then what passes count themselves.
 #[must_use]
 pub fn pass_table(report: &Report) -> String {
     let frame_ms = report.frame.gpu_ms.map(|s| s.median);
@@ -96,7 +96,17 @@ pub fn pass_table(report: &Report) -> String {
         format!("{:.1}", report.frame.cpu_ms.median * 1e3),
     ]);
     let ruled = [1, report.passes.len() + 1];
-    lay_out(&rows, &ruled) + &overlap(report)
+    lay_out(&rows, &ruled) + &overlap(report) + &counts(report)
+}
+
+/// `gi.keep: 9808 surfels, 3 spawned`, a line for each pass that counts something itself.
+fn counts(report: &Report) -> String {
+    let of = |(name, n): &(&str, u64)| format!("{} {name}", count(*n));
+    let line = |pass: &super::PassReport| {
+        let all: Vec<String> = pass.counts.0.iter().map(of).collect();
+        format!("{}: {}\n", pass.name, all.join(", "))
+    };
+    report.passes.iter().filter(|pass| !pass.counts.is_empty()).map(line).collect()
 }
 
 /// `overlap 0.840 ms, 12.0 % of the frame`; empty for one queue.
@@ -188,6 +198,19 @@ mod tests {
         assert_eq!(last(two), "overlap 2.000 ms, 25.0 % of the frame");
         let one = report(8, vec![pass("graphics", 0, 7), pass("graphics", 7, 1)]);
         assert!(last(one).starts_with("frame "));
+    }
+
+    #[test]
+    fn what_passes_count_themselves_is_below() {
+        let of = |n| PassTime {
+            name: "gi.keep".to_owned(),
+            counts: vec![("surfels", n), ("dropped", 0)],
+            ..PassTime::default()
+        };
+        let mut counted = report(1, vec![of(20_000)]);
+        assert!(pass_table(&counted).ends_with("gi.keep: 20.0 k surfels, 0 dropped\n"));
+        counted.passes[0].counts = super::super::Counts::default();
+        assert!(!pass_table(&counted).contains("gi.keep:"));
     }
 
     #[test]

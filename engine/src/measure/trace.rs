@@ -165,6 +165,9 @@ fn arguments(pass: &PassTime) -> Value {
         "rays_closest": pass.rays_closest, "rays_any": pass.rays_any, "rays_screen": pass.rays_screen,
         "not_finite": pass.not_finite,
     });
+    for (name, count) in &pass.counts {
+        arguments[*name] = json!(count);
+    }
     if let Some(statistics) = pass.statistics {
         arguments["statistics"] = json!(statistics);
     }

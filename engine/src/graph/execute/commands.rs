@@ -260,6 +260,7 @@ impl Unit<'_> {
                     draws: recorded.draws,
                     dispatches: recorded.dispatches,
                     bytes: frame.declaration.traffic(pass),
+                    counts: recorded.counts.iter().map(|name| (*name, 0)).collect(),
                     ..Default::default()
                 });
             }

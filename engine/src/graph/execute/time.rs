@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::super::plan::{Batch, Plan};
+use super::super::record::{MOST_COUNTS, OWN_COUNTERS};
 use crate::{
     gpu::{self, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError, Statistics, Timestamps},
     measure::{self, FrameSample, PassTime},
@@ -10,8 +11,8 @@ use crate::{
 use magpie_shaders::Address;
 
 const FIRST_PASSES: u32 = 64;
-/// Bytes of counters per pass: closest-hit rays, any-hit rays, non-finite values, rays on the screen, 4 each.
-const COUNTER_BYTES: u64 = 16;
+/// Bytes of counters per pass, 4 each: closest-hit rays, any-hit rays, non-finite values, rays on the screen, then what the pass has names for.
+const COUNTER_BYTES: u64 = OWN_COUNTERS + 4 * MOST_COUNTS as u64;
 
 /// Timestamps and counters of one frame.
 pub(super) struct Clock {
@@ -109,6 +110,9 @@ impl Clock {
             };
             (time.rays_closest, time.rays_any) = (word(0).into(), word(4).into());
             (time.not_finite, time.rays_screen) = (word(8).into(), word(12).into());
+            for (at, (_, count)) in time.counts.iter_mut().enumerate() {
+                *count = word(OWN_COUNTERS as usize + 4 * at).into();
+            }
         }
         if let Some(statistics) = &self.statistics {
             for (pass, position) in passes.iter_mut().zip(0..) {

@@ -17,6 +17,9 @@ use std::mem::size_of;
 /// Radii over distance for which cells hold: below, positions are not precise enough; above, a surfel touches more than eight.
 const SIZES: [f32; 2] = [1e-4, 0.19];
 
+/// Names in the statistics of what `surfel_keep.comp` hands out.
+const COUNTED: [&str; 7] = ["surfels", "wanted", "spawned", "recycled", "dropped", "uncovered", "visible"];
+
 /// Kernels that keep the pool and build the grid.
 pub struct Grid {
     clear: Kernel,
@@ -353,6 +356,8 @@ impl Grid {
                         capacity,
                         depth: gbuffer.map_or_else(SampledImage::default, |gbuffer| gbuffer.images(c).depth),
                         openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
+                        counts: c.id(tokens.counts),
+                        counted: if name == "gi.keep" { c.counts(&COUNTED) } else { Address::default() },
                     };
                     c.dispatch_indirect(kernel, &params, surfels, 0);
                 })

@@ -19,6 +19,8 @@ const TRUTH_FRAMES: u32 = 16;
 const GI_TRUTH_FRAMES: u32 = 32;
 /// The same for pictures, over whose pixels anti-aliasing averages: as many as its jitter has places.
 const PICTURE_TRUTH_FRAMES: u32 = 48;
+/// Of the pictures before and after a lasting change of light, so many times more.
+const LASTING: u32 = 8;
 /// Frames at rest before the motion: more than the longest default history.
 pub const WARM_UP: u32 = 40;
 
@@ -186,7 +188,13 @@ pub struct Course {
     pub means: Vec<f64>,
     /// Mean value of each frame's ground truth.
     pub true_means: Vec<f64>,
+    /// Of a lasting change of light, from the frame in which it is done: how much of the way from the picture before to that after each frame has gone, by
+    /// blocks of 8x8 pixels. Empty where nothing changes for good.
+    pub gone: Vec<f64>,
 }
+
+/// Width of the blocks over which light is averaged before it is compared with that before and after a change, pixels: noise must not decide.
+const BLOCK: usize = 8;
 
 impl Course {
     /// The first frame, from 1, in which the mean has covered this share of its way to the final value: the delay after a switch.
@@ -194,6 +202,20 @@ impl Course {
     pub fn frame_of(&self, share: f64) -> Option<usize> {
         let end = *self.true_means.last()?;
         self.means.iter().position(|mean| *mean >= share * end).map(|at| at + 1)
+    }
+
+    /// The frame after a lasting change, from 1, from which on the picture is never farther than `left` of the change from the one after it. None if there
+    /// is no such frame, or no such change.
+    #[must_use]
+    pub fn settled_within(&self, left: f64) -> Option<usize> {
+        let last = self.gone.iter().rposition(|gone| (gone - 1.0).abs() > left).map_or(0, |at| at + 1);
+        (last < self.gone.len()).then_some(last + 1)
+    }
+
+    /// Share of a lasting change that is missing in a frame after it, from 1.
+    #[must_use]
+    pub fn missing_in(&self, frame: usize) -> Option<f64> {
+        Some(1.0 - self.gone.get(frame.checked_sub(1)?)?)
     }
 }
 
@@ -295,11 +317,20 @@ fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, Fra
     Ok(Some(config))
 }
 
+/// Ground truths.
+#[derive(Default)]
+struct Truths {
+    /// Of each frame.
+    frames: Vec<Seen>,
+    /// Of the moment before a lasting change of light.
+    before: Option<Seen>,
+}
+
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
-fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, FrameBenchError> {
+fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Truths, FrameBenchError> {
     let of_gi = options.slot == GI;
     let contestant = Contestant::new("truth", if of_gi { TRUE_GI } else { TRUE });
-    let Some(mut config) = config(options, contestant)? else { return Ok(Vec::new()) };
+    let Some(mut config) = config(options, contestant)? else { return Ok(Truths::default()) };
     // The slots of the truth have the size of the picture.
     if let Some(scale) = config.settings.get_mut("post").and_then(|post| post.get_mut("resolution_scale")) {
         *scale = Value::Float(1.0);
@@ -310,13 +341,7 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, 
         () if of_gi => GI_TRUTH_FRAMES,
         () => TRUTH_FRAMES,
     };
-    let mut truths: Vec<Seen> = Vec::with_capacity(path.moments.len());
-    for (at, moment) in path.moments.iter().enumerate() {
-        // Where nothing moves, all frames have the same truth.
-        if path.is_still() && at > 0 {
-            truths.push(truths[0].clone());
-            continue;
-        }
+    let mut of = |moment: &Moment, frames: u32| -> Result<Seen, FrameBenchError> {
         let Seen { size, channels, pixels } = bench.frame(path, moment, true)?;
         let mut sums: Vec<[f64; 4]> = pixels.iter().map(|p| p.map(f64::from)).collect();
         for _ in 1..frames {
@@ -326,9 +351,45 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Vec<Seen>, 
             }
         }
         let pixels = sums.iter().map(|sum| sum.map(|x| (x / f64::from(frames)) as f32)).collect();
-        truths.push(Seen { size, channels, pixels });
+        Ok(Seen { size, channels, pixels })
+    };
+    // Light that has changed for good is compared with all that has changed, which noise in these two pictures must not be a part of.
+    let lasts = options.is_radiance() && path.before.is_some();
+    let mut truths = Truths::default();
+    for (at, moment) in path.moments.iter().enumerate() {
+        // Where nothing moves any more, all frames have the same truth.
+        let settled = path.settles.filter(|settles| at > *settles);
+        let frames = if lasts && path.settles == Some(at) { LASTING * frames } else { frames };
+        let truth = settled.map_or_else(|| of(moment, frames), |settles| Ok(truths.frames[settles].clone()))?;
+        truths.frames.push(truth);
+    }
+    if let (Some(before), Some(_), true) = (&path.before, path.settles, lasts) {
+        truths.before = Some(of(before, LASTING * frames)?);
     }
     Ok(truths)
+}
+
+/// How much of the way from one picture to another a third one has gone; none if those two are the same.
+fn gone(seen: &Seen, before: &Seen, after: &Seen) -> Option<f64> {
+    let [seen, before, after] = [seen, before, after].map(blocks);
+    let way = || after.iter().zip(&before).map(|(b, a)| b - a);
+    let went: f64 = seen.iter().zip(&before).zip(way()).map(|((s, a), way)| (s - a) * way).sum();
+    let all: f64 = way().map(|way| way * way).sum();
+    (all > 0.0).then_some(went / all)
+}
+
+/// Means over blocks of pixels, channel by channel.
+fn blocks(seen: &Seen) -> Vec<f64> {
+    let [width, height] = [seen.size.width, seen.size.height].map(|n| n as usize);
+    let [across, down] = [width, height].map(|n| n.div_ceil(BLOCK));
+    let mut sums = vec![[0.0_f64; 4]; across * down];
+    let mut counts = vec![0.0_f64; across * down];
+    for (at, pixel) in seen.pixels.iter().enumerate() {
+        let block = at / width / BLOCK * across + at % width / BLOCK;
+        counts[block] += 1.0;
+        (0..seen.channels).for_each(|k| sums[block][k] += f64::from(pixel[k]));
+    }
+    sums.iter().zip(counts).flat_map(|(sum, count)| sum[..seen.channels].iter().map(move |x| x / count)).collect()
 }
 
 fn root_mean_square(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -374,7 +435,7 @@ fn course(
     path: &Path,
     options: &MotionOptions,
     (label, config): (&'static str, &Config),
-    truths: &[Seen],
+    truths: &Truths,
     perceived: Perceived<'_>,
 ) -> Result<Course, FrameBenchError> {
     let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
@@ -386,22 +447,35 @@ fn course(
     }
     let pixels = options.size.iter().map(|n| f64::from(*n)).product::<f64>();
     let cost = Cost { ms: None, traffic: 0.0, kept: 0.0 };
-    let true_means = truths.iter().map(|truth| mean(&bench.compared(truth))).collect();
+    let true_means = truths.frames.iter().map(|truth| mean(&bench.compared(truth))).collect();
     let (errors, means, flicker, noticed) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut course = Course { path: path.name, label, errors, perceived: noticed, cost, flicker, means, true_means };
+    let mut course = Course {
+        path: path.name,
+        label,
+        errors,
+        perceived: noticed,
+        cost,
+        flicker,
+        means,
+        true_means,
+        gone: Vec::new(),
+    };
     let mut before: Option<Values> = None;
-    for (at, (moment, truth)) in path.moments.iter().zip(truths).enumerate() {
+    for (at, (moment, truth)) in path.moments.iter().zip(&truths.frames).enumerate() {
         let seen = bench.frame(path, moment, false)?;
         let (values, true_values) = (bench.compared(&seen), bench.compared(truth));
         let apart: Values = values.iter().zip(true_values).map(|(a, b)| a - b).collect();
         course.errors.push(root_mean_square(apart.iter().copied()));
-        let is_perceived = PERCEIVED.contains(&(at + 1)) || at + 1 == truths.len();
+        let is_perceived = PERCEIVED.contains(&(at + 1)) || at + 1 == truths.frames.len();
         let place = Place { path: path.name, label, frame: at + 1 };
         let difference = is_perceived.then(|| perceived(place, &seen, truth)).transpose();
         course.perceived.push(difference.map_err(FrameBenchError::Perceived)?);
         course.flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
         before = Some(apart);
         course.means.push(mean(&values));
+        if let Some(before) = truths.before.as_ref().filter(|_| path.settles.is_some_and(|settles| at >= settles)) {
+            course.gone.extend(gone(&seen, before, truth));
+        }
         if let Some(now) = bench.cost() {
             let least = course.cost.ms.map_or(now.ms, |least| now.ms.map(|ms| ms.min(least)));
             course.cost = Cost { ms: least, traffic: now.traffic / pixels, kept: now.kept / pixels };

@@ -11,8 +11,8 @@ const LIGHT_TURN: f64 = 0.005;
 
 /// Rotation of the circling lamp over the whole path, radians.
 const LAMP_TURN: f64 = 1.5;
-/// Time in which a door opens, seconds.
-const DOOR_OPENS: f64 = 0.1;
+/// Time in which a door opens and a lamp is at its other place, seconds.
+const SOON: f64 = 0.1;
 /// Longer than any path, seconds.
 const LONG: f64 = 1000.0;
 
@@ -38,14 +38,8 @@ pub struct Path {
     pub before: Option<Moment>,
     /// State of each frame.
     pub moments: Vec<Moment>,
-}
-
-impl Path {
-    /// Whether nothing moves or changes.
-    #[must_use]
-    pub fn is_still(&self) -> bool {
-        matches!(self.name, "still" | "switch")
-    }
+    /// Index of the frame from which on nothing moves or changes; none where something does so to the end.
+    pub settles: Option<usize>,
 }
 
 /// A camera that can orbit a point.
@@ -105,11 +99,12 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
     let at = |frame: u32| FRAME * f64::from(frame);
     let moments = around(scene, camera, frames).into_iter().map(|camera| Moment { camera, ..still(0.0) }).collect();
     let still_moments = all(&|_| still(0.0));
-    let mut paths = vec![Path { name: "still", scene: scene.clone(), before: None, moments: still_moments }];
-    paths.push(Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments });
+    let mut paths =
+        vec![Path { name: "still", scene: scene.clone(), before: None, moments: still_moments, settles: Some(0) }];
+    paths.push(Path { name: "camera", scene: scene.clone(), before: Some(still(0.0)), moments, settles: None });
     if !scene.animations.is_empty() {
         let moments = all(&|frame| still(at(frame)));
-        paths.push(Path { name: "things", scene: scene.clone(), before: Some(still(0.0)), moments });
+        paths.push(Path { name: "things", scene: scene.clone(), before: Some(still(0.0)), moments, settles: None });
     }
     if !scene.lights.is_empty() {
         let mut moving = scene.clone();
@@ -120,33 +115,45 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
             scene: moving,
             before: Some(still(0.0)),
             moments: all(&|frame| still(at(frame))),
+            settles: None,
         });
-        let before = Some(Moment { light: 0.0, ..still(0.0) });
-        paths.push(Path { name: "switch", scene: scene.clone(), before, moments: all(&|_| still(0.0)) });
+        let (before, moments) = (Some(Moment { light: 0.0, ..still(0.0) }), all(&|_| still(0.0)));
+        paths.push(Path { name: "switch", scene: scene.clone(), before, moments, settles: Some(0) });
     }
     paths
 }
 
-/// Paths for indirect light, beside the others: a coloured lamp circles around what the camera looks at, and a door slides open, in scenes with a
-/// thing of that name that nothing moves.
+/// Paths for indirect light, beside the others: the lights go off, a coloured lamp circles around what the camera looks at or goes to another place and
+/// stays, and a door slides open, in scenes with a thing of that name that nothing moves.
 #[must_use]
 pub fn paths_of_light(scene: &Scene, frames: u32) -> Vec<Path> {
     let Some(camera) = scene.cameras.first() else { return Vec::new() };
     let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
-    let path = |name, scene| {
+    let path = |name, scene, seconds: Option<f64>| {
         let moments = (0..frames).map(|frame| still(FRAME * f64::from(frame))).collect();
-        Path { name, scene, before: Some(still(0.0)), moments }
+        let settles = seconds.map(|seconds| (seconds / FRAME - 1e-6).ceil() as usize);
+        Path { name, scene, before: Some(still(0.0)), moments, settles }
     };
-    let mut paths = vec![path("lamp", with_circling_lamp(scene, camera, FRAME * f64::from(frames)))];
+    let mut paths = Vec::new();
+    if !scene.lights.is_empty() {
+        let dark = |_| Moment { light: 0.0, ..still(0.0) };
+        paths.push(Path { moments: (0..frames).map(dark).collect(), ..path("off", scene.clone(), Some(0.0)) });
+    }
+    let around = |k: u32| DQuat::from_rotation_y(f64::from(k) / 8.0 * LAMP_TURN) * DVec3::X;
+    let circle: Vec<DVec3> = (0..=8).map(around).collect();
+    let right = camera.world_from_camera.matrix3.x_axis.normalize();
+    paths.push(path("lamp", with_moving_lamp(scene, camera, &circle, FRAME * f64::from(frames)), None));
+    paths.push(path("aside", with_moving_lamp(scene, camera, &[right, -right], SOON), Some(SOON)));
     let door = |i: &&Instance| i.node.is_none() && i.skin.is_none() && i.name.to_lowercase().contains("door");
     if let Some(door) = scene.instances.iter().position(|i| door(&i)) {
-        paths.push(path("door", with_opening_door(scene, door)));
+        paths.push(path("door", with_opening_door(scene, door), Some(SOON)));
     }
     paths
 }
 
-/// Adds a lamp that is brighter than all others and circles around the middle of the picture.
-fn with_circling_lamp(scene: &Scene, camera: &Camera, seconds: f64) -> Scene {
+/// Adds a lamp that is brighter than all others and goes from place to place around the middle of the picture, each in a unit direction from there, in so
+/// many seconds to the last.
+fn with_moving_lamp(scene: &Scene, camera: &Camera, places: &[DVec3], seconds: f64) -> Scene {
     let mut moving = scene.clone();
     moving.animations.clear();
     let forward = -camera.world_from_camera.matrix3.z_axis;
@@ -157,9 +164,8 @@ fn with_circling_lamp(scene: &Scene, camera: &Camera, seconds: f64) -> Scene {
     let radiance = Vec3::new(12.0, 4.0, 1.5) * (across as f32 / radius).powi(2);
     moving.light_nodes.resize(moving.lights.len(), None);
     moving.light_nodes.push(Some(moving.nodes.len() as u32));
-    let at = |k: u32| centre + DQuat::from_rotation_y(f64::from(k) / 8.0 * LAMP_TURN) * DVec3::X * across;
-    moving.lights.push(Light::Sphere { centre: at(0), radius, radiance });
-    let places: Vec<Vec3> = (0..=8).map(|k| at(k).as_vec3()).collect();
+    let places: Vec<Vec3> = places.iter().map(|place| (centre + across * *place).as_vec3()).collect();
+    moving.lights.push(Light::Sphere { centre: places[0].as_dvec3(), radius, radiance });
     moves(&mut moving, "lamp", DQuat::IDENTITY, DVec3::ONE, &places, seconds);
     moving
 }
@@ -175,7 +181,7 @@ fn with_opening_door(scene: &Scene, door: usize) -> Scene {
     let (scale, rotation, from) = world.to_scale_rotation_translation();
     let to = from + world.transform_vector3(along);
     moving.instances[door].node = Some(moving.nodes.len() as u32);
-    moves(&mut moving, "door", rotation, scale, &[from.as_vec3(), to.as_vec3()], DOOR_OPENS);
+    moves(&mut moving, "door", rotation, scale, &[from.as_vec3(), to.as_vec3()], SOON);
     moving
 }
 
@@ -247,7 +253,7 @@ fn turn_lights(scene: &mut Scene, seconds: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use magpie::scene::Animator;
+    use magpie::scene::{Animator, Pose};
 
     #[test]
     fn a_camera_goes_around_what_it_looks_at() {
@@ -288,12 +294,12 @@ mod tests {
     #[test]
     fn a_lamp_circles_and_a_door_opens() {
         let mut scene = magpie::scene::builtin("cornell").unwrap();
-        assert_eq!(paths_of_light(&scene, 4).iter().map(|p| p.name).collect::<Vec<_>>(), ["lamp"]);
+        assert_eq!(paths_of_light(&scene, 4).iter().map(|p| p.name).collect::<Vec<_>>(), ["off", "lamp", "aside"]);
         let door = scene.instances.iter().position(|i| i.name == "short block").unwrap();
         scene.instances[door].name = "Door".to_owned();
         let paths = paths_of_light(&scene, 24);
-        assert_eq!(paths.iter().map(|p| p.name).collect::<Vec<_>>(), ["lamp", "door"]);
-        for path in &paths {
+        assert_eq!(paths.iter().map(|p| p.name).collect::<Vec<_>>(), ["off", "lamp", "aside", "door"]);
+        for path in &paths[1..] {
             let animator = Animator::new(&path.scene);
             let [first, last] = [0, 23].map(|k: usize| animator.pose(path.moments[k].time));
             let lamp = path.scene.lights.len() - 1;
@@ -301,7 +307,17 @@ mod tests {
             let went = first.instances[door].translation.distance(last.instances[door].translation);
             // The block is 2.08 m wide.
             assert_eq!(went > 1.5, path.name == "door", "{}: the door went {went} m", path.name);
-            assert_eq!(from.distance(to) > 1.0, path.name == "lamp", "{}: from {from} to {to}", path.name);
+            assert_eq!(from.distance(to) > 1.0, path.name != "door", "{}: from {from} to {to}", path.name);
+            if let Some(settles) = path.settles {
+                let [at, before] = [settles, settles - 1].map(|k| animator.pose(path.moments[k].time));
+                let place = |pose: &Pose| (pose.instances[door].translation, stand(&pose.lights[lamp]).0);
+                assert!(
+                    place(&at).0.distance(place(&last).0) + place(&at).1.distance(place(&last).1) < 1e-3,
+                    "{}",
+                    path.name
+                );
+                assert!(place(&before) != place(&last), "{} settles before", path.name);
+            }
         }
     }
 }

@@ -8,6 +8,8 @@ use std::fmt::Write;
 
 /// Share of a switch's change at which it counts as visible.
 const SEEN: f64 = 0.9;
+/// Frames after a lasting change for which the table says how much of it is missing.
+const LATER: [usize; 2] = [12, 40];
 /// First frames of a path, in which a denoiser may be no better than its input as it has no history.
 pub const UNKNOWN: usize = 3;
 
@@ -104,7 +106,16 @@ impl MotionReport {
             };
             small.into_iter().for_each(|value| cell(value, 4));
             cost.into_iter().for_each(|value| cell(value, 1));
-            if course.path == "switch" {
+            if !course.gone.is_empty() {
+                let frame = course.settled_within(1.0 - SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
+                let _ = write!(text, "  90 % {frame}");
+                for after in LATER {
+                    course
+                        .missing_in(after)
+                        .map_or(Ok(()), |m| write!(text, ", {:.1} % missing after {after}", 100.0 * m))
+                        .unwrap_or_default();
+                }
+            } else if course.path == "switch" {
                 let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
                 let _ = write!(text, "  90 % {frame}");
             }
@@ -140,18 +151,22 @@ impl MotionReport {
                 "camera" => "while the camera moves",
                 "switch" => "after a switch",
                 "lights" => "while lights move",
+                "off" => "after the lights went out",
                 "lamp" => "while a coloured lamp moves",
+                "aside" => "after a coloured lamp has moved",
                 "door" => "after a door has opened",
                 _ => "while things move",
             };
             let title = format!("{} {when}: {}", self.slot, self.scene);
             add("", "RMSE", title.clone(), &|c| c.errors.clone(), path)?;
-            if path == "switch" {
+            if path == "switch" && self.of(path).all(|c| c.gone.is_empty()) {
                 let share = |c: &Course| {
                     let end = c.true_means.last().copied().unwrap_or(1.0);
                     c.means.iter().map(|m| m / end).collect()
                 };
                 add("-seen", "share of the switch that is seen", title, &share, path)?;
+            } else if self.of(path).any(|c| !c.gone.is_empty()) {
+                add("-seen", "share of the change that is seen", title, &|c| c.gone.clone(), path)?;
             }
         }
         Ok(charts)
