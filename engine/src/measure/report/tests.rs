@@ -92,6 +92,19 @@ fn json_has_the_documented_names() {
 }
 
 #[test]
+fn what_a_pass_counts_itself_is_reported_by_name() {
+    let of = |surfels| PassTime { counts: vec![("surfels", surfels), ("dropped", 0)], ..pass("gi.keep", 1) };
+    // In the last frame the pass counts nothing.
+    let frames = [9, 4, 5].map(|n| frame(9, vec![of(n)])).into_iter().chain([frame(9, vec![pass("gi.keep", 1)])]);
+    let report = recorder(frames.collect(), 0).report(run()).unwrap();
+    let json: Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
+    assert_eq!(json["passes"][0]["counts"], json!({ "surfels": 5, "dropped": 0 }));
+    let without = recorder(vec![frame(9, vec![pass("a.x", 1)])], 0).report(run()).unwrap();
+    let json: Value = serde_json::from_str(&without.to_json().unwrap()).unwrap();
+    assert!(json["passes"][0].get("counts").is_none());
+}
+
+#[test]
 fn what_is_not_finite_is_counted_over_all_frames() {
     let bad = |name, not_finite| PassTime { not_finite, ..pass(name, 1) };
     let frames = vec![

@@ -514,3 +514,41 @@ pub fn run(
     }
     Ok(MotionReport::new(gpu, scene, options, courses))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_followed_by_what_is_missing() {
+        let size = Extent { width: 20, height: 12 };
+        // Noise of pixels within a block does not count.
+        let picture = |left: f32, right: f32| {
+            let noise = |at: usize| if at.is_multiple_of(2) { 0.25 } else { -0.25 };
+            let pixels = (0..240).map(|at| [if at % 20 < 8 { left } else { right } + noise(at); 4]).collect();
+            Seen { size, channels: 3, pixels }
+        };
+        let (before, after) = (picture(1.0, 1.0), picture(1.0, 3.0));
+        let share = |seen: &Seen| gone(seen, &before, &after).unwrap();
+        assert!((share(&picture(1.0, 2.0)) - 0.5).abs() < 1e-6);
+        // What changes elsewhere is not on the way.
+        assert!((share(&picture(7.0, 3.0)) - 1.0).abs() < 1e-6);
+        assert!(gone(&after, &before, &before).is_none());
+        let cost = Cost { ms: None, traffic: 0.0, kept: 0.0 };
+        let course = Course {
+            path: "switch",
+            label: "",
+            errors: vec![],
+            perceived: vec![],
+            cost,
+            flicker: vec![],
+            means: vec![],
+            true_means: vec![],
+            gone: vec![0.5, 0.95, 1.25, 0.95, 1.0],
+        };
+        assert_eq!(course.settled_within(0.1), Some(4));
+        assert_eq!(course.settled_within(0.01), Some(5));
+        assert_eq!((course.missing_in(1), course.missing_in(0), course.missing_in(6)), (Some(0.5), None, None));
+        assert_eq!(Course { gone: vec![0.5], ..course }.settled_within(0.1), None);
+    }
+}

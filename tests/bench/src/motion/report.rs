@@ -110,10 +110,8 @@ impl MotionReport {
                 let frame = course.settled_within(1.0 - SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
                 let _ = write!(text, "  90 % {frame}");
                 for after in LATER {
-                    course
-                        .missing_in(after)
-                        .map_or(Ok(()), |m| write!(text, ", {:.1} % missing after {after}", 100.0 * m))
-                        .unwrap_or_default();
+                    let Some(missing) = course.missing_in(after) else { continue };
+                    let _ = write!(text, ", {:.1} % missing after {after}", 100.0 * missing);
                 }
             } else if course.path == "switch" {
                 let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
