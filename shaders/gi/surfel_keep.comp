@@ -4,7 +4,7 @@
 #include "lib/surfels.glsl"
 // Keeps what surfels share for the next frame, and hands out the counters of this one.
 layout(local_size_x = SURFEL_GROUP) in;
-layout(push_constant, scalar) uniform Push { SurfelShareParams params; };
+layout(push_constant, scalar) uniform Push { SurfelKeepParams params; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;

@@ -4,9 +4,9 @@
 #include "lib/gbuffer.glsl"
 #include "lib/surfels.glsl"
 #include "shared/denoise.glsl"
-// Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them. Later they take what those
-// share as a guess that counts as so many samples more; as the others do the same, light of ever more surfels is averaged from frame to frame, until their
-// own samples are enough. What surfels keep for themselves is their own.
+// Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them; surfel_widen.comp then asks
+// farther away. Later they take what those share as a guess that counts as so many samples more; as the others do the same, light of ever more surfels is
+// averaged from frame to frame, until their own samples are enough. What surfels keep for themselves is their own.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelShareParams params; };
 
@@ -14,16 +14,21 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { Pla
 
 // Samples with which a surfel stands alone.
 const float ALONE = 256.0;
-// Samples that the guess counts for: so many times a surfel's own, and at most. Ever less towards those with which it stands alone.
-const float GUESS = 4.0;
-const float MOST_GUESS = 128.0;
-// Radii within which others are asked. The youngest ask within a distance that is so great that others have ENOUGH samples, at most REACH radii.
-const float ASKED = 2.0;
+// Samples that the guess counts for, ever less towards those with which a surfel stands alone. Where light has changed others may still share what it was: there
+// the guess counts for no more than so many times a surfel's own.
+const float GUESS = 128.0;
+const float GUESS_OF_OWN = 4.0;
+// A surfel with so many paths more than samples has thrown samples away because its light changed.
+const float FORGOTTEN = 8.0;
+// Radii within which others are asked. The youngest ask within so many that others have ENOUGH samples, at most REACH.
 const float ENOUGH = 64.0;
+const float ASKED = 2.0;
 // Samples with which a surfel is no longer one of the youngest: before, light has not spread everywhere, and what is shared would be what it was before.
 const float YOUNGEST = 12.0;
-// More samples than this do not make a surfel count more.
+// More samples than this do not make a surfel count more; for the youngest, more than so many times their own: where light has changed, those that have not
+// noticed yet have the most samples.
 const float SETTLED = 64.0;
+const float MOST_OF_OWN = 2.0;
 // Share of the newest frame in the mean of openness.
 const float NEWEST_OPENNESS = 0.125;
 // Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
@@ -43,7 +48,7 @@ float seen_openness(ViewBuffer view, PlacedSurfel s) {
     return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, ivec3 cell, int level, vec3 position, vec3 normal, float reach, bool young) {
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, float most) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
@@ -57,10 +62,12 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, ivec
         if (cell_of(params.grid, centre - eye, level) != cell) continue;
         vec3 own = PlacedSurfelBuffer(params.grid.placed).at[other].normal;
         float weight = disc_weight(square, reach, own, offset, normal).y;
-        if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own) * min(pool.at[other].light.samples, SETTLED);
+        if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own);
         if (weight == 0.0) continue;
+        around += weight * min(pool.at[other].light.samples, SETTLED);
+        weight *= min(pool.at[other].light.samples, most);
         SharedLight light = pool.at[other].light_shared;
-        if (young || light.is_known == 0u) {
+        if (most < SETTLED || light.is_known == 0u) {
             light.mean = pool.at[other].light.mean;
             light.tilt = pool.at[other].light.tilt;
         }
@@ -69,19 +76,21 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, ivec
 }
 
 // What surfels around one share, itself among them.
-SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples) {
+SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples, out float around) {
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
+    around = 0.0;
     vec3 from_eye = s.position - eye;
     int level = cell_level(length(from_eye));
     bool young = samples < YOUNGEST;
+    float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
     float reach = s.radius * (young ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
     ivec3 low = cell_of(params.grid, from_eye - reach, level);
     ivec3 high = cell_of(params.grid, from_eye + reach, level);
     for (int z = low.z; z <= high.z; z++) {
         for (int y = low.y; y <= high.y; y++) {
-            for (int x = low.x; x <= high.x; x++) add_cell(sum, weights, seen, ivec3(x, y, z), level, s.position, s.normal, reach, young);
+            for (int x = low.x; x <= high.x; x++) add_cell(sum, weights, seen, around, ivec3(x, y, z), level, s.position, s.normal, reach, most);
         }
     }
     return mean_shared(sum, weights, seen);
@@ -101,10 +110,14 @@ void main() {
     SharedLight light = pool.at[i].light_shared;
     // Each asks about as often as it has new samples, the youngest in each frame.
     uint period = samples < YOUNGEST ? 1u : samples < SETTLED ? 2u : 4u;
+    float around = WELL_KNOWN;
     bool asks = samples < ALONE && (i + view.at[0].frame) % period == 0u;
     if (asks) {
-        light = shared_by_others(view.at[0].eye, s, samples);
-        float guess = min(GUESS * samples, MOST_GUESS) * (1.0 - samples / ALONE);
+        float samples_around;
+        light = shared_by_others(view.at[0].eye, s, samples, samples_around);
+        bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
+        if (samples < YOUNGEST && !has_forgotten) around = min(samples_around, WELL_KNOWN);
+        float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * (1.0 - samples / ALONE);
         float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
         light.mean = mix(light.mean, pool.at[i].light.mean, own);
         for (int channel = 0; channel < 3; channel++) light.tilt[channel] = mix(light.tilt[channel], pool.at[i].light.tilt[channel], own);
@@ -115,6 +128,7 @@ void main() {
         light.openness = openness;
     }
     pool.at[i].openness = openness;
+    pool.at[i].samples_around = around;
     placed.at[i].mean = light.mean;
     placed.at[i].tilt = light.tilt;
     placed.at[i].openness = light.openness;

@@ -204,6 +204,8 @@ const float CONFIDENT = 64.0;
 // Coverage below which surfels that do not reach a point count as if they were so many times larger: as far as they know what stands around.
 const float KNOWN = 0.05;
 const float REACH = 4.0;
+// Samples around a surfel with which its light needs none of a wider surrounding.
+const float WELL_KNOWN = 256.0;
 
 // Sums over a list of surfels.
 struct SurfelSums {

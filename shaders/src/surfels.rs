@@ -71,6 +71,8 @@ pub struct Surfel {
     pub light_shared: SharedLight,
     /// Mean of the ambient occlusion that the picture showed at its centre, as openness; below 0 if it never did.
     pub openness: f32,
+    /// Samples of surfels around it behind what it shares, weighted; [`WELL_KNOWN`](../lib/surfels.glsl) of those that ask no farther.
+    pub samples_around: f32,
     /// Mean and standard deviation of the inverse of the distance along the surface to what stands on it, per metre, of each sector: the upper
     /// halves of two floats. 0 where nothing is near.
     pub nearness: [u32; 8],
@@ -347,7 +349,7 @@ pub struct SurfelTraceParams {
     pub paths: u32,
 }
 
-/// Push constants of `surfel_share.comp` and `surfel_keep.comp`.
+/// Push constants of `surfel_share.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct SurfelShareParams {
@@ -363,10 +365,38 @@ pub struct SurfelShareParams {
     pub depth: SampledImage,
     /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub openness: u32,
+}
+
+/// Push constants of `surfel_widen.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfelWidenParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// [`Surfel`] table.
+    pub pool: Address,
+    /// Where surfels are found.
+    pub grid: SurfelGrid,
+    /// Places in the pool.
+    pub capacity: u32,
+    /// 0, then 1.
+    pub turn: u32,
+}
+
+/// Push constants of `surfel_keep.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SurfelKeepParams {
+    /// [`Surfel`] table.
+    pub pool: Address,
+    /// Where surfels are found.
+    pub grid: SurfelGrid,
     /// [`SurfelCounts`].
     pub counts: Address,
     /// Output: from [`SurfelCounts::live`] on to [`SurfelCounts::visible`], for the statistics.
     pub counted: Address,
+    /// Places in the pool.
+    pub capacity: u32,
 }
 
 /// Push constants of `surfel_gather.comp`.

@@ -10,7 +10,7 @@ use magpie_shaders::surfels::*;
 use magpie_shaders::{
     Address, GI_SURFEL_ALLOCATE_COMP, GI_SURFEL_CHANGE_COMP, GI_SURFEL_CLEAR_COMP, GI_SURFEL_COUNT_COMP,
     GI_SURFEL_FREE_COMP, GI_SURFEL_INSERT_COMP, GI_SURFEL_KEEP_COMP, GI_SURFEL_PLACE_COMP, GI_SURFEL_REFRESH_COMP,
-    GI_SURFEL_SHARE_COMP, GI_SURFEL_SORT_COMP, GI_SURFEL_SUM_COMP, SampledImage,
+    GI_SURFEL_SHARE_COMP, GI_SURFEL_SORT_COMP, GI_SURFEL_SUM_COMP, GI_SURFEL_WIDEN_COMP,
 };
 use std::mem::size_of;
 
@@ -33,6 +33,7 @@ pub struct Grid {
     change: Kernel,
     refresh: Kernel,
     share: Kernel,
+    widen: Kernel,
     keep: Kernel,
     options: Options,
     scope: HistoryScope,
@@ -160,6 +161,7 @@ impl Grid {
             change: build.kernel(&GI_SURFEL_CHANGE_COMP)?,
             refresh: build.kernel(&GI_SURFEL_REFRESH_COMP)?,
             share: build.kernel(&GI_SURFEL_SHARE_COMP)?,
+            widen: build.kernel(&GI_SURFEL_WIDEN_COMP)?,
             keep: build.kernel(&GI_SURFEL_KEEP_COMP)?,
             options,
             scope: HistoryScope::new(),
@@ -340,30 +342,66 @@ impl Grid {
 
     /// Adds what brings the light of this frame's paths to where it is looked up.
     pub fn share(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: State) -> State {
-        let (capacity, division, block) = (self.options.capacity, self.division(view), view.block);
-        let mut state = state;
-        for (name, kernel) in [("gi.share", self.share), ("gi.keep", self.keep)] {
-            state = g.pass(name, Queue::AsyncCompute, |p| {
-                let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
-                let gbuffer = (name == "gi.share").then(|| i.gbuffer.read(p, &[Channel::Depth]));
-                let openness = i.ao.openness.filter(|_| name == "gi.share").map(|image| p.sample(image));
-                let (state, tokens) = state.write(p);
-                (state, move |c: &mut Record<'_>| {
-                    let params = SurfelShareParams {
-                        view: c.id(block),
-                        pool: c.id(tokens.pool),
-                        grid: division.grid(c, tokens.look_up),
-                        capacity,
-                        depth: gbuffer.map_or_else(SampledImage::default, |gbuffer| gbuffer.images(c).depth),
-                        openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
-                        counts: c.id(tokens.counts),
-                        counted: if name == "gi.keep" { c.counts(&COUNTED) } else { Address::default() },
-                    };
-                    c.dispatch_indirect(kernel, &params, surfels, 0);
-                })
-            });
+        let (kernel, capacity, division, block) = (self.share, self.options.capacity, self.division(view), view.block);
+        let mut state = g.pass("gi.share", Queue::AsyncCompute, |p| {
+            let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
+            let gbuffer = i.gbuffer.read(p, &[Channel::Depth]);
+            let openness = i.ao.openness.map(|image| p.sample(image));
+            let (state, tokens) = state.write(p);
+            (state, move |c: &mut Record<'_>| {
+                let params = SurfelShareParams {
+                    view: c.id(block),
+                    pool: c.id(tokens.pool),
+                    grid: division.grid(c, tokens.look_up),
+                    capacity,
+                    depth: gbuffer.images(c).depth,
+                    openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
+                };
+                c.dispatch_indirect(kernel, &params, surfels, 0);
+            })
+        });
+        for (turn, name) in ["gi.widen", "gi.widen_again"].into_iter().enumerate() {
+            state = self.widen(g, view, state, name, turn as u32);
         }
-        state
+        self.keep(g, view, state)
+    }
+
+    /// Adds what averages that light over wider surroundings where samples are few, the first or the second time.
+    fn widen(&self, g: &mut FrameGraph, view: &View, state: State, name: &str, turn: u32) -> State {
+        let (kernel, capacity, division, block) = (self.widen, self.options.capacity, self.division(view), view.block);
+        g.pass(name, Queue::AsyncCompute, |p| {
+            let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
+            let (state, tokens) = state.write(p);
+            (state, move |c: &mut Record<'_>| {
+                let params = SurfelWidenParams {
+                    view: c.id(block),
+                    pool: c.id(tokens.pool),
+                    grid: division.grid(c, tokens.look_up),
+                    capacity,
+                    turn,
+                };
+                c.dispatch_indirect(kernel, &params, surfels, 0);
+            })
+        })
+    }
+
+    /// Adds what keeps that light for the next frame.
+    fn keep(&self, g: &mut FrameGraph, view: &View, state: State) -> State {
+        let (kernel, capacity, division) = (self.keep, self.options.capacity, self.division(view));
+        g.pass("gi.keep", Queue::AsyncCompute, |p| {
+            let surfels = p.indirect(state.groups.read());
+            let (state, tokens) = state.write_pool(p);
+            (state, move |c: &mut Record<'_>| {
+                let params = SurfelKeepParams {
+                    pool: c.id(tokens.pool),
+                    grid: division.grid(c, tokens.look_up),
+                    counts: c.id(tokens.counts),
+                    counted: c.counts(&COUNTED),
+                    capacity,
+                };
+                c.dispatch_indirect(kernel, &params, surfels, 0);
+            })
+        })
     }
 
     /// Adds a pass over all cells or, without, over all surfels.

@@ -1,0 +1,85 @@
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lib/bindless.glsl"
+#include "lib/surfels.glsl"
+// Where all surfels around one have few samples, takes the mean of what those share that are up to twice as far away, in two turns: the second takes
+// what the first has found. Of two surfels so near to each other one at least knows what stands on the surface between them, so no light leaks.
+layout(local_size_x = SURFEL_GROUP) in;
+layout(push_constant, scalar) uniform Push { SurfelWidenParams params; };
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { PlacedSurfel at[]; };
+
+// Radii within which others are asked.
+const float ASKED = 2.0 * REACH;
+// Surfels of a cell that are asked, about. Those of one cell share nearly the same.
+const uint ASKED_OF_CELL = 4u;
+
+// What a surfel shares before this turn.
+SharedLight shared_before(uint surfel) {
+    if (params.turn == 1u) return SurfelPool(params.pool).at[surfel].light_shared;
+    Placed placed = Placed(params.grid.placed);
+    return SharedLight(placed.at[surfel].mean, placed.at[surfel].tilt, placed.at[surfel].openness, 1u);
+}
+
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, uint cell, uint surfel, PlacedSurfel s) {
+    SurfelPool pool = SurfelPool(params.pool);
+    uvec2 list = SurfelCells(params.grid.cells).at[cell];
+    uint step = max(list.y / ASKED_OF_CELL, 1u);
+    for (uint i = surfel % step; i < list.y; i += step) {
+        uint other = SurfelWords(params.grid.references).at[list.x + i];
+        vec3 offset = s.position - PlacedSurfelBuffer(params.grid.placed).at[other].position;
+        float square = dot(offset, offset) / (ASKED * ASKED * s.radius * s.radius);
+        if (!(square < 1.0)) continue;
+        vec3 normal = PlacedSurfelBuffer(params.grid.placed).at[other].normal;
+        float weight = disc_weight(square, REACH * s.radius, normal, offset, s.normal).y * pool.at[other].samples_around;
+        if (weight > 0.0) weight *= reached(params.grid, other, normal, offset - dot(offset, normal) * normal);
+        if (weight > 0.0) weight *= reached(params.grid, surfel, s.normal, dot(offset, s.normal) * s.normal - offset);
+        if (weight > 0.0) add_shared(sum, shared_before(other), weight, weights, seen);
+    }
+}
+
+// The mean over a wide surrounding; what the surfel shares itself, where there is nothing else.
+SharedLight shared_widely(vec3 eye, uint surfel, PlacedSurfel s, SharedLight own) {
+    SharedLight sum = no_shared_light();
+    float weights = 0.0;
+    float seen = 0.0;
+    vec3 from_eye = s.position - eye;
+    int level = cell_level(length(from_eye));
+    float width = cell_width(params.grid, level);
+    // Distance to the surfel's plane from which on a cell holds none that lies in it.
+    float farthest = 0.5 * width * (abs(s.normal.x) + abs(s.normal.y) + abs(s.normal.z)) + s.radius;
+    ivec3 low = cell_of(params.grid, from_eye - ASKED * s.radius, level);
+    ivec3 high = cell_of(params.grid, from_eye + ASKED * s.radius, level);
+    for (int z = low.z; z <= high.z; z++) {
+        for (int y = low.y; y <= high.y; y++) {
+            for (int x = low.x; x <= high.x; x++) {
+                vec3 centre = (vec3(x, y, z) + 0.5) * width;
+                if (abs(dot(centre - from_eye, s.normal)) > farthest) continue;
+                add_cell(sum, weights, seen, cell_index(params.grid, ivec3(x, y, z), level), surfel, s);
+            }
+        }
+    }
+    if (weights == 0.0) return own;
+    SharedLight wide = mean_shared(sum, weights, seen);
+    if (seen == 0.0) wide.openness = own.openness;
+    return wide;
+}
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    SurfelPool pool = SurfelPool(params.pool);
+    if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
+    Placed placed = Placed(params.grid.placed);
+    PlacedSurfel s = placed.at[i];
+    float known = pool.at[i].samples_around / WELL_KNOWN;
+    SharedLight near = SharedLight(s.mean, s.tilt, s.openness, 1u);
+    SharedLight light = near;
+    if (known < 1.0) light = shared_widely(ViewBuffer(params.view).at[0].eye, i, s, near);
+    if (params.turn == 0u) {
+        pool.at[i].light_shared = light;
+        return;
+    }
+    placed.at[i].mean = mix(light.mean, near.mean, known);
+    for (int channel = 0; channel < 3; channel++) placed.at[i].tilt[channel] = mix(light.tilt[channel], near.tilt[channel], known);
+    placed.at[i].openness = mix(light.openness, near.openness, known);
+}
