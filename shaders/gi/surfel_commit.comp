@@ -48,6 +48,7 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     if (around.known) s.light_shared = shared_around(view.at[0].eye, start.position, start.normal);
     else s.light_shared.mean = around.light;
     s.openness = -1.0;
+    s.samples_around = 0.0;
     s.light.mean = s.light_shared.mean;
     s.light.samples = min(around.samples, INHERITED);
     s.light.short_mean = s.light.mean;

@@ -5,7 +5,7 @@ use magpie::scene::Scene;
 use magpie_passes::reference::{Estimate, Only, ReferenceOptions};
 use magpie_tests::against::{Shown, light_and_block_error, truth_of};
 use magpie_tests::gi::{Frames, SURFELS, light_and_error, ways};
-use magpie_tests::harness::{asset, builtin, gpu_without_validation};
+use magpie_tests::harness::{asset, builtin, gpu_without_validation, save_picture};
 use magpie_tests::rooms;
 use std::env;
 use std::time::Instant;
@@ -26,9 +26,9 @@ fn is_full() -> bool {
     env::var_os("MAGPIE_FULL").is_some()
 }
 
-/// The names in `MAGPIE_ONLY`, separated by commas; all without it.
+/// The names in `MAGPIE_ONLY`, separated by semicolons; all without it.
 fn is_wanted(name: &str) -> bool {
-    env::var("MAGPIE_ONLY").map_or(true, |only| only.split(',').any(|one| one == name))
+    env::var("MAGPIE_ONLY").map_or(true, |only| only.split(';').any(|one| one == name))
 }
 
 const COURTYARD: &str = "courtyard, close";
@@ -96,7 +96,7 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
     Ok(())
 }
 
-/// All of them as a table, with `MAGPIE_FULL`.
+/// All of them as a table, with `MAGPIE_FULL`, and of each scene a picture of the reference and of each way.
 #[test]
 fn all_ways_against_the_reference() -> Result<()> {
     if !is_full() {
@@ -106,13 +106,16 @@ fn all_ways_against_the_reference() -> Result<()> {
     println!("| scene | way | light | relMSE | blocks of 8x8 |\n|---|---|---|---|---|");
     for (name, scene) in scenes()? {
         let truth = truth(&gpu, &scene, FULL)?;
+        let mut pictures = vec![truth.mean.clone()];
         for way in ways() {
             let found = Frames::new(&gpu, &scene, way, &[], FULL.size)?.after(FULL.frames - 1)?;
             let [_, blocks] = light_and_block_error(&found, &truth.mean, FULL.size[0]);
             let [light, error] = light_and_error(&found, &truth);
             ensure!(light.is_finite() && error.is_finite() && light >= 0.0, "{name}, {}: {light}, {error}", way.label);
             println!("| {name} | {} | {light:.3} | {error:.4} | {blocks:.3} |", way.label);
+            pictures.push(found);
         }
+        save_picture(&format!("gi_truth {name}"), FULL.size[0], pictures.len() as u32, &pictures)?;
     }
     Ok(())
 }

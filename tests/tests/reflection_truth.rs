@@ -160,6 +160,11 @@ fn rays_have_no_bias() -> Result<()> {
     Ok(())
 }
 
+/// Whether `MAGPIE_ONLY` names a row, as in `Metal 0.1;Coat 0`; all are wanted without it.
+fn is_wanted(of: Made, roughness: f32) -> bool {
+    env::var("MAGPIE_ONLY").map_or(true, |only| only.split(';').any(|row| row == format!("{of:?} {roughness}")))
+}
+
 /// All surfaces in one scene, with `MAGPIE_FULL`, as a table. It takes an hour or less.
 fn no_bias_on_any_surface(name: &str) -> Result<()> {
     if env::var_os("MAGPIE_FULL").is_none() {
@@ -176,6 +181,9 @@ fn no_bias_on_any_surface(name: &str) -> Result<()> {
             (0.6, Rays::Software),
             (1.0, Rays::Query),
         ] {
+            if !is_wanted(of, roughness) {
+                continue;
+            }
             let rays = if gpu.check_rays(rays).is_ok() { rays } else { Rays::Software };
             let (scene, time) = scene_of(name, of, roughness)?;
             let bias = bias_of(&gpu, &scene, time, rays, effort)?;

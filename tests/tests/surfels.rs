@@ -175,23 +175,30 @@ fn rooms(wall: f32) -> Scene {
     s
 }
 
-/// The dark side of a thin wall stays dark.
+/// The dark side of a thin wall stays dark, from the first frame on.
 #[test]
 fn walls_let_no_light_through() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut pictures = Vec::new();
     for wall in [0.001, 0.01, 0.1] {
         let scene = rooms(wall);
-        let light = Frames::new(&gpu, &scene, &[])?.light(23)?;
-        let side = |columns: std::ops::Range<usize>| {
-            let of_side: Vec<DVec3> =
-                light.iter().enumerate().filter(|(at, _)| columns.contains(&(at % 96))).map(|(_, p)| *p).collect();
-            mean(&of_side)
-        };
-        let (bright, dark) = (side(0..47), side(49..96));
-        println!("wall of {wall} m: dark side {:.2e} of the bright one ({bright:.3})", dark / bright);
-        ensure!(bright > 0.01, "the bright side is dark: {bright}");
-        ensure!(dark < 0.01 * bright, "wall of {wall} m: {}", dark / bright);
+        let mut frames = Frames::new(&gpu, &scene, &[])?;
+        let mut light = Vec::new();
+        for (frame, others) in [(1, 0), (4, 2), (24, 19)] {
+            light = frames.light(others)?;
+            let side = |columns: std::ops::Range<usize>| {
+                let of_side: Vec<DVec3> =
+                    light.iter().enumerate().filter(|(at, _)| columns.contains(&(at % 96))).map(|(_, p)| *p).collect();
+                mean(&of_side)
+            };
+            let (bright, dark) = (side(0..47), side(49..96));
+            println!(
+                "wall of {wall} m, frame {frame}: dark side {:.2e} of the bright one ({bright:.3})",
+                dark / bright
+            );
+            ensure!(bright > 0.01, "the bright side is dark: {bright}");
+            ensure!(dark < 0.01 * bright, "wall of {wall} m, frame {frame}: {}", dark / bright);
+        }
         let brighter = light.iter().map(|v| 100.0 * *v).collect();
         pictures.extend([light, brighter]);
     }
