@@ -12,7 +12,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { Pla
 // Radii within which others are asked.
 const float ASKED = 2.0 * REACH;
 // Surfels of a cell that are asked, about. Those of one cell share nearly the same.
-const uint ASKED_OF_CELL = 4u;
+const uint ASKED_OF_CELL = 2u;
 
 // What a surfel shares before this turn.
 SharedLight shared_before(uint surfel) {
@@ -46,15 +46,17 @@ SharedLight shared_widely(vec3 eye, uint surfel, PlacedSurfel s, SharedLight own
     vec3 from_eye = s.position - eye;
     int level = cell_level(length(from_eye));
     float width = cell_width(params.grid, level);
+    float reach = ASKED * s.radius;
     // Distance to the surfel's plane from which on a cell holds none that lies in it.
     float farthest = 0.5 * width * (abs(s.normal.x) + abs(s.normal.y) + abs(s.normal.z)) + s.radius;
-    ivec3 low = cell_of(params.grid, from_eye - ASKED * s.radius, level);
-    ivec3 high = cell_of(params.grid, from_eye + ASKED * s.radius, level);
+    ivec3 low = cell_of(params.grid, from_eye - reach, level);
+    ivec3 high = cell_of(params.grid, from_eye + reach, level);
     for (int z = low.z; z <= high.z; z++) {
         for (int y = low.y; y <= high.y; y++) {
             for (int x = low.x; x <= high.x; x++) {
-                vec3 centre = (vec3(x, y, z) + 0.5) * width;
-                if (abs(dot(centre - from_eye, s.normal)) > farthest) continue;
+                vec3 centre = (vec3(x, y, z) + 0.5) * width - from_eye;
+                vec3 nearest = max(abs(centre) - 0.5 * width, 0.0);
+                if (abs(dot(centre, s.normal)) > farthest || dot(nearest, nearest) > reach * reach) continue;
                 add_cell(sum, weights, seen, cell_index(params.grid, ivec3(x, y, z), level), surfel, s);
             }
         }
