@@ -99,9 +99,15 @@ SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples, out float 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     SurfelPool pool = SurfelPool(params.pool);
-    if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
-    ViewBuffer view = ViewBuffer(params.view);
+    if (i >= params.capacity) return;
     Placed placed = Placed(params.grid.placed);
+    if (pool.at[i].bound.instance == 0u) {
+        // Those that went in this frame are still in lists, with the light that paths take, which is that of a single one.
+        placed.at[i].radius = 0.0;
+        pool.at[i].samples_around = 0.0;
+        return;
+    }
+    ViewBuffer view = ViewBuffer(params.view);
     PlacedSurfel s = placed.at[i];
     float samples = pool.at[i].light.samples;
     float seen = seen_openness(view, s);
