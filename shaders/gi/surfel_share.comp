@@ -81,16 +81,16 @@ SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples, out float 
     float weights = 0.0;
     float seen = 0.0;
     around = 0.0;
-    vec3 from_eye = s.position - eye;
-    int level = cell_level(length(from_eye));
     bool young = samples < YOUNGEST;
     float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
     float reach = s.radius * (young ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
-    ivec3 low = cell_of(params.grid, from_eye - reach, level);
-    ivec3 high = cell_of(params.grid, from_eye + reach, level);
-    for (int z = low.z; z <= high.z; z++) {
-        for (int y = low.y; y <= high.y; y++) {
-            for (int x = low.x; x <= high.x; x++) add_cell(sum, weights, seen, around, ivec3(x, y, z), level, s.position, s.normal, reach, most);
+    SurfelCellsAround cells = cells_around(params.grid, s.position - eye, s.normal, reach, 0.5 * reach);
+    for (int z = cells.low.z; z <= cells.high.z; z++) {
+        for (int y = cells.low.y; y <= cells.high.y; y++) {
+            for (int x = cells.low.x; x <= cells.high.x; x++) {
+                ivec3 cell = ivec3(x, y, z);
+                if (holds(cells, cell)) add_cell(sum, weights, seen, around, cell, cells.level, s.position, s.normal, reach, most);
+            }
         }
     }
     return mean_shared(sum, weights, seen);

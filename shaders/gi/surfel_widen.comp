@@ -43,21 +43,12 @@ SharedLight shared_widely(vec3 eye, uint surfel, PlacedSurfel s, SharedLight own
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
-    vec3 from_eye = s.position - eye;
-    int level = cell_level(length(from_eye));
-    float width = cell_width(params.grid, level);
-    float reach = ASKED * s.radius;
-    // Distance to the surfel's plane from which on a cell holds none that lies in it.
-    float farthest = 0.5 * width * (abs(s.normal.x) + abs(s.normal.y) + abs(s.normal.z)) + s.radius;
-    ivec3 low = cell_of(params.grid, from_eye - reach, level);
-    ivec3 high = cell_of(params.grid, from_eye + reach, level);
-    for (int z = low.z; z <= high.z; z++) {
-        for (int y = low.y; y <= high.y; y++) {
-            for (int x = low.x; x <= high.x; x++) {
-                vec3 centre = (vec3(x, y, z) + 0.5) * width - from_eye;
-                vec3 nearest = max(abs(centre) - 0.5 * width, 0.0);
-                if (abs(dot(centre, s.normal)) > farthest || dot(nearest, nearest) > reach * reach) continue;
-                add_cell(sum, weights, seen, cell_index(params.grid, ivec3(x, y, z), level), surfel, s);
+    SurfelCellsAround around = cells_around(params.grid, s.position - eye, s.normal, ASKED * s.radius, s.radius);
+    for (int z = around.low.z; z <= around.high.z; z++) {
+        for (int y = around.low.y; y <= around.high.y; y++) {
+            for (int x = around.low.x; x <= around.high.x; x++) {
+                ivec3 cell = ivec3(x, y, z);
+                if (holds(around, cell)) add_cell(sum, weights, seen, cell_index(params.grid, cell, around.level), surfel, s);
             }
         }
     }

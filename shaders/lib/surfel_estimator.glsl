@@ -82,7 +82,7 @@ void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend, flo
     y = limited(e, y, 4.0 * luminance(e.mean) + 8.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
     vec3 before = y - e.mean;
     e.mean += blend * before;
-    e.variance = mix(e.variance, before * before, max(1.0 / count, 1.0 / 64.0));
+    e.variance = mix(e.variance, before * before, 1.0 / count);
     e.short_mean = mix(e.short_mean, y, max(1.0 / count, SHORT_WINDOW));
 }
 

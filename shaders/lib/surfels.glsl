@@ -70,6 +70,33 @@ ivec3 cell_of(SurfelGrid grid, vec3 from_eye, int level) {
     return ivec3(floor(from_eye / cell_width(grid, level)));
 }
 
+// Cells that hold what is near a surfel and near its plane.
+struct SurfelCellsAround {
+    ivec3 low;
+    ivec3 high;
+    int level;
+    float width;
+    float reach;      // metres from the surfel
+    float off_plane;  // metres from its plane to the centre of a cell
+    vec3 from_eye;
+    vec3 normal;
+};
+
+SurfelCellsAround cells_around(SurfelGrid grid, vec3 from_eye, vec3 normal, float reach, float off_plane) {
+    int level = cell_level(length(from_eye));
+    float width = cell_width(grid, level);
+    float half_cell = 0.5 * width * (abs(normal.x) + abs(normal.y) + abs(normal.z));
+    return SurfelCellsAround(
+        cell_of(grid, from_eye - reach, level), cell_of(grid, from_eye + reach, level), level, width, reach, off_plane + half_cell, from_eye, normal
+    );
+}
+
+bool holds(SurfelCellsAround around, ivec3 cell) {
+    vec3 centre = (vec3(cell) + 0.5) * around.width - around.from_eye;
+    vec3 nearest = max(abs(centre) - 0.5 * around.width, 0.0);
+    return abs(dot(centre, around.normal)) <= around.off_plane && dot(nearest, nearest) <= around.reach * around.reach;
+}
+
 // The cell at a point.
 uint cell_at(SurfelGrid grid, vec3 eye, vec3 position) {
     vec3 from_eye = position - eye;
