@@ -70,7 +70,7 @@ ivec3 cell_of(SurfelGrid grid, vec3 from_eye, int level) {
     return ivec3(floor(from_eye / cell_width(grid, level)));
 }
 
-// Cells that hold what is near a surfel and near its plane.
+// Cells of a level that may hold what is near a surfel and near its plane. What stands off that plane has no weight, or hardly any.
 struct SurfelCellsAround {
     ivec3 low;
     ivec3 high;
