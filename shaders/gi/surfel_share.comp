@@ -29,6 +29,10 @@ const float YOUNGEST = 12.0;
 // noticed yet have the most samples.
 const float SETTLED = 64.0;
 const float MOST_OF_OWN = 2.0;
+// Samples of the surfels of a cell, each twice, of which the youngest ask no more.
+const float ENOUGH_OF_CELL = 256.0;
+// Binary logarithm of the frames after which a surfel asks at the latest.
+const float LONGEST_PERIOD = 3.0;
 // Share of the newest frame in the mean of openness.
 const float NEWEST_OPENNESS = 0.125;
 // Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
@@ -48,11 +52,12 @@ float seen_openness(ViewBuffer view, PlacedSurfel s) {
     return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, float most) {
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
-    for (uint i = 0u; i < list.y; i++) {
+    uint step = most < SETTLED ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
+    for (uint i = surfel % step; i < list.y; i += step) {
         uint other = SurfelWords(params.grid.references).at[list.x + i];
         vec3 centre = PlacedSurfelBuffer(params.grid.placed).at[other].position;
         vec3 offset = position - centre;
@@ -64,6 +69,7 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
         float weight = disc_weight(square, reach, own, offset, normal).y;
         if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own);
         if (weight == 0.0) continue;
+        weight *= float(step);
         around += weight * min(pool.at[other].light.samples, SETTLED);
         weight *= min(pool.at[other].light.samples, most);
         SharedLight light = pool.at[other].light_shared;
@@ -76,7 +82,7 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
 }
 
 // What surfels around one share, itself among them.
-SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples, out float around) {
+SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around) {
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
@@ -89,11 +95,17 @@ SharedLight shared_by_others(vec3 eye, PlacedSurfel s, float samples, out float 
         for (int y = cells.low.y; y <= cells.high.y; y++) {
             for (int x = cells.low.x; x <= cells.high.x; x++) {
                 ivec3 cell = ivec3(x, y, z);
-                if (holds(cells, cell)) add_cell(sum, weights, seen, around, cell, cells.level, s.position, s.normal, reach, most);
+                if (holds(cells, cell)) add_cell(sum, weights, seen, around, cell, cells.level, s.position, s.normal, reach, surfel, most);
             }
         }
     }
     return mean_shared(sum, weights, seen);
+}
+
+// Frames from path to path of those that are not settled: more than one where the budget is too small for all.
+uint frames_per_path() {
+    float frames = float(SurfelCounters(params.counts).counts.live) / float(params.paths);
+    return 1u << uint(clamp(round(log2(frames)), 0.0, LONGEST_PERIOD));
 }
 
 void main() {
@@ -114,13 +126,14 @@ void main() {
     float openness = pool.at[i].openness;
     if (seen >= 0.0) openness = openness < 0.0 ? seen : mix(openness, seen, NEWEST_OPENNESS);
     SharedLight light = pool.at[i].light_shared;
-    // Each asks about as often as it has new samples, the youngest in each frame.
-    uint period = samples < YOUNGEST ? 1u : samples < SETTLED ? 2u : 4u;
+    // Each asks about as often as it has new samples; those of a workgroup in the same frame, as one that asks takes as long as all.
+    bool is_new = pool.at[i].born == view.at[0].frame;
+    uint period = is_new ? 1u : samples < YOUNGEST ? frames_per_path() : samples < SETTLED ? 2u : 4u;
     float around = WELL_KNOWN;
-    bool asks = samples < ALONE && (i + view.at[0].frame) % period == 0u;
+    bool asks = samples < ALONE && (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {
         float samples_around;
-        light = shared_by_others(view.at[0].eye, s, samples, samples_around);
+        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around);
         bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
         if (samples < YOUNGEST && !has_forgotten) around = min(samples_around, WELL_KNOWN);
         float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * (1.0 - samples / ALONE);

@@ -359,8 +359,12 @@ pub struct SurfelShareParams {
     pub pool: Address,
     /// Where surfels are found.
     pub grid: SurfelGrid,
+    /// [`SurfelCounts`].
+    pub counts: Address,
     /// Places in the pool.
     pub capacity: u32,
+    /// Older surfels that trace in a frame at most; above 0.
+    pub paths: u32,
     /// Reversed depth of the G-buffer.
     pub depth: SampledImage,
     /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).

@@ -343,6 +343,7 @@ impl Grid {
     /// Adds what brings the light of this frame's paths to where it is looked up.
     pub fn share(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: State) -> State {
         let (kernel, capacity, division, block) = (self.share, self.options.capacity, self.division(view), view.block);
+        let paths = self.options.most_old(view.facts.lets_light_through).max(1);
         let mut state = g.pass("gi.share", Queue::AsyncCompute, |p| {
             let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
             let gbuffer = i.gbuffer.read(p, &[Channel::Depth]);
@@ -353,7 +354,9 @@ impl Grid {
                     view: c.id(block),
                     pool: c.id(tokens.pool),
                     grid: division.grid(c, tokens.look_up),
+                    counts: c.id(tokens.counts),
                     capacity,
+                    paths,
                     depth: gbuffer.images(c).depth,
                     openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
                 };
