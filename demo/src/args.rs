@@ -10,6 +10,7 @@ use std::{path::PathBuf, str::FromStr};
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use magpie::graph::Switches;
 use magpie::pixels::Mapping;
+use magpie_passes::MOST_IN_FLIGHT;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
 pub use bench::{
@@ -21,6 +22,8 @@ pub use reference::ReferenceArguments;
 
 /// Greatest width and height of a picture, pixels.
 const MAX_EXTENT: u32 = 16_384;
+/// Greatest number of frames.
+pub(crate) const MAX_FRAMES: u32 = 1_000_000;
 
 /// Magpie: a frame-graph-based hybrid renderer on Vulkan.
 #[derive(Debug, Parser)]
@@ -106,8 +109,8 @@ pub struct RenderArguments {
     /// `builtin:NAME`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", required_unless_present = "print_config")]
     pub scene: Option<PathBuf>,
-    /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map
-    #[arg(long, value_name = "F.png|F.exr")]
+    /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map; with %d or %04d in the name, every measured frame
+    #[arg(long, value_name = "F.png|F.exr|F_%04d.png")]
     pub out: Option<PathBuf>,
     /// Light from all around, and what is supplied.
     #[command(flatten)]
@@ -115,10 +118,10 @@ pub struct RenderArguments {
     /// Width and height of the picture, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
     pub size: Extent,
-    /// Frames to measure; the last one is the picture
-    #[arg(long, value_name = "N", default_value_t = 32, allow_negative_numbers = true,
-          value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub frames: u32,
+    /// Frames to measure; the last one is the picture [default: 32, or those of --camera-path]
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
+    pub frames: Option<u32>,
     /// Frames before them
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true,
           value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
@@ -129,6 +132,9 @@ pub struct RenderArguments {
     /// Scene time from frame to frame, seconds
     #[arg(long, value_name = "SECONDS", default_value = "0.0166667", allow_negative_numbers = true, value_parser = time_step)]
     pub time_step: f32,
+    /// Move the camera along a recorded path, from its first key at the first measured frame on
+    #[arg(long, value_name = "F.json", conflicts_with = "camera")]
+    pub camera_path: Option<PathBuf>,
     /// The camera and the configuration.
     #[command(flatten)]
     pub frame: FrameArguments,
@@ -167,6 +173,10 @@ pub struct RenderArguments {
     /// Name the pass in which a device is lost, on any device; on some, passes then run one after another
     #[arg(long)]
     pub breadcrumbs: bool,
+    /// Frames that are submitted before the oldest of them is waited for; 1 lets processor and device take turns
+    #[arg(long, value_name = "N", default_value_t = 2,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_IN_FLIGHT)))]
+    pub frames_in_flight: u32,
     /// Print the whole configuration as TOML, and do nothing else
     #[arg(long)]
     pub print_config: bool,
@@ -431,7 +441,7 @@ mod tests {
         let arguments = Arguments::try_parse_from(["magpie", "render", "builtin:cornell"]).unwrap();
         let Command::Render(render) = arguments.command else { panic!("another command") };
         assert_eq!(render.size, Extent { width: 1280, height: 720 });
-        assert_eq!((render.frames, render.warmup, render.seed, render.device.rays), (32, 0, 0, Rays::Auto));
+        assert_eq!((render.frames, render.warmup, render.seed, render.device.rays), (None, 0, 0, Rays::Auto));
         assert!((render.time_step - 1.0 / 60.0).abs() < 1e-6);
     }
 }

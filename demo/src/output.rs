@@ -162,6 +162,65 @@ impl Output {
     }
 }
 
+/// A file for each frame: the one place for its number in the name, `%d` or, with zeros in front up to a width, `%04d`, is filled in.
+pub(crate) struct Numbered {
+    argument: &'static str,
+    folder: PathBuf,
+    before: String,
+    /// Least number of digits.
+    digits: usize,
+    after: String,
+    endings: &'static [&'static str],
+}
+
+impl Numbered {
+    /// `None` if the name has no place for a number. The files of the first and of the last frame are checked as by [`Output::plan`].
+    pub(crate) fn plan(
+        argument: &'static str,
+        path: &Path,
+        endings: &'static [&'static str],
+        frames: u32,
+    ) -> Result<Option<Self>, Failure> {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let Some((before, rest)) = name.split_once('%') else { return Ok(None) };
+        let (digits, after) = rest.split_once('d').unwrap_or(("?", ""));
+        let digits = if digits.is_empty() { Some(1) } else { digits.strip_prefix('0').and_then(|d| d.parse().ok()) };
+        let Some(digits) = digits.filter(|d| (1..=9).contains(d) && !after.contains('%')) else {
+            let fault = "wanted one %d or %04d where the number of the frame belongs";
+            return Err(Failure::bad(format!("{argument} {}: {fault}", path.display())));
+        };
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        let numbered = Self { argument, folder, before: before.to_owned(), digits, after: after.to_owned(), endings };
+        for frame in [0, frames.saturating_sub(1)] {
+            numbered.frame(frame)?;
+        }
+        Ok(Some(numbered))
+    }
+
+    /// Refuses names of which one is a file that is read.
+    pub(crate) fn keep_from(&self, inputs: &[(&str, &Path)]) -> Result<(), Failure> {
+        let folder = |path: &Path| folder_of(path).canonicalize().ok();
+        let own = folder(&self.folder.join("any"));
+        for (what, path) in inputs {
+            let Ok(path) = path.canonicalize() else { continue };
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let number = name.strip_prefix(&self.before).and_then(|rest| rest.strip_suffix(&self.after));
+            let is_frame = number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+            if is_frame && folder(&path) == own {
+                let Self { argument, before, after, .. } = self;
+                return Err(Failure::Usage(format!("{argument} {before}%d{after}: would overwrite the {what}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// The file of a frame, counted from 0.
+    pub(crate) fn frame(&self, frame: u32) -> Result<Output, Failure> {
+        let Self { argument, folder, before, digits, after, endings } = self;
+        Output::plan(argument, &folder.join(format!("{before}{frame:0digits$}{after}")), endings)
+    }
+}
+
 fn folder_of(place: &Path) -> &Path {
     match place.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -260,6 +319,30 @@ mod tests {
         assert!(refused("none/a.png").contains("does not exist"));
         assert_eq!(Output::plan("--out", &at("A.PNG"), &["png"]).unwrap().ending(), "png");
         assert_eq!(names(folder.path()), ["folder.png"]);
+    }
+
+    #[test]
+    fn names_of_frames_have_one_place_for_a_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let plan = |name: &str| Numbered::plan("--out", &folder.path().join(name), &["png"], 12);
+        let name = |pattern: &str, frame| {
+            let output = plan(pattern).unwrap().unwrap().frame(frame).unwrap();
+            output.path.file_name().unwrap().to_string_lossy().into_owned()
+        };
+        assert!(plan("a.png").unwrap().is_none());
+        assert_eq!(name("a_%d.png", 7), "a_7.png");
+        assert_eq!(name("%04d.png", 12), "0012.png");
+        assert_eq!(name("a%02d.png", 1234), "a1234.png");
+        for wrong in ["a%.png", "a%d%d.png", "a%4d.png", "a%0d.png", "a%00d.png", "a%xd.png", "a%d%.png", "100 %.png"] {
+            let failure = plan(wrong).err().unwrap();
+            assert!(failure.message().contains("%04d") && failure.status() == 2, "{wrong}: {}", failure.message());
+        }
+        assert!(plan("a%d.jpg").err().unwrap().message().contains("ends in .png"));
+        fs::write(folder.path().join("a7.png"), "").unwrap();
+        let (numbered, input) = (plan("a%02d.png").unwrap().unwrap(), folder.path().join("a7.png"));
+        assert!(numbered.keep_from(&[("map", &input)]).unwrap_err().message().contains("overwrite the map"));
+        numbered.keep_from(&[("map", &folder.path().join("b7.png"))]).unwrap();
+        assert!(plan("none/a%d.png").err().unwrap().message().contains("does not exist"));
     }
 
     #[test]

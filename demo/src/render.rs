@@ -1,6 +1,6 @@
 //! `magpie render`.
 
-use std::{path::Path, sync::Arc};
+use std::{collections::VecDeque, path::Path, sync::Arc};
 
 use magpie::{
     config::Config,
@@ -10,15 +10,16 @@ use magpie::{
     },
     measure::{Recorder, Report, Run, chrome_trace, pass_table, slot_table},
     pixels::Mapping,
+    scene::CameraPath,
 };
 use magpie_passes::ReadBack;
 
 use crate::{
-    args::{Loudness, RenderArguments},
+    args::{Loudness, MAX_FRAMES, RenderArguments},
     console::{self, Progress},
     exit::Failure,
     input,
-    output::{Output, keep_apart},
+    output::{Numbered, Output, keep_apart},
     picture,
     session::{self, Options, Session},
 };
@@ -26,40 +27,71 @@ use crate::{
 /// Findings that are printed in full; the rest is counted.
 const FINDINGS_SHOWN: usize = 20;
 
+/// Frames that are measured if nothing else is said.
+const FRAMES: u32 = 32;
+
+/// Part of a step by which rounded steps may miss the end of a path.
+const ROUNDING: f64 = 0.05;
+
+/// Where pictures go.
+enum Pictures {
+    Nowhere,
+    /// The last frame.
+    Last(Output),
+    /// Every measured frame.
+    Each(Numbered),
+}
+
 /// Every file that a run writes.
-#[derive(Default)]
 struct Outputs {
-    picture: Option<Output>,
+    pictures: Pictures,
     timings: Option<Output>,
     trace: Option<Output>,
     graph: Option<Output>,
 }
 
 impl Outputs {
-    fn plan(arguments: &RenderArguments) -> Result<Self, Failure> {
+    /// `frames`: those that are measured.
+    fn plan(arguments: &RenderArguments, frames: u32) -> Result<Self, Failure> {
         let plan = |argument, path: &Option<_>, endings: &[&str]| {
             path.as_deref().map(|path: &Path| Output::plan(argument, path, endings)).transpose()
         };
+        let (out, endings) = (arguments.out.as_deref(), &["png", "exr"]);
+        let numbered = out.map(|out| Numbered::plan("--out", out, endings, frames)).transpose()?.flatten();
+        let pictures = match (out, numbered) {
+            (_, Some(numbered)) => Pictures::Each(numbered),
+            (Some(out), None) => Pictures::Last(Output::plan("--out", out, endings)?),
+            (None, None) => Pictures::Nowhere,
+        };
         let outputs = Self {
-            picture: plan("--out", &arguments.out, &["png", "exr"])?,
+            pictures,
             timings: plan("--timings", &arguments.timings, &["json", "csv"])?,
             trace: plan("--trace", &arguments.trace, &["json"])?,
             graph: plan("--dump-graph", &arguments.dump_graph, &["txt", "json", "dot", "html"])?,
         };
-        if arguments.view_as.is_some() && outputs.picture.as_ref().is_some_and(|picture| picture.ending() == "exr") {
+        let first = match &outputs.pictures {
+            Pictures::Nowhere => None,
+            Pictures::Last(picture) => Some(picture),
+            Pictures::Each(numbered) => Some(&numbered.frame(0)?),
+        };
+        if arguments.view_as.is_some() && first.is_some_and(|picture| picture.ending() == "exr") {
             let fault = "--view-as: an EXR has the numbers themselves; colours are for a PNG";
             return Err(Failure::Usage(fault.to_owned()));
         }
-        let all = [&outputs.picture, &outputs.timings, &outputs.trace, &outputs.graph];
+        let all = [first, outputs.timings.as_ref(), outputs.trace.as_ref(), outputs.graph.as_ref()];
         let all: Vec<&Output> = all.into_iter().flatten().collect();
         let inputs = [
             ("scene", &arguments.scene),
             ("environment map", &arguments.lighting.environment.environment),
             ("camera file", &arguments.frame.camera),
+            ("camera path", &arguments.camera_path),
             ("configuration", &arguments.frame.config),
         ];
         let inputs: Vec<(&str, &Path)> = inputs.iter().filter_map(|(what, p)| Some((*what, p.as_deref()?))).collect();
         keep_apart(&all, &inputs)?;
+        if let Pictures::Each(numbered) = &outputs.pictures {
+            numbered.keep_from(&inputs)?;
+        }
         Ok(outputs)
     }
 }
@@ -69,7 +101,14 @@ impl Outputs {
 /// # Errors
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Failure> {
-    let outputs = Outputs::plan(arguments)?;
+    let path = arguments.camera_path.as_deref().map(CameraPath::read).transpose();
+    let path = path.map_err(|error| Failure::from(error).context("--camera-path"))?;
+    let measured = match (&path, arguments.frames) {
+        (_, Some(frames)) => frames,
+        (Some(path), None) => frames_of(path, arguments.time_step)?,
+        (None, None) => FRAMES,
+    };
+    let outputs = Outputs::plan(arguments, measured)?;
     let config = input::configure(&session::catalogue(), arguments.frame.config.as_deref(), &arguments.frame.set)?;
     if arguments.print_config {
         return console::print(&config.to_toml()?);
@@ -78,7 +117,19 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
     };
     let scene = session::load_scene(scene_name, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
-    let camera = session::camera(&scene, arguments.frame.camera.as_deref())?;
+    let still = match &path {
+        Some(_) => None,
+        None => Some(session::camera(&scene, arguments.frame.camera.as_deref())?),
+    };
+    // The camera of a frame: during the warm-up, where the path begins.
+    let camera = |frame: u32| match (&path, &still) {
+        (Some(path), _) => {
+            let since = f64::from(frame.saturating_sub(1 + arguments.warmup)) * f64::from(arguments.time_step);
+            path.camera(path.times()[0] + since).map_err(|error| Failure::from(error).context("--camera-path"))
+        }
+        (None, Some(still)) => Ok(still.clone()),
+        (None, None) => session::camera(&scene, None),
+    };
 
     let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();
     let options = Options {
@@ -91,29 +142,37 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         switches: arguments.graph,
         statistics: arguments.statistics,
         breadcrumbs: arguments.breadcrumbs,
+        frames_in_flight: arguments.frames_in_flight,
     };
     let mut session = Session::open(&scene, &config, &options)?;
     log::info!("rendering {} on {}", scene.name, session.device().name);
     let mut recorder = Recorder::new(arguments.warmup as usize);
     let (mut last, mut slots) = (None, Vec::new());
-    let frames = arguments.warmup + arguments.frames;
+    let frames = arguments.warmup + measured;
     let progress = Progress::new(u64::from(frames), loudness);
+    let mut in_flight = VecDeque::new();
     for frame in 1..=frames {
-        let read_back = frame == frames && outputs.picture.is_some();
-        let result = session.frame(
-            &camera,
-            f64::from(frame - 1) * f64::from(arguments.time_step),
-            arguments.view.as_ref(),
-            read_back,
-        )?;
-        if frame == frames {
-            slots = result.what_runs();
+        let read_back = match &outputs.pictures {
+            Pictures::Nowhere => false,
+            Pictures::Last(_) => frame == frames,
+            Pictures::Each(_) => frame > arguments.warmup,
+        };
+        let time = f64::from(frame - 1) * f64::from(arguments.time_step);
+        in_flight.push_back(session.submit(&camera(frame)?, time, arguments.view.as_ref(), read_back)?);
+        let most = if frame == frames { 0 } else { arguments.frames_in_flight as usize - 1 };
+        while in_flight.len() > most {
+            let Some(oldest) = in_flight.pop_front() else { break };
+            let result = session.finish(oldest)?;
+            if let (Pictures::Each(numbered), Some(images)) = (&outputs.pictures, &result.images) {
+                write_picture(&numbered.frame(result.frame - arguments.warmup)?, images, arguments.view_as.as_ref())?;
+            }
+            if result.frame + 1 == frames {
+                slots = result.what_runs();
+                last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
+            }
+            recorder.push(result.sample);
+            progress.step();
         }
-        recorder.push(result.sample);
-        if frame == frames {
-            last = Some(LastFrame { images: result.images, declaration: result.declaration, plan: result.plan });
-        }
-        progress.step();
     }
     drop(progress);
 
@@ -169,15 +228,11 @@ fn write_outputs(
     recorder: &Recorder,
     report: &Report,
 ) -> Result<(), Failure> {
-    if let Some(output) = &outputs.picture {
-        let Some(ReadBack { linear, display }) = last.and_then(|l| l.images.as_ref()) else {
+    if let Pictures::Last(output) = &outputs.pictures {
+        let Some(images) = last.and_then(|l| l.images.as_ref()) else {
             return Err(Failure::Run(anyhow::anyhow!("the last frame brought no picture back from the device")));
         };
-        output.write(|file| match (output.ending(), mapping) {
-            ("exr", _) => picture::write_exr(file, linear),
-            (_, Some(mapping)) => picture::write_mapped(file, linear, mapping),
-            _ => picture::write_png(file, display.as_ref().unwrap_or(linear)),
-        })?;
+        write_picture(output, images, mapping)?;
     }
     if let Some(output) = &outputs.timings {
         let csv = output.ending() == "csv";
@@ -198,6 +253,27 @@ fn write_outputs(
     Ok(())
 }
 
+fn write_picture(output: &Output, images: &ReadBack, mapping: Option<&Mapping>) -> Result<(), Failure> {
+    let ReadBack { linear, display } = images;
+    output.write(|file| match (output.ending(), mapping) {
+        ("exr", _) => picture::write_exr(file, linear),
+        (_, Some(mapping)) => picture::write_mapped(file, linear, mapping),
+        _ => picture::write_png(file, display.as_ref().unwrap_or(linear)),
+    })
+}
+
+/// Number of frames along a path, its first and last key included.
+fn frames_of(path: &CameraPath, time_step: f32) -> Result<u32, Failure> {
+    let [first, last] = path.times();
+    // Steps are rounded: `0.0166667` is meant as a sixtieth. Behind the last key the camera stands, so a step may lie a little beyond it.
+    let frames = ((last - first) / f64::from(time_step) + ROUNDING).floor() + 1.0;
+    if frames <= f64::from(MAX_FRAMES) {
+        return Ok(frames as u32);
+    }
+    let fault = format!("{} seconds in steps of {time_step} are more than {MAX_FRAMES} frames", last - first);
+    Err(Failure::Usage(format!("--camera-path: {fault}; --frames or --time-step make fewer")))
+}
+
 /// Prints the findings of `--check` and fails if there are any.
 fn print_findings(findings: &[String]) -> Result<(), Failure> {
     for finding in findings.iter().take(FINDINGS_SHOWN) {
@@ -206,5 +282,29 @@ fn print_findings(findings: &[String]) -> Result<(), Failure> {
     match findings.len() {
         0 => Ok(()),
         n => Err(Failure::Run(anyhow::anyhow!("--check: {n} finding(s), the first {} above", n.min(FINDINGS_SHOWN)))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use magpie::scene::{CameraFile, CameraKey};
+
+    #[test]
+    fn a_path_has_a_frame_at_its_first_and_at_its_last_key() {
+        let frames = |seconds: f64, step: f32| {
+            let camera = |time| {
+                let file = r#"{"position": [0, 0, 1], "target": [0, 0, 0]}"#;
+                CameraKey { time, camera: serde_json::from_str::<CameraFile>(file).unwrap() }
+            };
+            frames_of(&CameraPath::new(vec![camera(-1.0), camera(seconds - 1.0)]).unwrap(), step)
+        };
+        // The step of `--time-step` unless it is given.
+        for seconds in [1, 2, 7, 30, 60] {
+            assert_eq!(frames(f64::from(seconds), 0.016_666_7).unwrap(), 60 * seconds + 1, "{seconds} seconds");
+        }
+        assert_eq!([frames(10.0, 0.1).unwrap(), frames(4.0, 0.05).unwrap(), frames(1.0, 0.3).unwrap()], [101, 81, 4]);
+        assert_eq!(frames(0.01, 1.0).unwrap(), 1);
+        assert_eq!(frames(2e6, 1.0).unwrap_err().status(), 2);
     }
 }

@@ -10,7 +10,7 @@ use magpie::{
     measure::Device,
     scene::{self, BUILTIN, Camera, CameraFile, Environment, ResidentError, Scene, SceneError},
 };
-use magpie_passes::{FrameRequest, FrameResult, RenderError, RenderOptions, Renderer, Slots};
+use magpie_passes::{FrameRequest, FrameResult, FrameTicket, RenderError, RenderOptions, Renderer, Slots};
 
 use crate::{
     args::{EnvironmentArguments, Extent, Rays, Supply, ViewName},
@@ -103,6 +103,7 @@ pub(crate) struct Options<'a> {
     pub(crate) statistics: bool,
     pub(crate) breadcrumbs: bool,
     pub(crate) rays: Rays,
+    pub(crate) frames_in_flight: u32,
     pub(crate) without_rays: &'a [Way],
 }
 
@@ -123,7 +124,8 @@ impl Session {
         })?;
         let rays = choose_rays(&gpu, options.rays)?;
         let Extent { width, height } = options.size;
-        let render_options = RenderOptions { width, height, seed: options.seed, check: options.check, rays };
+        let Options { seed, check, frames_in_flight, .. } = *options;
+        let render_options = RenderOptions { width, height, seed, check, rays, frames_in_flight };
         let mut renderer = Renderer::new(&gpu, scene, &Slots::default(), config, render_options).map_err(failure)?;
         let Options { switches, statistics, breadcrumbs, .. } = *options;
         renderer.set_execution(ExecuteOptions { switches, statistics, breadcrumbs, ..renderer.execution() });
@@ -133,17 +135,22 @@ impl Session {
         Ok(Self { renderer, gpu, rays })
     }
 
-    /// Renders the next frame; `read_back` brings the picture, or the output that `view` names, to memory.
-    pub(crate) fn frame(
+    /// Submits the next frame; `read_back` brings the picture, or the output that `view` names, to memory.
+    pub(crate) fn submit(
         &mut self,
         camera: &Camera,
         time: f64,
         view: Option<&ViewName>,
         read_back: bool,
-    ) -> Result<FrameResult, Failure> {
+    ) -> Result<FrameTicket, Failure> {
         let view = view.map(|v| (v.pass.as_str(), v.output.as_str()));
-        let frame = self.renderer.frame(FrameRequest { camera, time, view, read_back }).map_err(failure)?;
+        let frame = self.renderer.submit(FrameRequest { camera, time, view, read_back }).map_err(failure)?;
         frame.ok_or_else(|| Failure::bad("a size of zero shows nothing".to_owned()))
+    }
+
+    /// Waits for a frame.
+    pub(crate) fn finish(&mut self, ticket: FrameTicket) -> Result<FrameResult, Failure> {
+        self.renderer.finish(ticket).map_err(failure)
     }
 
     pub(crate) fn device(&self) -> Device {

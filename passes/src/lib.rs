@@ -33,6 +33,7 @@ mod direct;
 pub mod frame;
 mod gbuffer;
 mod gi;
+mod in_flight;
 pub mod metrics;
 mod outputs;
 pub mod parts;
@@ -50,7 +51,8 @@ mod sky;
 mod sky_light;
 pub mod slots;
 
+pub use in_flight::FrameTicket;
 pub use plan::{FramePlan, PlanError, plan_frame};
-pub use renderer::{FrameRequest, FrameResult, ReadBack, RenderError, RenderOptions, Renderer};
+pub use renderer::{FrameRequest, FrameResult, MOST_IN_FLIGHT, ReadBack, RenderError, RenderOptions, Renderer};
 pub use slots::Frame;
 pub use slots::Slots;

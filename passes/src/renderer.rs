@@ -1,6 +1,7 @@
-//! Renders a scene frame by frame: declares each frame, runs it, and reads images back.
+//! Renders a scene frame by frame: declares each frame, submits it, and reads images back.
 use crate::contracts::AccelerationIn;
 use crate::frame::frame;
+use crate::in_flight::{FrameTicket, Outcome, Pending, SlotCopies, is_loss};
 use crate::read_back::Copies;
 use crate::sampling::Sampling;
 use crate::slots::{Frame, Slots, merged};
@@ -8,7 +9,7 @@ use magpie::config::{Config, ConfigError, Suggestion};
 use magpie::frame::{PreviousView, ViewDesc};
 use magpie::gpu::{Gpu, GpuError};
 use magpie::graph::check::{Finding, FindingTracker, Poison, Scan};
-use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executed, Executor, Imports};
+use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
 use magpie::measure::{FrameSample, SlotReport, slot_reports};
 use magpie::pixels::Pixels;
@@ -18,12 +19,13 @@ use magpie::scene::{
 use magpie::slot::{Build, SlotError, SlotNeeds};
 use magpie_shaders::Rays;
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Options of a [`Renderer`].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct RenderOptions {
     /// Width of the picture, pixels; 0 while a window is minimised.
     pub width: u32,
@@ -36,6 +38,17 @@ pub struct RenderOptions {
     pub check: bool,
     /// Ray-tracing backend, which the device must support.
     pub rays: Rays,
+    /// Frames that may be submitted and not finished, 1 to [`MOST_IN_FLIGHT`]: [`Renderer::submit`]. The nearest of these is taken for others.
+    pub frames_in_flight: u32,
+}
+
+/// Greatest number of frames in flight.
+pub const MOST_IN_FLIGHT: u32 = 3;
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { width: 0, height: 0, seed: 0, check: false, rays: Rays::default(), frames_in_flight: 2 }
+    }
 }
 
 /// Parameters of one frame.
@@ -62,6 +75,8 @@ pub struct ReadBack {
 
 /// The result of a frame.
 pub struct FrameResult {
+    /// Number of the frame, from 0.
+    pub frame: u32,
     /// Times, counts and memory.
     pub sample: FrameSample,
     /// The images, with [`FrameRequest::read_back`].
@@ -107,25 +122,35 @@ pub enum RenderError {
     /// The device reported an error.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// The ticket of a frame that this renderer has not submitted.
+    #[error("frame {frame} was submitted by another renderer")]
+    Ticket {
+        /// Number of the frame.
+        frame: u32,
+    },
 }
 
 /// A scene, a configuration and a size, ready to render.
 pub struct Renderer {
-    gpu: Gpu,
-    executor: Executor,
-    scene: SharedScene,
+    pub(crate) gpu: Gpu,
+    pub(crate) executor: Executor,
+    pub(crate) scene: SharedScene,
     slots: Slots,
     config: Config,
     implementations: Frame,
     view: magpie::gpu::Staging,
     scan: Option<Scan>,
-    tracker: FindingTracker,
+    pub(crate) tracker: FindingTracker,
     poisons: Vec<Poison>,
     read_slots: Vec<String>,
-    options: RenderOptions,
+    pub(crate) options: RenderOptions,
     frame: u32,
     previous: Option<Previous>,
     origin: FloatingOrigin,
+    /// Frames in flight, the oldest first.
+    pub(crate) pending: VecDeque<Pending>,
+    /// The first error of a frame of which nobody had the ticket.
+    pub(crate) unclaimed: Option<RenderError>,
 }
 
 /// Camera and size of the previous frame.
@@ -182,6 +207,8 @@ impl Renderer {
             frame: 0,
             previous: None,
             origin: FloatingOrigin::default(),
+            pending: VecDeque::new(),
+            unclaimed: None,
         })
     }
 
@@ -200,8 +227,17 @@ impl Renderer {
         self.executor.set_options(options);
     }
 
-    /// Starts over: the next frame has the number 0 and no histories.
+    /// For tests: the next frame behaves as if the device were lost in this pass.
+    #[doc(hidden)]
+    pub fn lose_device_in(&mut self, pass: &str) {
+        self.executor.lose_device_in(pass);
+    }
+
+    /// Starts over: the next frame has the number 0 and no histories. Frames in flight are waited for.
     pub fn restart(&mut self) {
+        if let Some(loss) = self.first_loss() {
+            self.unclaimed.get_or_insert(loss);
+        }
         self.executor.restart();
         self.tracker.clear();
         (self.frame, self.previous, self.origin) = (0, None, FloatingOrigin::default());
@@ -296,14 +332,41 @@ impl Renderer {
     /// [`RenderError::View`] if the requested image does not exist, and errors of the device. With [`RenderOptions::check`], messages of the
     /// validation layers are errors too.
     pub fn frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
-        let result = self.try_frame(request);
-        if result.is_err() {
-            self.scene.borrow_mut().forget();
+        let Some(ticket) = self.submit(request)? else { return Ok(None) };
+        let alone = self.pending.len() == 1;
+        let mut result = self.finish(ticket)?;
+        if alone {
+            result.sample.wait_start_ns = None;
         }
-        result
+        Ok(Some(result))
     }
 
-    fn try_frame(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameResult>, RenderError> {
+    /// Submits one frame and returns while the device works on it. If as many frames as [`RenderOptions::frames_in_flight`] are not finished, it
+    /// waits for the oldest of them before it begins. If the size is zero, it does nothing and returns `None`.
+    ///
+    /// Pictures do not depend on the number of frames in flight, but for one thing: where a pass has met values that are not finite, kept images and
+    /// what is derived from the scene are made anew by the first frame that is submitted after this frame was waited for.
+    ///
+    /// # Errors
+    /// As [`Renderer::frame`], and the error of an earlier frame of which nobody has the ticket.
+    pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameTicket>, RenderError> {
+        let most = self.options.frames_in_flight.clamp(1, MOST_IN_FLIGHT) as usize;
+        while self.pending.len() >= most {
+            let Some(oldest) = self.pending.pop_front() else { break };
+            if let Some(loss) = self.retire(oldest) {
+                return Err(loss);
+            }
+        }
+        if let Some(error) = self.unclaimed.take() {
+            return Err(error);
+        }
+        self.try_submit(request).map_err(|error| {
+            self.scene.borrow_mut().forget();
+            if is_loss(&error) { self.first_loss().unwrap_or(error) } else { error }
+        })
+    }
+
+    fn try_submit(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameTicket>, RenderError> {
         if self.options.width == 0 || self.options.height == 0 {
             return Ok(None);
         }
@@ -366,8 +429,10 @@ impl Renderer {
         if request.read_back && !self.read_slots.is_empty() {
             let copies = Copies::new(&self.gpu, &imports);
             let has_image = Rc::new(RefCell::new(vec![false; self.read_slots.len()]));
-            slot_copies = Some((copies.clone(), has_image.clone()));
             let requested = self.read_slots.clone();
+            let slots =
+                SlotCopies { requested: requested.clone(), has_image: has_image.clone(), copies: copies.clone() };
+            slot_copies = Some(slots);
             g.observe_slots(move |g, slot, image| {
                 if let (Some(at), Some(image)) = (requested.iter().position(|name| name == slot), image) {
                     copies.copy(g, &format!("read_back.{slot}"), image);
@@ -392,46 +457,31 @@ impl Renderer {
         }
 
         let declare_ns = start.elapsed().as_nanos() as u64;
-        let Executed { declaration, plan, mut sample } = self.executor.run(g, &imports.borrow())?;
-        if sample.passes.iter().any(|p| p.not_finite > 0) {
-            // Data derived from the scene, such as deformed meshes, is updated only where the scene moves, so it could keep values that are not
-            // finite. All of it is updated in the next frame.
-            self.scene.borrow_mut().forget();
-        }
+        let work = self.executor.submit(g, &imports.borrow())?;
         if self.options.check {
             self.gpu.check_validation()?;
         }
-        sample.declare_ns = declare_ns;
-        sample.cpu_ns += declare_ns;
+        let mut sample = FrameSample { declare_ns, ..FrameSample::default() };
         sample.memory.scene_bytes = self.scene.borrow().scene_bytes();
-        sample.acceleration = self.scene.borrow().acceleration();
         sample.memory.acceleration_bytes = self.scene.borrow().acceleration_bytes();
-        let mut findings = Vec::new();
-        if let Some(scanned) = scan {
-            findings = scanned.findings();
-            self.tracker.follow(self.frame, &declaration, &plan.order, &findings, &scanned.unscanned());
-        }
+        sample.acceleration = self.scene.borrow().acceleration();
+        let known = FrameResult {
+            frame: self.frame,
+            sample,
+            images: None,
+            slots: Vec::new(),
+            findings: Vec::new(),
+            needs,
+            declaration: work.declaration.clone(),
+            plan: work.plan.clone(),
+        };
+        let ticket = FrameTicket { frame: self.frame, result: Outcome::default() };
+        let outcome = ticket.result.clone();
+        self.pending.push_back(Pending { work, known, scan, copies, slots: slot_copies, outcome });
         self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });
         self.frame += 1;
-        let slots = match slot_copies {
-            None => Vec::new(),
-            Some((copies, has_image)) => in_order(&self.read_slots, &has_image.borrow(), copies.finish()?),
-        };
-        let mut images = copies.finish()?.into_iter();
-        let images = images.next().map(|linear| ReadBack { linear, display: images.next() });
-        Ok(Some(FrameResult { sample, images, slots, findings, needs, declaration, plan }))
+        Ok(Some(ticket))
     }
-}
-
-/// Sorts the images of slots, which come in the order of the frame, by the order in which they were requested.
-fn in_order(requested: &[String], has_image: &[bool], images: Vec<Pixels>) -> Vec<(String, Option<Pixels>)> {
-    let mut slots: Vec<(String, Option<Pixels>)> = requested.iter().map(|slot| (slot.clone(), None)).collect();
-    let in_frame = Slots::with_images().into_iter();
-    let places = in_frame.filter_map(|slot| requested.iter().position(|name| name == slot)).filter(|at| has_image[*at]);
-    for (at, image) in places.zip(images) {
-        slots[at].1 = Some(image);
-    }
-    slots
 }
 
 fn config_error(error: ConfigError) -> RenderError {

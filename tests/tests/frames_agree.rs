@@ -16,7 +16,8 @@ const LIMIT: f64 = 0.01;
 const MIN_FROM_FLAT: f64 = 0.05;
 
 fn picture(gpu: &Gpu, scene: &Scene, rays: Rays) -> Result<Pixels> {
-    let options = RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, rays };
+    let options =
+        RenderOptions { width: SIZE[0], height: SIZE[1], seed: 0, check: true, rays, ..RenderOptions::default() };
     let mut renderer = Renderer::new(gpu, scene, &Slots::default(), &Config::default(), options)?;
     let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
     let Some(result) = renderer.frame(request)? else { anyhow::bail!("a size of zero") };

@@ -286,8 +286,9 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::DeviceLost`], and other failed Vulkan calls.
     pub fn wait_idle(&self) -> Result<(), GpuError> {
-        let last = self.0.timeline().last();
-        self.0.timeline().wait(&self.0.raw, last)?;
+        for lane in &self.0.lanes {
+            lane.timeline.wait(&self.0.raw, lane.timeline.last())?;
+        }
         self.0.collect();
         Ok(())
     }

@@ -1,22 +1,26 @@
 //! Query pools: timestamps and shader invocations.
-use super::{CommandEncoder, Gpu, GpuError};
+use super::{Buffer, BufferMemory, BufferUse, CommandEncoder, Gpu, GpuError};
 use ash::vk;
 use std::time::Instant;
 
-/// Query pool for the timestamps of one frame.
+/// Query pool for the timestamps of one frame, and a buffer from which the host reads them. To ask the pool itself makes some drivers wait for all
+/// that was submitted.
 pub(crate) struct Timestamps {
     gpu: Gpu,
     pool: vk::QueryPool,
+    ticks: Buffer,
     capacity: u32,
 }
 
 impl Timestamps {
     /// A pool of `capacity` timestamps, all reset.
     pub fn new(gpu: &Gpu, capacity: u32) -> Result<Self, GpuError> {
+        let bytes = u64::from(capacity) * TICK_BYTES;
+        let ticks = Buffer::new(gpu, "timestamps", bytes, BufferMemory::ReadBack, BufferUse::Storage)?;
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(capacity);
         // SAFETY: `info` is complete.
         let pool = unsafe { gpu.raw().create_query_pool(&info, None) }.map_err(GpuError::call("vkCreateQueryPool"))?;
-        let made = Self { gpu: gpu.clone(), pool, capacity };
+        let made = Self { gpu: gpu.clone(), pool, ticks, capacity };
         made.reset();
         Ok(made)
     }
@@ -31,20 +35,18 @@ impl Timestamps {
         unsafe { self.gpu.raw().reset_query_pool(self.pool, 0, self.capacity) };
     }
 
-    /// The first `count` timestamps in nanoseconds, relative to the device's own zero.
-    pub fn read(&self, count: u32) -> Result<Vec<u64>, GpuError> {
-        let mut ticks = vec![0_u64; count.min(self.capacity) as usize];
-        if ticks.is_empty() {
-            return Ok(ticks);
-        }
-        // SAFETY: the frame that wrote them is done; the slice holds as many as are asked for.
-        unsafe { self.gpu.raw().get_query_pool_results(self.pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) }
-            .map_err(GpuError::call("vkGetQueryPoolResults"))?;
-        let (first, bits) = (ticks[0], self.gpu.0.timestamp_bits);
-        let begin = self.gpu.nanoseconds(first);
-        Ok(ticks.into_iter().map(|t| begin + self.gpu.nanoseconds(ticks_since(first, t, bits))).collect())
+    /// The first `count` timestamps in nanoseconds, relative to the device's own zero. The frame must be done, and have copied as many.
+    pub fn read(&self, count: u32) -> Vec<u64> {
+        let (words, _) = self.ticks.contents().as_chunks::<{ TICK_BYTES as usize }>();
+        let ticks: Vec<u64> = words.iter().take(count as usize).map(|word| u64::from_ne_bytes(*word)).collect();
+        let Some(&first) = ticks.first() else { return ticks };
+        let (begin, bits) = (self.gpu.nanoseconds(first), self.gpu.0.timestamp_bits);
+        ticks.into_iter().map(|t| begin + self.gpu.nanoseconds(ticks_since(first, t, bits))).collect()
     }
 }
+
+/// Bytes of a timestamp.
+const TICK_BYTES: u64 = 8;
 
 /// Ticks from `first` to `now` on a counter with `bits` valid bits, which may wrap around in between. A time shortly before
 /// `first`, which another queue may report, counts as 0.
@@ -67,6 +69,14 @@ impl CommandEncoder {
         if pool.gpu.report().driver.starts_with("llvmpipe") {
             self.flush();
         }
+    }
+
+    /// Copies the first `count` timestamps to where the host reads them. All must have been written before.
+    pub fn copy_timestamps(&mut self, from: &Timestamps, count: u32) {
+        let (device, target) = (from.gpu.raw(), from.ticks.raw);
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: `count` is at most the capacity, for which the buffer has room.
+        unsafe { device.cmd_copy_query_pool_results(self.raw(), from.pool, 0, count, target, 0, TICK_BYTES, flags) };
     }
 
     /// Counts shader invocations until [`Self::end_statistics`]. Both calls must be inside the same rendering scope, or both outside.

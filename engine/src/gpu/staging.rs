@@ -2,32 +2,40 @@
 use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError};
 use std::sync::Arc;
 
-/// A buffer for data of the current frame. Frames do not overlap, so one buffer suffices. If an earlier frame's buffer is still
-/// referenced elsewhere, it stays as it is and a new one is made.
+/// Buffers for data of the current frame. One that something else still refers to, such as a frame in flight, stays as it is; the others are written
+/// anew, so there are as many as there are frames in flight.
 pub struct Staging {
     gpu: Gpu,
     name: &'static str,
-    buffer: Option<Arc<Buffer>>,
+    /// The newest last.
+    buffers: Vec<Arc<Buffer>>,
 }
 
 impl Staging {
-    /// No buffer yet; it is made by the first [`Self::write`].
+    /// No buffer yet; the first is made by the first [`Self::write`].
     pub fn new(gpu: &Gpu, name: &'static str) -> Self {
-        Self { gpu: gpu.clone(), name, buffer: None }
+        Self { gpu: gpu.clone(), name, buffers: Vec::new() }
     }
 
-    /// Writes `bytes` to the start of the buffer and returns it. The buffer may be longer.
+    /// Writes `bytes` to the start of a buffer and returns it. The buffer may be longer.
     ///
     /// # Errors
     /// [`GpuError::OutOfMemory`].
     pub fn write(&mut self, bytes: &[u8]) -> Result<&Arc<Buffer>, GpuError> {
         let wanted = bytes.len() as u64;
-        let free = self.buffer.take().and_then(|b| Arc::try_unwrap(b).ok()).filter(|b| b.bytes() >= wanted);
+        self.buffers.retain_mut(|buffer| buffer.bytes() >= wanted || Arc::get_mut(buffer).is_none());
+        let free = self.buffers.iter_mut().position(|buffer| Arc::get_mut(buffer).is_some());
         let mut buffer = match free {
-            Some(buffer) => buffer,
-            None => Buffer::new(&self.gpu, self.name, wanted, BufferMemory::Upload, BufferUse::Storage)?,
+            Some(at) => self.buffers.remove(at),
+            None => {
+                let memory = BufferMemory::Upload;
+                Arc::new(Buffer::new(&self.gpu, self.name, wanted, memory, BufferUse::Storage)?)
+            }
         };
-        buffer.write(0, bytes)?;
-        Ok(self.buffer.insert(Arc::new(buffer)))
+        if let Some(buffer) = Arc::get_mut(&mut buffer) {
+            buffer.write(0, bytes)?;
+        }
+        self.buffers.push(buffer);
+        Ok(&self.buffers[self.buffers.len() - 1])
     }
 }

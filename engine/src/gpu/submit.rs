@@ -105,6 +105,11 @@ impl Gpu {
         Ok(Submission { queue, value })
     }
 
+    /// Whether `submission` is done.
+    pub(crate) fn is_done(&self, submission: Submission) -> bool {
+        self.0.lanes[submission.queue.index()].timeline.done(self.raw()) >= submission.value
+    }
+
     /// Waits until `submission` is done, then frees the resources that were dropped before it.
     pub(crate) fn wait(&self, submission: Submission) -> Result<(), GpuError> {
         self.0.lanes[submission.queue.index()].timeline.wait(self.raw(), submission.value)?;

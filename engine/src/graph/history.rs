@@ -1,7 +1,7 @@
 //! Resources that outlive a frame: histories, which pass an image or buffer from each frame to the next, and kept buffers and
 //! kept layered images, whose contents stay until a pass changes them.
 //!
-//! A history is a pair of objects. Each frame reads one and writes the other, and they swap after the frame has run. What is read
+//! A history is a pair of objects. Each frame reads one and writes the other, and they swap after the frame was submitted. What is read
 //! is valid if the previous frame wrote it, in the same size and format, for the same scope, and without a camera cut in between.
 //! If it is not valid, it reads as zero, never as an older frame.
 
@@ -259,7 +259,7 @@ impl HistoryRegistry {
         layers.for_each(|entry| entry.layer_keys.fill(None));
     }
 
-    /// Called after the frame has run. `written` tells which indices it wrote. Entries that it did not declare are removed.
+    /// Called after the frame was submitted. `written` tells which indices it wrote. Entries that it did not declare are removed.
     pub fn end_frame(&mut self, written: impl Fn(u32) -> bool) {
         let free = &mut self.free;
         self.entries.retain(|_, entry| {

@@ -82,7 +82,7 @@ pub struct FrameSample {
     pub gpu_begin_ns: Option<u64>,
     /// From the first to the last timestamp, nanoseconds; `None` if the device has no timestamps.
     pub gpu_ns: Option<u64>,
-    /// Time of the whole frame on the CPU, nanoseconds.
+    /// Time that the CPU spent on the frame, waiting for the device included, nanoseconds.
     pub cpu_ns: u64,
     /// Time to declare the frame, nanoseconds.
     pub declare_ns: u64,
@@ -96,6 +96,8 @@ pub struct FrameSample {
     pub submit_ns: u64,
     /// Time to wait for the device after submission, nanoseconds.
     pub wait_ns: u64,
+    /// When that wait began, nanoseconds since the executor was made; `None` if it followed the submission at once, in the same call.
+    pub wait_start_ns: Option<u64>,
     /// Number of queues that it was planned for.
     pub queues: u32,
     /// The passes that ran, in order of submission.

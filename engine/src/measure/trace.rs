@@ -30,7 +30,10 @@ pub fn chrome_trace(frames: &[FrameSample]) -> Value {
         let submitted = frame.gpu_begin_ns.unwrap_or(recorded).max(gpu_free);
         trace.cpu(number, frame, start);
         trace.gpu(number, frame, submitted);
-        cpu_free = start.saturating_sub(frame.declare_ns) + frame.cpu_ns;
+        cpu_free = match frame.wait_start_ns {
+            Some(from) => from + frame.wait_ns,
+            None => start.saturating_sub(frame.declare_ns) + frame.cpu_ns,
+        };
         gpu_free = submitted + frame.gpu_ns.unwrap_or(0);
     }
     let Trace { mut spans, .. } = trace;
@@ -84,19 +87,25 @@ impl Trace<'_> {
     fn cpu(&mut self, number: usize, frame: &FrameSample, start: u64) {
         let (name, barriers) = (format!("frame {number}"), json!({ "barriers": frame.barriers }));
         let declared = start.saturating_sub(frame.declare_ns);
-        self.span(&name, CPU, FRAMES, declared, frame.cpu_ns, barriers);
+        // Where other frames were submitted before this one was waited for, its span ends with its own submission.
+        let submitted_ns = frame.plan_ns + frame.bind_ns + frame.record_ns + frame.submit_ns;
+        let ns = if frame.wait_start_ns.is_some() { start - declared + submitted_ns } else { frame.cpu_ns };
+        self.span(&name, CPU, FRAMES, declared, ns, barriers);
         let phases = [
             ("declare", start - declared),
             ("plan", frame.plan_ns),
             ("bind", frame.bind_ns),
             ("record", frame.record_ns),
             ("submit", frame.submit_ns),
-            ("wait", frame.wait_ns),
         ];
         let mut at = declared;
         for (phase, ns) in phases.into_iter().filter(|(_, ns)| *ns > 0) {
             self.span(phase, CPU, PHASES, at, ns, json!({}));
             at += ns;
+        }
+        if frame.wait_ns > 0 {
+            let from = frame.wait_start_ns.unwrap_or(at);
+            self.span("wait", CPU, PHASES, from, frame.wait_ns, json!({ "frame": number }));
         }
         let mut next = vec![start + frame.plan_ns + frame.bind_ns; self.threads.len()];
         for pass in &frame.passes {

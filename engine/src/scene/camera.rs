@@ -1,7 +1,7 @@
 //! Cameras and camera files.
 use super::{SceneError, single};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat4, Vec3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::io::Read;
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::path::Path;
 /// Limit on the size of a camera file; a longer file is something else.
 const MAX_FILE_BYTES: u64 = 64 * 1024;
 /// Default distance of the near plane in a camera file, metres.
-const DEFAULT_NEAR: f32 = 0.01;
+pub(super) const DEFAULT_NEAR: f32 = 0.01;
 
 /// Smallest angle of view, radians. For smaller ones, projections overflow `f32` when squared.
 pub(super) const MIN_FOV: f32 = 1e-6;
@@ -127,7 +127,7 @@ impl Camera {
 }
 
 /// The content of a camera file in TOML; unknown keys are errors.
-#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraFile {
     /// Position of the camera, metres.
@@ -152,21 +152,42 @@ fn default_fov() -> f32 {
     40.0
 }
 
+/// The text of a camera file or path file of at most so many bytes.
+pub(super) fn read_text(path: &Path, limit: u64) -> Result<String, SceneError> {
+    let failed = |source| SceneError::Read { path: path.to_owned(), source };
+    let mut text = String::new();
+    let (file, _) = crate::files::open_regular(path).map_err(failed)?;
+    file.take(limit + 1).read_to_string(&mut text).map_err(failed)?;
+    if text.len() as u64 > limit {
+        return Err(SceneError::CameraFile {
+            path: path.to_owned(),
+            reason: format!("it is longer than {limit} bytes"),
+        });
+    }
+    Ok(text)
+}
+
 impl CameraFile {
+    /// The file of a camera that looks at a point so many metres ahead.
+    pub fn of(camera: &Camera, distance: f64) -> Self {
+        let DAffine3 { matrix3: rotation, translation: eye } = camera.world_from_camera;
+        Self {
+            position: eye.to_array(),
+            target: (eye - distance * rotation.z_axis).to_array(),
+            up: rotation.y_axis.as_vec3().to_array(),
+            vertical_fov_degrees: camera.vertical_fov.to_degrees(),
+            near: Some(camera.near),
+        }
+    }
+
     /// Reads and checks a camera file.
     ///
     /// # Errors
     /// [`SceneError::Read`] if the file cannot be read, [`SceneError::CameraFile`] if it is not valid TOML, has an unknown key,
     /// lacks one, or does not describe a camera.
     pub fn read(path: &Path) -> Result<Self, SceneError> {
-        let failed = |source| SceneError::Read { path: path.to_owned(), source };
         let refuse = |reason: String| SceneError::CameraFile { path: path.to_owned(), reason };
-        let mut text = String::new();
-        let (file, _) = crate::files::open_regular(path).map_err(failed)?;
-        file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
-        if text.len() as u64 > MAX_FILE_BYTES {
-            return Err(refuse(format!("it is longer than {MAX_FILE_BYTES} bytes")));
-        }
+        let text = read_text(path, MAX_FILE_BYTES)?;
         let file: Self = toml::from_str(&text).map_err(|e| refuse(e.to_string().trim_end().to_owned()))?;
         match file.camera("file") {
             Ok(_) => Ok(file),

@@ -87,7 +87,8 @@ impl<'a> Bench<'a> {
             Some(at) => at,
             None => {
                 let [width, height] = run.size;
-                let options = RenderOptions { width, height, seed: run.seed, check: false, rays: self.rays };
+                let options =
+                    RenderOptions { width, height, seed: run.seed, rays: self.rays, ..RenderOptions::default() };
                 let new = Renderer::new(self.gpu, self.scene, &self.slots, &setup.config, options)?;
                 self.renderers.push((key, new));
                 self.renderers.len() - 1

@@ -63,7 +63,7 @@ impl Breadcrumbs {
         Self { gpu: gpu.clone(), buffer: None, frame: 0 }
     }
 
-    /// Makes room for the passes of a new frame. The device must have finished the previous one.
+    /// Makes room for the passes of a new frame. The device must have finished the one before that used these.
     pub fn prepare(&mut self, passes: u32) -> Result<(), GpuError> {
         self.frame = self.frame.checked_add(1).unwrap_or(1);
         let bytes = |passes: u32| u64::from(passes) * (WORDS * WORD_BYTES) as u64;

@@ -54,14 +54,20 @@ pub(super) struct Frame<'a> {
 }
 
 /// A frame that was submitted.
-pub(super) struct Ran {
+pub(super) struct Submitted {
     /// The last submission; the frame is done when it is.
     pub last: Submission,
     /// Times by position; empty if nothing is measured.
     pub passes: Vec<PassTime>,
     pub barriers: u32,
     pub submit_ns: u64,
-    /// Descriptor sets of the passes, kept alive until the device is done.
+    pub held: Held,
+}
+
+/// What the device uses until the frame is done.
+pub(super) struct Held {
+    encoders: Vec<(Queue, CommandEncoder)>,
+    /// Descriptor sets of the passes.
     _sets: Vec<PassSet>,
 }
 
@@ -83,13 +89,13 @@ impl Commands {
     }
 
     /// Records and submits a frame.
-    pub fn run(
+    pub fn submit(
         &mut self,
         frame: Frame<'_>,
         records: &mut [Option<RecordFn>],
         clock: Option<&Clock>,
         passes_per_thread: Option<usize>,
-    ) -> Result<Ran, GpuError> {
+    ) -> Result<Submitted, GpuError> {
         let plan = frame.plan;
         self.ordered.clear();
         self.ordered.extend(plan.order.iter().map(|&pass| records[pass as usize].take()));
@@ -102,20 +108,35 @@ impl Commands {
             units.iter_mut().try_for_each(|unit| unit.record(frame, clock))
         };
         let submit_start = Instant::now();
-        let submitted = recorded.and_then(|()| self.submit(plan, &units));
+        let submitted = recorded.and_then(|()| self.submit_units(plan, &units));
         let submit_ns = nanoseconds(submit_start);
-        let (mut passes, mut sets) = (Vec::new(), Vec::new());
+        let mut held = Held { encoders: Vec::with_capacity(units.len()), _sets: Vec::new() };
+        let mut passes = Vec::new();
         if clock.is_some() {
             passes.reserve(plan.order.len());
         }
         for unit in units {
             passes.extend(unit.passes);
-            sets.extend(unit.sets);
-            self.encoders[unit.queue.index()].push(unit.encoder);
+            held._sets.extend(unit.sets);
+            held.encoders.push((unit.queue, unit.encoder));
         }
         self.ordered = ordered;
-        let barriers = frame.bound.barriers.count();
-        Ok(Ran { last: submitted?, passes, barriers, submit_ns, _sets: sets })
+        match submitted {
+            Ok(last) => Ok(Submitted { last, passes, barriers: frame.bound.barriers.count(), submit_ns, held }),
+            Err(error) => {
+                // Some of it may have been submitted. Whether waiting for that fails as well makes no difference.
+                let _ = self.gpu.wait_idle();
+                self.take_back(held);
+                Err(error)
+            }
+        }
+    }
+
+    /// Takes back the command buffers of a frame that is done.
+    pub fn take_back(&mut self, held: Held) {
+        for (queue, encoder) in held.encoders {
+            self.encoders[queue.index()].push(encoder);
+        }
     }
 
     /// Divides a frame into command buffers, in submission order. With several queues, the frame begins and ends with a command
@@ -171,7 +192,7 @@ impl Commands {
         Ok(Unit { encoder, queue, positions, records, opens_frame: false, closes_frame: false, passes, sets })
     }
 
-    fn submit(&self, plan: &Plan, units: &[Unit<'_>]) -> Result<Submission, GpuError> {
+    fn submit_units(&self, plan: &Plan, units: &[Unit<'_>]) -> Result<Submission, GpuError> {
         let several_queues = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
         if !several_queues {
             return self.gpu.submit(Queue::Graphics, units.iter().map(|u| &u.encoder), &[]);
@@ -270,9 +291,9 @@ impl Unit<'_> {
             if !memory.is_empty() || !images.is_empty() {
                 self.encoder.barriers(memory, images);
             }
-            // Makes everything visible to the host and to the next frame: frames do not overlap.
+            // Makes everything visible to the host and to the next frame: on the device frames do not overlap.
             self.encoder.full_barrier();
-            if let Some(clock) = clock {
+            if let Some(clock) = clock.filter(|_| frame.stop.is_none()) {
                 clock.close_frame(&mut self.encoder);
             }
         }

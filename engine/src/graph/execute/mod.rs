@@ -2,7 +2,8 @@
 //!
 //! | file | does |
 //! |---|---|
-//! | `mod` | one frame from its declaration to its end |
+//! | `mod` | one frame from its declaration to its submission, and from there to its end |
+//! | `in_flight` | a frame that was submitted, with all that the device needs until it is done |
 //! | `cache` | plans of earlier declarations |
 //! | `bind` | device objects of a plan's resources, and its barriers translated to Vulkan |
 //! | `persistent` | device objects that outlive the frame: histories, kept buffers and kept images |
@@ -15,6 +16,7 @@ mod bind;
 mod breadcrumbs;
 mod cache;
 mod commands;
+mod in_flight;
 mod persistent;
 mod poison;
 mod time;
@@ -39,6 +41,8 @@ use crate::{
 };
 
 pub use breadcrumbs::QueueProgress;
+pub use in_flight::InFlight;
+use in_flight::{End, Instruments};
 
 /// Why a frame did not run.
 #[derive(Debug, thiserror::Error)]
@@ -71,7 +75,7 @@ pub enum ExecuteError {
 }
 
 /// The device objects behind a frame's imported resources.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Imports(Vec<Physical>);
 
 impl Imports {
@@ -152,12 +156,15 @@ pub struct Executed {
     pub plan: Arc<Plan>,
     /// Times and counts. The time to declare the frame is not in them, since the caller declares it.
     pub sample: FrameSample,
+    /// How far each queue came; empty without breadcrumbs.
+    pub progress: Vec<QueueProgress>,
 }
 
-/// Runs frames one after another.
+/// Runs frames, which the device executes one after another.
 ///
-/// [`Executor::run`] returns once the device has finished, so that the times are those of this frame and no work is in flight
-/// when resources change.
+/// [`Executor::run`] returns once the device has finished. Between [`Executor::submit`] and [`Executor::finish`] the caller may declare and
+/// submit further frames while the device works. Each ends with a barrier before all that comes after it on the device, so transients and
+/// histories exist once, however many frames are in flight. What the host writes or reads exists once for each of them.
 pub struct Executor {
     gpu: Gpu,
     options: ExecuteOptions,
@@ -167,8 +174,10 @@ pub struct Executor {
     cache: cache::Cache,
     pool: bind::Pool,
     commands: commands::Commands,
-    clock: time::Clock,
-    breadcrumbs: breadcrumbs::Breadcrumbs,
+    /// Those that no frame in flight uses.
+    instruments: Vec<Instruments>,
+    /// From when times are counted.
+    begun: Instant,
     /// For tests: the pass in which the next frame stops.
     stop: Option<String>,
     /// Lists of the last frame, reused by the next.
@@ -197,8 +206,8 @@ impl Executor {
             cache: cache::Cache::default(),
             pool: bind::Pool::new(gpu),
             commands: commands::Commands::new(gpu),
-            clock: time::Clock::new(gpu)?,
-            breadcrumbs: breadcrumbs::Breadcrumbs::new(gpu),
+            instruments: vec![Instruments::new(gpu)?],
+            begun: Instant::now(),
             stop: None,
             spare: None,
         })
@@ -237,15 +246,6 @@ impl Executor {
         self.stop = Some(pass.to_owned());
     }
 
-    /// How far each queue came in the last frame that ran; empty without breadcrumbs.
-    pub fn progress(&self, ran: &Executed) -> Vec<QueueProgress> {
-        self.progress_of(&ran.declaration, &ran.plan)
-    }
-
-    fn progress_of(&self, declaration: &Declaration, plan: &Plan) -> Vec<QueueProgress> {
-        if self.writes_breadcrumbs() { self.breadcrumbs.progress(declaration, plan) } else { Vec::new() }
-    }
-
     fn writes_breadcrumbs(&self) -> bool {
         let Self { options, gpu, .. } = self;
         options.breadcrumbs || (options.measure && gpu.has_markers())
@@ -256,15 +256,40 @@ impl Executor {
     /// # Errors
     /// Mistakes in the declaration, out of memory, and device loss, with the pass or resource.
     pub fn run(&mut self, graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
-        let ran = self.try_run(graph, imports);
-        if ran.is_err() {
+        let frame = self.submit(graph, imports)?;
+        let mut ran = self.finish(frame)?;
+        ran.sample.wait_start_ns = None;
+        Ok(ran)
+    }
+
+    /// Plans, records and submits a frame, and returns while the device works on it. It keeps the imports until it is done.
+    ///
+    /// # Errors
+    /// As of [`Self::run`].
+    pub fn submit(&mut self, graph: FrameGraph, imports: &Imports) -> Result<InFlight, ExecuteError> {
+        let submitted = self.try_submit(graph, imports);
+        if submitted.is_err() {
             // The frame may have failed at any point, so the contents of the histories are unknown.
             self.histories.lock().cut();
         }
-        ran
+        submitted
     }
 
-    fn try_run(&mut self, mut graph: FrameGraph, imports: &Imports) -> Result<Executed, ExecuteError> {
+    /// Waits for a frame and returns what was measured. Frames may be finished in any order, but not between [`Self::begin`] and [`Self::submit`] of
+    /// another; the device executes them in the order of submission.
+    ///
+    /// # Errors
+    /// Device loss, with the pass where that is known.
+    pub fn finish(&mut self, frame: InFlight) -> Result<Executed, ExecuteError> {
+        let finished = self.try_finish(frame);
+        if finished.is_err() {
+            // All that frames since then have kept may come from it.
+            self.histories.lock().clear();
+        }
+        finished
+    }
+
+    fn try_submit(&mut self, mut graph: FrameGraph, imports: &Imports) -> Result<InFlight, ExecuteError> {
         let start = Instant::now();
         // Frames for uploads and tests are declared without this executor. They have no histories and leave those of this executor alone.
         let own = Arc::ptr_eq(&graph.histories, &self.histories);
@@ -283,70 +308,48 @@ impl Executor {
             self.persistent.prepare(&self.gpu, &self.histories)?;
         }
         self.pool.bind(&self.gpu, &mut entry, imports, &self.persistent)?;
+        let mut instruments = self.instruments.pop().map_or_else(|| Instruments::new(&self.gpu), Ok)?;
         let passes = plan.order.len() as u32;
-        self.clock.prepare(passes, self.options.measure && self.options.statistics)?;
+        instruments.clock.prepare(passes, self.options.measure && self.options.statistics)?;
         let writes_breadcrumbs = self.writes_breadcrumbs();
         if writes_breadcrumbs {
-            self.breadcrumbs.prepare(passes)?;
+            instruments.breadcrumbs.prepare(passes)?;
         }
         let stop = self.stop.take().and_then(|name| plan.order.iter().position(|&p| declaration.pass_name(p) == name));
         let bind_ns = nanoseconds(start) - plan_ns;
 
         let poison_writes = poison::PoisonWrite::all(&self.gpu, &poisons, &declaration, &plan)?;
 
-        // Record the batches, submit them and wait.
+        // Record the batches and submit them.
         let record_start = Instant::now();
-        let ran = self.commands.run(
+        let submitted = self.commands.submit(
             commands::Frame {
                 gpu: &self.gpu,
                 declaration: &declaration,
                 plan: &plan,
                 bound: entry.bound()?,
-                counters: &self.clock,
+                counters: &instruments.clock,
                 poison_writes: &poison_writes,
-                breadcrumbs: writes_breadcrumbs.then_some(&self.breadcrumbs),
+                breadcrumbs: writes_breadcrumbs.then_some(&instruments.breadcrumbs),
                 stop,
                 begun: start,
             },
             &mut records,
-            self.options.measure.then_some(&self.clock),
+            self.options.measure.then_some(&instruments.clock),
             self.options.passes_per_thread,
         );
         let recorded_ns = nanoseconds(record_start);
-        let waited = ran.and_then(|ran| self.gpu.wait(ran.last).map(|()| ran)).and_then(|ran| match stop {
-            Some(_) => Err(GpuError::DeviceLost { during: "a stop for tests" }),
-            None => Ok(ran),
-        });
-        let mut ran = waited.map_err(|error| match error {
-            GpuError::DeviceLost { during } => {
-                ExecuteError::Lost { during, progress: self.progress_of(&declaration, &plan) }
-            }
-            other => other.into(),
-        })?;
-        let record_ns = recorded_ns.saturating_sub(ran.submit_ns);
-        let wait_ns = nanoseconds(record_start) - recorded_ns;
+        let progress = || instruments.progress(writes_breadcrumbs, &declaration, &plan);
+        let commands::Submitted { last, passes, barriers, submit_ns, held } =
+            submitted.map_err(|error| lost(error, progress))?;
 
-        // Collect times, and prepare the state for the next frame.
-        let mut sample = FrameSample {
-            plan_ns,
-            bind_ns,
-            record_ns,
-            submit_ns: ran.submit_ns,
-            wait_ns,
-            culled: plan.culled.len() as u32,
-            barriers: ran.barriers,
-            queues: plan.queues.count() as u32,
-            ..Default::default()
-        };
-        if self.options.measure {
-            self.clock.read(start, &plan, &mut ran.passes, &mut sample)?;
-            sample.passes = ran.passes;
-        }
-        if own {
+        // Prepare the state for the next frame.
+        if stop.is_some() {
+            self.histories.lock().cut();
+        } else if own {
             self.persistent.end_frame(&self.histories, &declaration, &plan);
-            persistent::PersistentResources::invalidate_non_finite(&self.histories, &declaration, &sample.passes);
         }
-        sample.memory = Memory {
+        let memory = Memory {
             transient_bytes: self.pool.bytes(),
             transient_lower_bound: plan.memory.lower_bound,
             transient_unaliased: plan.memory.unaliased,
@@ -357,8 +360,66 @@ impl Executor {
         self.cache.put_back(entry, self.options.switches, &self.pool);
         records.clear();
         self.spare = spare.map(|lists| (lists, records));
-        sample.cpu_ns = nanoseconds(start);
-        Ok(Executed { declaration, plan, sample })
+        let sample = FrameSample {
+            start_ns: self.options.measure.then(|| (start - self.begun).as_nanos() as u64),
+            plan_ns,
+            bind_ns,
+            record_ns: recorded_ns.saturating_sub(submit_ns),
+            submit_ns,
+            cpu_ns: nanoseconds(start),
+            culled: plan.culled.len() as u32,
+            barriers,
+            queues: plan.queues.count() as u32,
+            passes,
+            memory,
+            ..Default::default()
+        };
+        Ok(InFlight {
+            end: End { gpu: self.gpu.clone(), last },
+            declaration,
+            plan,
+            sample,
+            instruments,
+            held,
+            _imports: imports.clone(),
+            own,
+            measured: self.options.measure,
+            writes_breadcrumbs,
+            stopped: stop.is_some(),
+        })
+    }
+
+    fn try_finish(&mut self, frame: InFlight) -> Result<Executed, ExecuteError> {
+        let start = Instant::now();
+        let waited = frame.end.wait();
+        let InFlight { declaration, plan, mut sample, instruments, held, own, measured, .. } = frame;
+        self.commands.take_back(held);
+        let progress = instruments.progress(frame.writes_breadcrumbs, &declaration, &plan);
+        let stopped = || if frame.stopped { Err(GpuError::DeviceLost { during: "a stop for tests" }) } else { Ok(()) };
+        let waited = waited.and_then(|()| stopped());
+        if let Err(error) = waited {
+            self.instruments.push(instruments);
+            return Err(lost(error, || progress));
+        }
+        sample.wait_ns = nanoseconds(start);
+        if measured {
+            sample.wait_start_ns = Some((start - self.begun).as_nanos() as u64);
+            instruments.clock.read(self.begun, &plan, &mut sample)?;
+        }
+        self.instruments.push(instruments);
+        if own {
+            persistent::PersistentResources::invalidate_non_finite(&self.histories, &declaration, &sample.passes);
+        }
+        sample.cpu_ns += nanoseconds(start);
+        Ok(Executed { declaration, plan, sample, progress })
+    }
+}
+
+/// The error of a frame, with how far it came if the device was lost.
+fn lost(error: GpuError, progress: impl FnOnce() -> Vec<QueueProgress>) -> ExecuteError {
+    match error {
+        GpuError::DeviceLost { during } => ExecuteError::Lost { during, progress: progress() },
+        other => other.into(),
     }
 }
 

@@ -105,7 +105,7 @@ impl PersistentResources {
         if self.0.len() == before { Ok(()) } else { gpu.wait_idle() }
     }
 
-    /// Called after the frame has run: swaps the halves of the histories that it wrote.
+    /// Called after the frame was submitted: swaps the halves of the histories that it wrote.
     pub fn end_frame(&mut self, histories: &SharedHistoryRegistry, declaration: &Declaration, plan: &Plan) {
         let mut written = Vec::new();
         if !self.0.is_empty() {

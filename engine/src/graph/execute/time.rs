@@ -22,7 +22,8 @@ pub(super) struct Clock {
     counters: [gpu::Buffer; 2],
     /// Invocation counters; `None` unless the frame wants them and the device has them.
     statistics: Option<Statistics>,
-    begun: Instant,
+    /// Passes of the frame.
+    passes: u32,
 }
 
 impl Clock {
@@ -32,7 +33,7 @@ impl Clock {
             timestamps: Timestamps::new(gpu, stamps(FIRST_PASSES))?,
             counters: counters(gpu, FIRST_PASSES)?,
             statistics: None,
-            begun: Instant::now(),
+            passes: 0,
         })
     }
 
@@ -43,6 +44,7 @@ impl Clock {
             self.timestamps = Timestamps::new(&self.gpu, stamps(room))?;
             self.counters = counters(&self.gpu, room)?;
         }
+        self.passes = passes;
         self.timestamps.reset();
         match &self.statistics {
             _ if !statistics => self.statistics = None,
@@ -82,22 +84,18 @@ impl Clock {
         encoder.end_statistics();
     }
 
-    /// Copies the counters to the host. Everything before must be finished and visible.
+    /// Copies timestamps and counters to the host. Everything before must be finished and visible, and every pass recorded.
     pub fn close_frame(&self, encoder: &mut CommandEncoder) {
         let [counters, counted] = &self.counters;
         encoder.copy_buffer(counters, 0, counted, 0, counters.bytes());
+        encoder.copy_timestamps(&self.timestamps, stamps(self.passes));
         encoder.full_barrier();
     }
 
-    /// Fills in the times and counts of a finished frame. `passes` are by position.
-    pub fn read(
-        &self,
-        start: Instant,
-        plan: &Plan,
-        passes: &mut [PassTime],
-        sample: &mut FrameSample,
-    ) -> Result<(), GpuError> {
-        let stamps = self.timestamps.read(stamps(passes.len() as u32))?;
+    /// Fills in the times and counts of a finished frame. `begun`: from when times are counted.
+    pub fn read(&self, begun: Instant, plan: &Plan, sample: &mut FrameSample) -> Result<(), GpuError> {
+        let passes = &mut sample.passes;
+        let stamps = self.timestamps.read(stamps(passes.len() as u32));
         let counters = self.counters[1].contents();
         for (position, time) in passes.iter_mut().enumerate() {
             let (begin, end) = (stamps[1 + 2 * position], stamps[2 + 2 * position]);
@@ -115,7 +113,7 @@ impl Clock {
             }
         }
         if let Some(statistics) = &self.statistics {
-            for (pass, position) in passes.iter_mut().zip(0..) {
+            for (pass, position) in sample.passes.iter_mut().zip(0..) {
                 pass.statistics = counts(statistics, pass, position)?;
             }
         }
@@ -127,10 +125,9 @@ impl Clock {
         // With several queues, the last pass in the order need not be the last to end.
         let last = stamps.iter().copied().max().unwrap_or(stamps[0]);
         sample.gpu_ns = Some(last.saturating_sub(stamps[0]));
-        sample.start_ns = Some((start - self.begun).as_nanos() as u64);
         sample.gpu_begin_ns = self.gpu.calibrate().and_then(|(device_now, now)| {
             let ago = device_now.checked_sub(stamps[0])?;
-            ((now - self.begun).as_nanos() as u64).checked_sub(ago)
+            ((now - begun).as_nanos() as u64).checked_sub(ago)
         });
         Ok(())
     }

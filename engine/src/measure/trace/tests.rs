@@ -133,6 +133,27 @@ fn phases_follow_each_other_inside_of_the_frame() {
 }
 
 #[test]
+fn a_frame_in_flight_ends_with_its_submission_and_is_waited_for_later() {
+    let frame = |start_ns, wait_start_ns, wait_ns| FrameSample {
+        start_ns: Some(start_ns),
+        cpu_ns: 3_500 + wait_ns,
+        declare_ns: 1_000,
+        record_ns: 2_000,
+        submit_ns: 500,
+        wait_ns,
+        wait_start_ns: Some(wait_start_ns),
+        ..FrameSample::default()
+    };
+    // The second frame is declared, recorded and submitted before the first is waited for.
+    let trace = chrome_trace(&[frame(1_000, 7_000, 2_000), frame(4_500, 9_500, 100)]);
+    assert_keeps_to_the_format(&trace);
+    let frames = [("frame 0", 0, 3_500), ("frame 1", 3_500, 7_000)];
+    assert_eq!(spans(&trace, CPU, FRAMES), frames.map(|(name, begin, end)| (name.to_owned(), begin, end)));
+    let waits: Vec<_> = spans(&trace, CPU, PHASES).into_iter().filter(|(name, ..)| name == "wait").collect();
+    assert_eq!(waits, [("wait".to_owned(), 7_000, 9_000), ("wait".to_owned(), 9_500, 9_600)]);
+}
+
+#[test]
 fn each_thread_that_records_has_a_lane() {
     let on = |name: &str, thread, start| PassTime { thread, cpu_start_ns: Some(start), ..pass(name, "graphics", None) };
     let passes = vec![on("a", 3, 0), on("b", 3, 1_000), on("c", 1, 200)];
@@ -177,7 +198,7 @@ fn arrows_show_which_queue_waited_for_which() {
 fn a_calibrated_gpu_begins_when_it_does() {
     let passes = vec![pass("a", "graphics", Some(1_000))];
     let frame = FrameSample { gpu_begin_ns: Some(7_000), gpu_ns: Some(1_000), passes, ..FrameSample::default() };
-    // The clock reading of the second frame is slightly early, but frames do not overlap.
+    // The clock reading of the second frame is slightly early, but the device executes one frame after the other.
     let early = FrameSample { gpu_begin_ns: Some(7_600), ..frame.clone() };
     let trace = chrome_trace(&[frame, early]);
     assert_keeps_to_the_format(&trace);

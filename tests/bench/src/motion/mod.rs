@@ -243,7 +243,7 @@ impl Bench {
         config: &Config,
     ) -> Result<Self, FrameBenchError> {
         let MotionOptions { size: [width, height], rays, seed, picture, .. } = *options;
-        let render = RenderOptions { width, height, seed, rays, check: false };
+        let render = RenderOptions { width, height, seed, rays, ..RenderOptions::default() };
         let failed = FrameBenchError::render(label);
         let mut renderer = Renderer::new(gpu, scene, &Slots::default(), config, render).map_err(failed)?;
         let slot = if picture { "sky" } else { options.slot.as_str() };

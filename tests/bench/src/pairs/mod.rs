@@ -130,8 +130,8 @@ impl Bench {
         config: &Config,
         rays: Rays,
     ) -> Result<Self, FrameBenchError> {
-        let render =
-            RenderOptions { width: options.size[0], height: options.size[1], seed: options.seed, rays, check: false };
+        let [width, height] = options.size;
+        let render = RenderOptions { width, height, seed: options.seed, rays, ..RenderOptions::default() };
         let failed = FrameBenchError::render(label);
         let renderer = Renderer::new(gpu, scene, &Slots::default(), config, render).map_err(failed)?;
         Ok(Self { renderer, label: label.to_owned() })

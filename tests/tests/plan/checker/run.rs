@@ -186,7 +186,7 @@ impl<'a> Model<'a> {
         let chained = e.before[q] & scope.pairs != 0 || (known_by_wait && scope.pairs != 0);
         let here = e.queue == q && e.pair & scope.pairs != 0;
         let any = scope.any && (e.queue == q || e.before[q] != 0 || known_by_wait);
-        // Frames do not overlap: for other queues, the previous frame is complete without any wait.
+        // Other queues wait for the graphics queue to open a frame, which it does when the one before is complete.
         let long_over = e.time == BEFORE && q != GRAPHICS;
         here || chained || any || (scope.waited && known_by_wait) || long_over
     }
