@@ -10,7 +10,7 @@ use magpie::{
     },
     measure::{Recorder, Report, Run, chrome_trace, pass_table, slot_table},
     pixels::Mapping,
-    scene::CameraPath,
+    scene::{Camera, CameraPath},
 };
 use magpie_passes::ReadBack;
 
@@ -40,6 +40,24 @@ enum Pictures {
     Last(Output),
     /// Every measured frame.
     Each(Numbered),
+}
+
+/// Where the camera is.
+enum Viewpoint {
+    Still(Camera),
+    Along(CameraPath),
+}
+
+impl Viewpoint {
+    /// The camera so many seconds after the beginning.
+    fn camera(&self, since: f64) -> Result<Camera, Failure> {
+        match self {
+            Self::Still(camera) => Ok(camera.clone()),
+            Self::Along(path) => {
+                path.camera(path.times()[0] + since).map_err(|error| Failure::from(error).context("--camera-path"))
+            }
+        }
+    }
 }
 
 /// Every file that a run writes.
@@ -117,18 +135,9 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
         return Err(Failure::Usage("SCENE is missing: wanted builtin:NAME or a path to .gltf or .glb".to_owned()));
     };
     let scene = session::load_scene(scene_name, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
-    let still = match &path {
-        Some(_) => None,
-        None => Some(session::camera(&scene, arguments.frame.camera.as_deref())?),
-    };
-    // The camera of a frame: during the warm-up, where the path begins.
-    let camera = |frame: u32| match (&path, &still) {
-        (Some(path), _) => {
-            let since = f64::from(frame.saturating_sub(1 + arguments.warmup)) * f64::from(arguments.time_step);
-            path.camera(path.times()[0] + since).map_err(|error| Failure::from(error).context("--camera-path"))
-        }
-        (None, Some(still)) => Ok(still.clone()),
-        (None, None) => session::camera(&scene, None),
+    let viewpoint = match path {
+        Some(path) => Viewpoint::Along(path),
+        None => Viewpoint::Still(session::camera(&scene, arguments.frame.camera.as_deref())?),
     };
 
     let without_rays: Vec<_> = arguments.without_rays.iter().map(|w| w.way()).collect();
@@ -157,8 +166,11 @@ pub fn render(arguments: &RenderArguments, loudness: &Loudness) -> Result<(), Fa
             Pictures::Last(_) => frame == frames,
             Pictures::Each(_) => frame > arguments.warmup,
         };
-        let time = f64::from(frame - 1) * f64::from(arguments.time_step);
-        in_flight.push_back(session.submit(&camera(frame)?, time, arguments.view.as_ref(), read_back)?);
+        let step = f64::from(arguments.time_step);
+        // During the warm-up the camera stands where its path begins.
+        let (time, since) =
+            (f64::from(frame - 1) * step, f64::from((frame - 1).saturating_sub(arguments.warmup)) * step);
+        in_flight.push_back(session.submit(&viewpoint.camera(since)?, time, arguments.view.as_ref(), read_back)?);
         let most = if frame == frames { 0 } else { arguments.frames_in_flight as usize - 1 };
         while in_flight.len() > most {
             let Some(oldest) = in_flight.pop_front() else { break };
