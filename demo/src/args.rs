@@ -4,6 +4,7 @@ mod accuracy;
 mod bench;
 mod plan;
 mod reference;
+mod view;
 
 use std::{path::PathBuf, str::FromStr};
 
@@ -19,6 +20,7 @@ pub use bench::{
 };
 pub use plan::PlanArguments;
 pub use reference::ReferenceArguments;
+pub use view::ViewArguments;
 
 /// Greatest width and height of a picture, pixels.
 const MAX_EXTENT: u32 = 16_384;
@@ -32,9 +34,9 @@ pub struct Arguments {
     /// How much is said.
     #[command(flatten)]
     pub loudness: Loudness,
-    /// What to do.
+    /// What to do; `view` if nothing is said.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: Option<Command>,
 }
 
 /// How much is said on standard error.
@@ -67,6 +69,8 @@ pub enum Command {
     },
     /// Say what a frame of a scene is made of: what runs in each stage, what is idle and why, and what memory it takes
     Plan(Box<PlanArguments>),
+    /// Show a scene in a window: fly through it, swap what fills its stages, watch what each pass takes
+    View(Box<ViewArguments>),
     /// Render without a window and print the pass table
     Render(Box<RenderArguments>),
     /// Trace the truth: the same scene by an unbiased path tracer
@@ -439,7 +443,7 @@ mod tests {
     #[test]
     fn defaults_are_those_of_the_manual() {
         let arguments = Arguments::try_parse_from(["magpie", "render", "builtin:cornell"]).unwrap();
-        let Command::Render(render) = arguments.command else { panic!("another command") };
+        let Some(Command::Render(render)) = arguments.command else { panic!("another command") };
         assert_eq!(render.size, Extent { width: 1280, height: 720 });
         assert_eq!((render.frames, render.warmup, render.seed, render.device.rays), (None, 0, 0, Rays::Auto));
         assert!((render.time_step - 1.0 / 60.0).abs() < 1e-6);

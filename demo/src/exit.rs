@@ -19,6 +19,9 @@ pub enum Failure {
     /// No usable Vulkan device.
     #[error("{0:#}")]
     NoDevice(anyhow::Error),
+    /// Ctrl-C, or a signal that asks to end.
+    #[error("interrupted")]
+    Interrupted,
     /// Any other error while running.
     #[error("{0:#}")]
     Run(anyhow::Error),
@@ -45,6 +48,7 @@ impl Failure {
     pub fn context(self, what: impl Into<String>) -> Self {
         let what = what.into();
         match self {
+            Self::Interrupted => Self::Interrupted,
             Self::Usage(message) => Self::Usage(format!("{what}: {message}")),
             Self::Input(error) => Self::Input(error.context(what)),
             Self::NoDevice(error) => Self::NoDevice(error.context(what)),
@@ -52,13 +56,14 @@ impl Failure {
         }
     }
 
-    /// The exit status: 1 while running, 2 for usage and input, 3 without a device.
+    /// The exit status: 1 while running, 2 for usage and input, 3 without a device, 130 when interrupted.
     #[must_use]
     pub const fn status(&self) -> u8 {
         match self {
             Self::Run(_) => 1,
             Self::Usage(_) | Self::Input(_) => 2,
             Self::NoDevice(_) => 3,
+            Self::Interrupted => 130,
         }
     }
 
@@ -67,6 +72,7 @@ impl Failure {
     pub fn message(&self) -> String {
         let error = match self {
             Self::Usage(message) => return message.clone(),
+            Self::Interrupted => return self.to_string(),
             Self::Input(error) | Self::NoDevice(error) | Self::Run(error) => error,
         };
         let mut text = String::new();
@@ -116,6 +122,7 @@ impl From<GpuError> for Failure {
             | GpuError::UnknownDevice { .. }
             | GpuError::MissingLayer { .. }
             | GpuError::MissingExtension { .. }
+            | GpuError::NoDisplay { .. }
             | GpuError::Rays { .. } => Self::NoDevice(anyhow::Error::new(error)),
             other => Self::running(other),
         }

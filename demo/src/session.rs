@@ -205,7 +205,8 @@ pub(crate) fn choose_rays(gpu: &Gpu, wanted: Rays) -> Result<Way, Failure> {
     Ok(way)
 }
 
-fn failure(error: RenderError) -> Failure {
+/// What went wrong, with the exit status of its kind.
+pub(crate) fn failure(error: RenderError) -> Failure {
     match error {
         RenderError::Gpu(error) => error.into(),
         RenderError::Stage(error) => error.into(),

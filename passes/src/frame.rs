@@ -13,6 +13,8 @@ pub struct FrameOut {
     pub radiance: Handle<Image>,
     /// Display values, RGBA8, sRGB-encoded.
     pub display: Handle<Image>,
+    /// Reversed depth, D32F, in the size of the frame.
+    pub depth: Handle<Image>,
 }
 
 /// Declares the frame. The outputs of one slot are passed to the next as ordinary values. `needs` are the merged needs of all slots.
@@ -43,5 +45,5 @@ pub fn frame(
     let radiance = slots.sky.give(g, view, SkyIn { depth: gbuffer.depth, lit }).read();
     next.into_iter().for_each(|next| slots.previous_radiance.keep(g, next, radiance));
     let post = slots.post.give(g, view, PostIn { colour: radiance, seen: Some(Seen { scene, gbuffer }) });
-    Ok(FrameOut { radiance: post.radiance, display: post.display })
+    Ok(FrameOut { radiance: post.radiance, display: post.display, depth: gbuffer.depth })
 }

@@ -1,4 +1,5 @@
 //! Frames that were submitted: their tickets, and what is done once the device has run them.
+use crate::picture::NamedCopies;
 use crate::read_back::Copies;
 use crate::renderer::{FrameResult, ReadBack, RenderError, Renderer};
 use crate::slots::Slots;
@@ -35,6 +36,7 @@ pub(crate) struct Pending {
     pub(crate) known: FrameResult,
     pub(crate) scan: Option<Scanned>,
     pub(crate) copies: Copies,
+    pub(crate) read: NamedCopies,
     /// Copies of [`Renderer::read_slots`].
     pub(crate) slots: Option<SlotCopies>,
     pub(crate) outcome: Outcome,
@@ -115,7 +117,7 @@ impl Renderer {
     }
 
     fn try_complete(&mut self, frame: Pending) -> Result<FrameResult, RenderError> {
-        let Pending { work, mut known, scan, copies, slots, outcome: _ } = frame;
+        let Pending { work, mut known, scan, copies, read, slots, outcome: _ } = frame;
         let Executed { sample, .. } = self.executor.finish(work)?;
         if sample.passes.iter().any(|p| p.not_finite > 0) {
             // Data derived from the scene, such as deformed meshes, is updated only where the scene moves, so it could keep values that are not
@@ -139,6 +141,7 @@ impl Renderer {
         if let Some(SlotCopies { requested, has_image, copies }) = slots {
             known.slots = in_order(&requested, &has_image.borrow(), copies.finish()?);
         }
+        known.copied = read.finish()?;
         let mut images = copies.finish()?.into_iter();
         known.images = images.next().map(|linear| ReadBack { linear, display: images.next() });
         Ok(known)

@@ -37,6 +37,7 @@ mod in_flight;
 pub mod metrics;
 mod outputs;
 pub mod parts;
+mod picture;
 pub mod plan;
 mod post;
 mod precision;
@@ -52,6 +53,7 @@ mod sky_light;
 pub mod slots;
 
 pub use in_flight::FrameTicket;
+pub use picture::{AddPasses, Picture};
 pub use plan::{FramePlan, PlanError, plan_frame};
 pub use renderer::{FrameRequest, FrameResult, MOST_IN_FLIGHT, ReadBack, RenderError, RenderOptions, Renderer};
 pub use slots::Frame;

@@ -26,11 +26,16 @@ impl Copies {
 
     /// Adds a pass that copies mip 0 of an image to a new buffer. `name` is the name of both.
     pub fn copy(&self, g: &mut FrameGraph, name: &str, image: Handle<Image>) {
+        self.copy_with(g, &mut self.imports.borrow_mut(), name, image);
+    }
+
+    /// The same for who has borrowed the imports.
+    pub fn copy_with(&self, g: &mut FrameGraph, imports: &mut Imports, name: &str, image: Handle<Image>) {
         let (format, extent) = (g.desc(image).format, g.extent(image));
         let bytes = u64::from(extent.width) * u64::from(extent.height) * u64::from(format.bytes_per_pixel());
         let buffer = Buffer::new(&self.gpu, name, bytes, BufferMemory::ReadBack, BufferUse::Storage).map(Arc::new);
         if let Ok(target) = &buffer {
-            let key = self.imports.borrow_mut().buffer(target);
+            let key = imports.buffer(target);
             let target = g.import_buffer(name, BufferDesc::new(bytes), Access::HostRead, key);
             let target = g.pass(name, Queue::Transfer, |p| {
                 let from = p.copy_from(image);

@@ -2,6 +2,7 @@
 use crate::contracts::AccelerationIn;
 use crate::frame::frame;
 use crate::in_flight::{FrameTicket, Outcome, Pending, SlotCopies, is_loss};
+use crate::picture::{AddPasses, NamedCopies, Picture};
 use crate::read_back::Copies;
 use crate::sampling::Sampling;
 use crate::slots::{Frame, Slots, merged};
@@ -83,6 +84,8 @@ pub struct FrameResult {
     pub images: Option<ReadBack>,
     /// Main images of the slots of [`Renderer::read_slots`], in that order; `None` for a slot without output, such as one that is off.
     pub slots: Vec<(String, Option<Pixels>)>,
+    /// Images of [`Picture::read_back`], in the order of its calls.
+    pub copied: Vec<(String, Pixels)>,
     /// Values that are not finite, as the scan found them.
     pub findings: Vec<Finding>,
     /// The needs of the implementations.
@@ -350,6 +353,27 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::frame`], and the error of an earlier frame of which nobody has the ticket.
     pub fn submit(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameTicket>, RenderError> {
+        self.submit_and(request, None)
+    }
+
+    /// [`Renderer::submit`] of a frame to which `add` adds passes once all others are declared: to draw over the picture, or to bring it elsewhere.
+    /// Without [`FrameRequest::read_back`] the frame then runs only as far as these passes need it.
+    ///
+    /// # Errors
+    /// As [`Renderer::submit`], and those of `add`.
+    pub fn submit_with(
+        &mut self,
+        request: FrameRequest<'_>,
+        add: &mut AddPasses<'_>,
+    ) -> Result<Option<FrameTicket>, RenderError> {
+        self.submit_and(request, Some(add))
+    }
+
+    fn submit_and(
+        &mut self,
+        request: FrameRequest<'_>,
+        add: Option<&mut AddPasses<'_>>,
+    ) -> Result<Option<FrameTicket>, RenderError> {
         let most = self.options.frames_in_flight.clamp(1, MOST_IN_FLIGHT) as usize;
         while self.pending.len() >= most {
             let Some(oldest) = self.pending.pop_front() else { break };
@@ -360,13 +384,17 @@ impl Renderer {
         if let Some(error) = self.unclaimed.take() {
             return Err(error);
         }
-        self.try_submit(request).map_err(|error| {
+        self.try_submit(request, add).map_err(|error| {
             self.scene.borrow_mut().forget();
             if is_loss(&error) { self.first_loss().unwrap_or(error) } else { error }
         })
     }
 
-    fn try_submit(&mut self, request: FrameRequest<'_>) -> Result<Option<FrameTicket>, RenderError> {
+    fn try_submit(
+        &mut self,
+        request: FrameRequest<'_>,
+        add: Option<&mut AddPasses<'_>>,
+    ) -> Result<Option<FrameTicket>, RenderError> {
         if self.options.width == 0 || self.options.height == 0 {
             return Ok(None);
         }
@@ -453,7 +481,14 @@ impl Renderer {
                 copies.copy(&mut g, "read_back.radiance", out.radiance);
                 copies.copy(&mut g, "read_back.display", out.display);
             }
-            None => g.output(out.display),
+            None if add.is_none() => g.output(out.display),
+            None => {}
+        }
+        let mut read = NamedCopies { copies: Copies::new(&self.gpu, &imports), names: Vec::new() };
+        if let Some(add) = add {
+            let mut picture = Picture { radiance: out.radiance, display: out.display, depth: out.depth, read };
+            add(&mut g, &mut imports.borrow_mut(), &mut picture)?;
+            read = picture.read;
         }
 
         let declare_ns = start.elapsed().as_nanos() as u64;
@@ -470,6 +505,7 @@ impl Renderer {
             sample,
             images: None,
             slots: Vec::new(),
+            copied: Vec::new(),
             findings: Vec::new(),
             needs,
             declaration: work.declaration.clone(),
@@ -477,7 +513,7 @@ impl Renderer {
         };
         let ticket = FrameTicket { frame: self.frame, result: Outcome::default() };
         let outcome = ticket.result.clone();
-        self.pending.push_back(Pending { work, known, scan, copies, slots: slot_copies, outcome });
+        self.pending.push_back(Pending { work, known, scan, copies, read, slots: slot_copies, outcome });
         self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });
         self.frame += 1;
         Ok(Some(ticket))

@@ -151,7 +151,7 @@ mod tests {
     use crate::Arguments;
 
     fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
-        Arguments::try_parse_from([&["magpie"][..], arguments].concat()).map(|a| a.command)
+        Arguments::try_parse_from([&["magpie"][..], arguments].concat()).map(|a| a.command.unwrap())
     }
 
     #[test]

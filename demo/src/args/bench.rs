@@ -195,7 +195,9 @@ mod tests {
     fn json_of_a_benchmark_goes_to_a_file_or_to_standard_output() {
         let parse = |arguments: &[&str]| {
             let arguments = Arguments::try_parse_from([&["magpie", "bench", "graph"][..], arguments].concat()).unwrap();
-            let Command::Bench { what: Bench::Graph(graph) } = arguments.command else { panic!("another command") };
+            let Some(Command::Bench { what: Bench::Graph(graph) }) = arguments.command else {
+                panic!("another command")
+            };
             graph
         };
         let plain = parse(&[]);

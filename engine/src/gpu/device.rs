@@ -10,8 +10,9 @@ use super::placeholder;
 use super::ray_pipeline::RayTables;
 use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
 use super::submit::{Lane, Timeline};
+use super::surface::{Handles, WindowSurface};
 use crate::graph::Queue;
-use ash::{amd, ext, vk};
+use ash::{amd, ext, khr, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use magpie_shaders::Rays;
@@ -125,8 +126,17 @@ impl Gpu {
     /// [`GpuError::NoLoader`], [`GpuError::NoDevice`] with every reason, [`GpuError::UnknownDevice`], [`GpuError::MissingLayer`],
     /// and failed Vulkan calls.
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
-        let instance = Instance::new(options.validation)?;
-        let (physical, mut report) = device_selection::choose(&instance, options.device.as_deref())?;
+        Ok(Self::open(options, None)?.0)
+    }
+
+    /// Opens a device, and the surface of a window if one is given.
+    pub(super) fn open(
+        options: &GpuOptions,
+        window: Option<Handles>,
+    ) -> Result<(Self, Option<WindowSurface>), GpuError> {
+        let instance = Instance::new(options.validation, window.map(|handles| handles.display))?;
+        let surface = window.map(|handles| WindowSurface::new(&instance, handles)).transpose()?;
+        let (physical, mut report) = device_selection::choose(&instance, options.device.as_deref(), surface.as_ref())?;
         // SAFETY: the handle comes from this instance.
         let (families, properties) = unsafe {
             (
@@ -141,7 +151,8 @@ impl Gpu {
         let available = device_selection::extensions(&instance, physical);
         let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
         let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
-        let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).map(CStr::as_ptr).collect();
+        let shows = surface.as_ref().map(|_| khr::swapchain::NAME);
+        let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).chain(shows).map(CStr::as_ptr).collect();
         let support = RaySupport::of(&instance, physical, &available).without(&options.without_rays);
         report.rays = support.ways().into_iter().map(Rays::name).collect();
         let lane_families = Queue::ALL.map(|queue| device_selection::family_for(queue, &families).unwrap_or(family));
@@ -246,7 +257,7 @@ impl Gpu {
         }));
         let placeholders = placeholder::images(&gpu)?;
         *lock(&gpu.0.placeholders) = placeholders;
-        Ok(gpu)
+        Ok((gpu, surface))
     }
 
     /// Properties of the device.
@@ -339,6 +350,15 @@ impl Gpu {
 
     pub(super) fn raw(&self) -> &ash::Device {
         &self.0.raw
+    }
+
+    pub(super) fn physical(&self) -> vk::PhysicalDevice {
+        self.0.physical
+    }
+
+    /// Functions for swapchains, on a device that was opened with a surface.
+    pub(super) fn swapchain_calls(&self) -> khr::swapchain::Device {
+        khr::swapchain::Device::new(&self.0.logical.instance.raw, &self.0.raw)
     }
 
     /// Features of a format in optimal tiling.

@@ -1,9 +1,10 @@
 //! Decides which devices are accepted, and says why others are refused.
 use super::instance::Instance;
 use super::rays::RaySupport;
+use super::surface::WindowSurface;
 use super::{GpuError, format};
 use crate::graph::{Format, Queue};
-use ash::vk;
+use ash::{khr, vk};
 use magpie_shaders::Rays;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -54,7 +55,7 @@ pub struct QueueFamilyReport {
 /// # Errors
 /// [`GpuError::NoLoader`] and failed Vulkan calls.
 pub fn devices() -> Result<Vec<DeviceReport>, GpuError> {
-    let instance = Instance::new(false)?;
+    let instance = Instance::new(false, None)?;
     let physical = enumerate(&instance)?;
     Ok(physical.iter().enumerate().map(|(i, p)| report(&instance, *p, i)).collect())
 }
@@ -64,13 +65,23 @@ fn enumerate(instance: &Instance) -> Result<Vec<vk::PhysicalDevice>, GpuError> {
     unsafe { instance.raw.enumerate_physical_devices() }.map_err(GpuError::call("vkEnumeratePhysicalDevices"))
 }
 
-/// The device that `wanted` selects by index or by a part of its name, or else the best accepted one.
+/// The device that `wanted` selects by index or by a part of its name, or else the best accepted one. With a surface, devices that cannot show
+/// pictures on it are refused.
 pub(super) fn choose(
     instance: &Instance,
     wanted: Option<&str>,
+    surface: Option<&WindowSurface>,
 ) -> Result<(vk::PhysicalDevice, DeviceReport), GpuError> {
     let physical = enumerate(instance)?;
-    let reports: Vec<_> = physical.iter().enumerate().map(|(i, p)| report(instance, *p, i)).collect();
+    let with_surface = |(index, device): (usize, &vk::PhysicalDevice)| {
+        let mut report = report(instance, *device, index);
+        if surface.is_some_and(|surface| !shows_on(instance, *device, surface)) {
+            report.refusals.push("it cannot show pictures in the window".to_owned());
+            report.accepted = false;
+        }
+        report
+    };
+    let reports: Vec<_> = physical.iter().enumerate().map(with_surface).collect();
     let refusal = |r: &DeviceReport| format!("{}: {}", r.name, r.refusals.join(", "));
     let chosen = match wanted {
         Some(text) => {
@@ -95,6 +106,14 @@ pub(super) fn choose(
         }
     };
     Ok((physical[chosen.index], chosen.clone()))
+}
+
+/// Whether the device's graphics queue can show pictures on a surface.
+fn shows_on(instance: &Instance, device: vk::PhysicalDevice, surface: &WindowSurface) -> bool {
+    // SAFETY: the handle comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(device) };
+    let has_swapchains = extensions(instance, device).iter().any(|e| e.as_bytes() == khr::swapchain::NAME.to_bytes());
+    has_swapchains && graphics_family(&families).is_some_and(|family| surface.is_supported(device, family))
 }
 
 /// Names of a device's extensions.

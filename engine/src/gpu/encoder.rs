@@ -242,14 +242,18 @@ impl CommandEncoder {
             )
         };
         let info = vk::DependencyInfo::default().memory_barriers(memory).image_memory_barriers(images);
-        // SAFETY: the command buffer is recording, outside of rendering.
-        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
+        self.depend(&info);
+    }
+
+    /// Records barriers of Vulkan's own kind, for what lies outside of the graph: the display, and the layer's own images.
+    pub(super) fn depend(&self, barriers: &vk::DependencyInfo<'_>) {
+        // SAFETY: the command buffer is recording, outside of rendering; what the barriers name is alive.
+        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, barriers) };
     }
 
     /// An empty barrier, which makes drivers that defer work start it.
     pub(super) fn flush(&mut self) {
-        // SAFETY: the command buffer is recording, outside of rendering.
-        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &vk::DependencyInfo::default()) };
+        self.depend(&vk::DependencyInfo::default());
     }
 
     /// Changes the layout of an image of the device's own with one mip, after everything before it is done.
@@ -267,8 +271,7 @@ impl CommandEncoder {
             .image(image.raw)
             .subresource_range(image.range(Part::ALL.of(1, 1)))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
-        // SAFETY: the command buffer is recording, outside of rendering; the image is alive.
-        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
+        self.depend(&info);
     }
 
     /// Makes everything before it visible to everything after it, the host included. The same house rule as for
@@ -281,8 +284,7 @@ impl CommandEncoder {
             .dst_stage_mask(to.stages | vk::PipelineStageFlags2::HOST)
             .dst_access_mask(to.access | vk::AccessFlags2::HOST_READ)];
         let info = vk::DependencyInfo::default().memory_barriers(&barrier);
-        // SAFETY: the command buffer is recording, outside of rendering.
-        unsafe { self.gpu.raw().cmd_pipeline_barrier2(self.buffer, &info) };
+        self.depend(&info);
     }
 
     /// Sets push constants. The caller has checked their size against the pipeline and the limit.

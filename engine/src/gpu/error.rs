@@ -26,6 +26,12 @@ pub enum GpuError {
         /// Index and name of each device.
         known: Vec<String>,
     },
+    /// There is no window to show pictures in, or no device can show them there.
+    #[error("no display to show a window on: {reason}")]
+    NoDisplay {
+        /// What is missing.
+        reason: String,
+    },
     /// The validation layer was asked for and is not installed.
     #[error("the layer {name} is not installed; on Debian and Ubuntu it is in the package vulkan-validationlayers")]
     MissingLayer {

@@ -1,6 +1,7 @@
 //! The Vulkan instance, and the messages of the validation layers.
 use super::GpuError;
 use ash::{ext, vk};
+use raw_window_handle::RawDisplayHandle;
 use std::ffi::{CStr, c_void};
 use std::sync::Mutex;
 
@@ -18,7 +19,7 @@ impl Messages {
 
 /// A Vulkan instance. `messages` is boxed because the messenger holds its address.
 pub(super) struct Instance {
-    _entry: ash::Entry,
+    entry: ash::Entry,
     pub raw: ash::Instance,
     pub debug_utils: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -26,9 +27,10 @@ pub(super) struct Instance {
 }
 
 impl Instance {
-    /// Creates an instance. `validation` enables the Khronos layer and synchronization validation; the layer must be installed.
-    pub fn new(validation: bool) -> Result<Self, GpuError> {
-        // SAFETY: the loader is the system's own library; it stays loaded as long as `_entry` lives.
+    /// Creates an instance. `validation` enables the Khronos layer and synchronization validation; the layer must be installed. With a `display`
+    /// the instance can make surfaces for its windows.
+    pub fn new(validation: bool, display: Option<RawDisplayHandle>) -> Result<Self, GpuError> {
+        // SAFETY: the loader is the system's own library; it stays loaded as long as `entry` lives.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| GpuError::NoLoader { reason: e.to_string() })?;
         let version = {
             // SAFETY: the entry was loaded above.
@@ -63,6 +65,19 @@ impl Instance {
         if debug_utils {
             extensions.push(ext::debug_utils::NAME.as_ptr());
         }
+        if let Some(display) = display {
+            let wanted = ash_window::enumerate_required_extensions(display)
+                .map_err(|error| GpuError::NoDisplay { reason: format!("no surface for its windows ({error})") })?;
+            for &name in wanted {
+                // SAFETY: these are the names of extensions, which are static.
+                let text = unsafe { CStr::from_ptr(name) };
+                if !available.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|n| n == text)) {
+                    let reason = format!("no Vulkan driver here has the extension {}", text.to_string_lossy());
+                    return Err(GpuError::NoDisplay { reason });
+                }
+                extensions.push(name);
+            }
+        }
         let mut enabled_layers = Vec::new();
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
@@ -93,7 +108,12 @@ impl Instance {
                 return Err(e);
             }
         };
-        Ok(Self { _entry: entry, raw, debug_utils, messenger, messages })
+        Ok(Self { entry, raw, debug_utils, messenger, messages })
+    }
+
+    /// The functions of the loader.
+    pub fn entry(&self) -> &ash::Entry {
+        &self.entry
     }
 }
 

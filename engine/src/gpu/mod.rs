@@ -28,6 +28,7 @@ mod reflect;
 mod rendering;
 mod staging;
 mod submit;
+mod surface;
 
 pub use accel::{Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, CompactedSizes};
 pub(crate) use bindless::PassSet;
@@ -53,3 +54,4 @@ pub use rays::RayChoice;
 pub(crate) use rendering::Attachment;
 pub use staging::Staging;
 pub(crate) use submit::Submission;
+pub use surface::{PresentMode, Presented, Surface};

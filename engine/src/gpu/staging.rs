@@ -7,6 +7,7 @@ use std::sync::Arc;
 pub struct Staging {
     gpu: Gpu,
     name: &'static str,
+    usage: BufferUse,
     /// The newest last.
     buffers: Vec<Arc<Buffer>>,
 }
@@ -14,7 +15,12 @@ pub struct Staging {
 impl Staging {
     /// No buffer yet; the first is made by the first [`Self::write`].
     pub fn new(gpu: &Gpu, name: &'static str) -> Self {
-        Self { gpu: gpu.clone(), name, buffers: Vec::new() }
+        Self::with_use(gpu, name, BufferUse::Storage)
+    }
+
+    /// The same with buffers for a certain use.
+    pub fn with_use(gpu: &Gpu, name: &'static str, usage: BufferUse) -> Self {
+        Self { gpu: gpu.clone(), name, usage, buffers: Vec::new() }
     }
 
     /// Writes `bytes` to the start of a buffer and returns it. The buffer may be longer.
@@ -29,7 +35,7 @@ impl Staging {
             Some(at) => self.buffers.remove(at),
             None => {
                 let memory = BufferMemory::Upload;
-                Arc::new(Buffer::new(&self.gpu, self.name, wanted, memory, BufferUse::Storage)?)
+                Arc::new(Buffer::new(&self.gpu, self.name, wanted, memory, self.usage)?)
             }
         };
         if let Some(buffer) = Arc::get_mut(&mut buffer) {

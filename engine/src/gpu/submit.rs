@@ -87,22 +87,54 @@ impl Gpu {
         encoders: impl IntoIterator<Item = &'e CommandEncoder>,
         waits: &[Submission],
     ) -> Result<Submission, GpuError> {
+        let waits: Vec<_> = waits.iter().map(|w| self.0.lanes[w.queue.index()].timeline.at(w.value)).collect();
+        self.submit_with(queue, encoders, &waits, None)
+    }
+
+    /// Submits the copy of a picture to the display, on the graphics queue: it waits for the first semaphore and signals the second.
+    pub(super) fn submit_for_display(
+        &self,
+        encoder: &CommandEncoder,
+        wait: vk::SemaphoreSubmitInfo<'_>,
+        signal: vk::SemaphoreSubmitInfo<'_>,
+    ) -> Result<Submission, GpuError> {
+        self.submit_with(Queue::Graphics, [encoder], &[wait], Some(signal))
+    }
+
+    fn submit_with<'e>(
+        &self,
+        queue: Queue,
+        encoders: impl IntoIterator<Item = &'e CommandEncoder>,
+        waits: &[vk::SemaphoreSubmitInfo<'_>],
+        signal: Option<vk::SemaphoreSubmitInfo<'_>>,
+    ) -> Result<Submission, GpuError> {
         let lane = &self.0.lanes[queue.index()];
         let commands: Vec<_> =
             encoders.into_iter().map(|e| vk::CommandBufferSubmitInfo::default().command_buffer(e.raw())).collect();
-        let waits: Vec<_> = waits.iter().map(|w| self.0.lanes[w.queue.index()].timeline.at(w.value)).collect();
         let held = lock(&lane.queue);
         let value = lane.timeline.last() + 1;
-        let signals = [lane.timeline.at(value)];
+        let signals: Vec<_> = signal.into_iter().chain([lane.timeline.at(value)]).collect();
         let info = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
-            .wait_semaphore_infos(&waits)
+            .wait_semaphore_infos(waits)
             .signal_semaphore_infos(&signals);
         // SAFETY: the queue is locked; the commands are finished and not pending.
         unsafe { self.raw().queue_submit2(*held, &[info], vk::Fence::null()) }
             .map_err(GpuError::call("vkQueueSubmit2"))?;
         lane.timeline.last.store(value, Ordering::Release);
         Ok(Submission { queue, value })
+    }
+
+    /// The graphics queue, which shows pictures as well.
+    pub(super) fn graphics_queue(&self) -> &Mutex<vk::Queue> {
+        &self.0.lanes[Queue::Graphics.index()].queue
+    }
+
+    /// Waits until the graphics queue is idle, the handing over of pictures included.
+    pub(super) fn wait_for_presentation(&self) -> Result<(), GpuError> {
+        let queue = lock(self.graphics_queue());
+        // SAFETY: the queue is locked.
+        unsafe { self.raw().queue_wait_idle(*queue) }.map_err(GpuError::call("vkQueueWaitIdle"))
     }
 
     /// Whether `submission` is done.

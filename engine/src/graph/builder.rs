@@ -128,6 +128,13 @@ impl PassBuilder<'_> {
         (self.change(image, Access::ColorLoad, Part::ALL), token)
     }
 
+    /// Draws to a colour attachment, cleared to `clear` first.
+    pub fn color_over(&mut self, image: WriteHandle<Image>, clear: [f32; 4]) -> (WriteHandle<Image>, ColorToken) {
+        let token = ColorToken { resource: image.at.id, pass: self.pass };
+        self.graph.declaration.clears.push((self.graph.declaration.uses.len() as u32, Clear::Color(clear)));
+        (self.change(image, Access::Color, Part::ALL), token)
+    }
+
     /// Draws to a depth attachment and keeps its contents.
     pub fn depth_load(&mut self, image: WriteHandle<Image>) -> (WriteHandle<Image>, DepthToken) {
         let token = DepthToken { resource: image.at.id, pass: self.pass };

@@ -25,6 +25,8 @@ pub enum MeasureError {
 #[derive(Clone, Debug)]
 pub struct Recorder {
     warmup: usize,
+    /// Frames that are kept: the newest.
+    most: usize,
     seen: usize,
     frames: Vec<FrameSample>,
     not_finite: Vec<NotFinite>,
@@ -60,7 +62,13 @@ impl Recorder {
     /// A recorder that skips the first `warmup` frames.
     #[must_use]
     pub fn new(warmup: usize) -> Self {
-        Self { warmup, seen: 0, frames: Vec::new(), not_finite: Vec::new() }
+        Self { warmup, most: usize::MAX, seen: 0, frames: Vec::new(), not_finite: Vec::new() }
+    }
+
+    /// A recorder that keeps the newest `most` frames only.
+    #[must_use]
+    pub fn of_newest(most: usize) -> Self {
+        Self { most, ..Self::new(0) }
     }
 
     /// Adds the next frame.
@@ -68,6 +76,9 @@ impl Recorder {
         self.count_not_finite(&frame);
         self.seen += 1;
         if self.seen > self.warmup {
+            if self.frames.len() >= self.most.max(1) {
+                self.frames.remove(0);
+            }
             self.frames.push(frame);
         }
     }

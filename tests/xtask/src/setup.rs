@@ -14,8 +14,18 @@ use std::path::Path;
 const OLDEST_MESA: (u32, u32) = (24, 1);
 /// Debian's and Ubuntu's name for Mesa's drivers, the software one among them.
 const MESA: &str = "mesa-vulkan-drivers";
-/// The Vulkan loader, and the validation layers for the tests.
-const LOADER_AND_LAYERS: [&str; 2] = ["libvulkan1", "vulkan-validationlayers"];
+/// What goes with a driver: the Vulkan loader, what windows need under X, and for the tests the validation layers and a display without a
+/// screen.
+const BESIDE: [&str; 8] = [
+    "libvulkan1",
+    "libx11-6",
+    "libx11-xcb1",
+    "libxcursor1",
+    "libxi6",
+    "libxkbcommon-x11-0",
+    "vulkan-validationlayers",
+    "xvfb",
+];
 
 /// `cargo xtask setup`.
 pub fn setup(dry_run: bool) -> Result<()> {
@@ -112,26 +122,28 @@ fn install_device(installer: &mut Installer) -> Result<()> {
         say(&format!("Mesa {major}.{minor} or newer is in none of apt's sources; adding the backports of {codename}"));
         choice = installer.with_backports(&file, &format!("{codename}-backports"), choice)?;
     }
-    let [loader, layers] = LOADER_AND_LAYERS;
+    let with_driver: Vec<&str> = BESIDE.into_iter().chain([MESA]).collect();
     match choice {
         Choice::Candidate(version) => {
-            say(&format!("installing the Vulkan loader, Mesa {version} and the validation layers"));
-            installer.install(None, &[loader, layers, MESA])
+            say(&format!("installing the Vulkan loader, Mesa {version}, the validation layers, and what windows need"));
+            installer.install(None, &with_driver)
         }
         Choice::From { suite, version } => {
-            say(&format!("installing the Vulkan loader, the validation layers, and from {suite} Mesa {version}"));
-            installer.install(None, &[loader, layers])?;
+            say(&format!(
+                "installing the Vulkan loader, the validation layers, what windows need, and from {suite} Mesa {version}"
+            ));
+            installer.install(None, &BESIDE)?;
             installer.install(Some(&suite), &[MESA])
         }
         Choice::TooOld(version) => {
             say(&format!(
                 "no Mesa {major}.{minor} or newer is on offer; installing {version}, whose software driver traces no rays itself"
             ));
-            installer.install(None, &[loader, layers, MESA])
+            installer.install(None, &with_driver)
         }
         Choice::Unknown if installer.dry_run => {
             say(&format!("apt knows no {MESA} before the update above; with a new enough one on offer:"));
-            installer.install(None, &[loader, layers, MESA])
+            installer.install(None, &with_driver)
         }
         Choice::Unknown => bail!("none of apt's sources offers {MESA}; add one that has Mesa {major}.{minor} or newer"),
     }

@@ -1,0 +1,143 @@
+//! What is done to the viewer, by hand or by a file.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{exit::Failure, input};
+
+/// One thing that is done.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Action {
+    /// Sets one value of the configuration: `stages.shadows=off`, `SLOT.SETTING=VALUE`.
+    Set(String),
+    /// Gives a slot its default implementation and settings.
+    Reset(String),
+    /// Writes the configuration to a file.
+    SaveConfig(PathBuf),
+    /// Writes the window, with its panels, to a PNG, or the linear radiance of the picture to an EXR.
+    Screenshot(PathBuf),
+    /// Writes both under the first names of the current folder that are free: `magpie_000.png` and `magpie_000.exr`.
+    Snapshot,
+    /// Shows or hides a panel.
+    Panel(Panel),
+    /// Shows or hides all panels.
+    Panels,
+    /// Lets time go on, or stops it.
+    Play(bool),
+    /// Goes to a camera of the scene.
+    Camera(String),
+    /// Turns about what is seen in a place of the picture: 0 to 1, from the left and from above.
+    LookAt([f32; 2]),
+    /// Gives the window another size, pixels.
+    Resize([u32; 2]),
+    /// Minimises the window, or brings it back.
+    Minimise(bool),
+    /// Shows another scene.
+    Open(PathBuf),
+    /// Surrounds the scene with an image, latitude over longitude.
+    Environment(PathBuf),
+    /// Takes the configuration of a file, and follows it from now on.
+    Config(PathBuf),
+    /// Closes the window.
+    Close,
+}
+
+/// A part of the interface that can be hidden.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Panel {
+    /// Implementations and settings.
+    Stages,
+    /// Times.
+    Profiler,
+    /// Keys.
+    Help,
+}
+
+/// An action of a file.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Step {
+    /// The frame before which it is done, from 0.
+    pub(crate) frame: u32,
+    /// What is done.
+    #[serde(rename = "do")]
+    pub(crate) action: Action,
+}
+
+impl Action {
+    /// What is done with a file that is dropped on the window, by its ending.
+    pub(crate) fn of_dropped(path: &Path) -> Result<Self, Failure> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+        match ending.as_str() {
+            "gltf" | "glb" => Ok(Self::Open(path.to_owned())),
+            "hdr" | "exr" => Ok(Self::Environment(path.to_owned())),
+            "toml" => Ok(Self::Config(path.to_owned())),
+            _ => {
+                let wanted = "a scene (.gltf, .glb), an environment map (.hdr, .exr) or a configuration (.toml)";
+                Err(Failure::bad(format!("{}: wanted {wanted}", path.display())))
+            }
+        }
+    }
+}
+
+/// Reads a file of actions: a JSON list of `{"frame": 3, "do": {"set": "stages.gi=off"}}`. They are sorted by frame.
+pub(crate) fn read(path: &Path) -> Result<Vec<Step>, Failure> {
+    let text = input::read_text(path)?;
+    let mut steps: Vec<Step> = serde_json::from_str(&text).map_err(|error| {
+        Failure::bad(format!("{}: wanted a list of actions such as {EXAMPLE}: {error}", path.display()))
+    })?;
+    steps.sort_by_key(|step| step.frame);
+    Ok(steps)
+}
+
+const EXAMPLE: &str = r#"{"frame": 3, "do": {"set": "stages.gi=off"}}"#;
+
+/// The first number from 0 under which a folder has neither picture of a snapshot.
+pub(crate) fn free_names(folder: &Path) -> Option<[PathBuf; 2]> {
+    let names = |number: u32| ["png", "exr"].map(|ending| folder.join(format!("magpie_{number:03}.{ending}")));
+    (0..MOST_SNAPSHOTS).map(names).find(|both| both.iter().all(|path| !path.exists()))
+}
+
+/// Snapshots in one folder.
+const MOST_SNAPSHOTS: u32 = 10_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn snapshots_replace_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("magpie_000.png"), "").unwrap();
+        std::fs::write(folder.path().join("magpie_001.exr"), "").unwrap();
+        let names = free_names(folder.path()).unwrap().map(|path| path.file_name().unwrap().to_owned());
+        assert_eq!(names, ["magpie_002.png", "magpie_002.exr"]);
+    }
+
+    #[test]
+    fn dropped_files_are_told_by_their_endings() {
+        let of = |name: &str| Action::of_dropped(Path::new(name)).ok();
+        assert_eq!(of("a/b.GLB"), Some(Action::Open("a/b.GLB".into())));
+        assert_eq!(of("sky.hdr"), Some(Action::Environment("sky.hdr".into())));
+        assert_eq!(of("c.toml"), Some(Action::Config("c.toml".into())));
+        assert_eq!([of("glb"), of("picture.png"), of("")], [None, None, None]);
+    }
+
+    #[test]
+    fn files_are_lists_by_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        let text = format!(r#"[{{"frame": 9, "do": "close"}}, {EXAMPLE}, {{"frame": 3, "do": {{"panel": "help"}}}}]"#);
+        std::fs::write(&path, text).unwrap();
+        let steps = read(&path).unwrap();
+        let actions: Vec<_> = steps.into_iter().map(|s| (s.frame, s.action)).collect();
+        let set = Action::Set("stages.gi=off".to_owned());
+        assert_eq!(actions, [(3, set), (3, Action::Panel(Panel::Help)), (9, Action::Close)]);
+        std::fs::write(&path, r#"[{"frame": 1, "do": "dance"}]"#).unwrap();
+        let message = read(&path).unwrap_err().message();
+        assert!(message.contains("a.json") && message.contains("dance") && message.contains("close"), "{message}");
+    }
+}

@@ -1,0 +1,226 @@
+//! What is seen of the viewer: the picture, and panels about it. It reads the [`Model`] and says what to do by [`Action`]s.
+
+mod profiler;
+mod stages;
+
+use egui::{Align, CentralPanel, Color32, Frame, Key, Layout, Panel as Side, PointerButton, RichText, Sense, Ui};
+use magpie::{
+    config::{Catalogue, Config},
+    measure::{FrameSample, Report, SlotReport},
+};
+
+use super::{
+    action::{Action, Panel},
+    meshes::PICTURE,
+    navigation::{Flight, Navigation},
+};
+
+/// What the interface shows.
+pub(super) struct Model<'a> {
+    /// Every slot with its implementations and settings.
+    pub catalogue: &'a Catalogue,
+    /// The configuration in use, nothing left open.
+    pub config: &'a Config,
+    /// What runs of the newest finished frame.
+    pub slots: &'a [SlotReport],
+    /// The newest finished frames, the oldest first.
+    pub frames: &'a [FrameSample],
+    /// Statistics of these; `None` before the first.
+    pub report: Option<&'a Report>,
+    /// Name of the scene.
+    pub scene: &'a str,
+    /// Names of its cameras.
+    pub cameras: &'a [String],
+    /// Name of the device.
+    pub device: &'a str,
+    /// Whether time goes on.
+    pub plays: bool,
+    /// What went wrong last.
+    pub message: Option<&'a str>,
+}
+
+/// Which parts are shown, and what was typed into them.
+#[derive(Clone, Debug)]
+pub(super) struct Interface {
+    pub stages: bool,
+    pub profiler: bool,
+    pub help: bool,
+    /// Everything but the picture.
+    pub panels: bool,
+    frozen: Option<profiler::Frozen>,
+}
+
+/// The place of the picture, in points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub rect: egui::Rect,
+}
+
+/// Keys, for people.
+const KEYS: [(&str, &str); 14] = [
+    ("left drag", "look around"),
+    ("right drag", "turn about the point ahead"),
+    ("middle drag", "move across"),
+    ("click", "look at what was clicked, and turn about it"),
+    ("wheel", "towards the point ahead, and back"),
+    ("W A S D", "fly ahead, left, back, right"),
+    ("Q E", "fly down, up"),
+    ("shift", "fly faster"),
+    ("shift wheel", "change the speed"),
+    ("space", "stop time, and let it go on"),
+    ("F1", "these keys"),
+    ("F2", "hide all panels"),
+    ("F3, F4", "hide the stages, the profiler"),
+    ("F12", "write the window to a PNG and the radiance to an EXR"),
+];
+
+impl Interface {
+    pub(super) fn new(panels: bool) -> Self {
+        Self { stages: true, profiler: true, help: false, panels, frozen: None }
+    }
+
+    /// Shows or hides a panel.
+    pub(super) fn toggle(&mut self, panel: Panel) {
+        let shown = match panel {
+            Panel::Stages => &mut self.stages,
+            Panel::Profiler => &mut self.profiler,
+            Panel::Help => &mut self.help,
+        };
+        *shown = !*shown;
+    }
+
+    /// Shows everything, moves the camera, and adds what is to be done. `seconds` is the time since the last frame.
+    pub(super) fn show(
+        &mut self,
+        ui: &mut Ui,
+        model: &Model<'_>,
+        navigation: &mut Navigation,
+        seconds: f64,
+        actions: &mut Vec<Action>,
+    ) -> Place {
+        self.keys(ui, model, actions);
+        if self.panels {
+            Side::top("bar").show(ui, |ui| self.bar(ui, model, navigation.speed(), actions));
+            if let Some(message) = model.message {
+                let red = if ui.visuals().dark_mode { Color32::LIGHT_RED } else { Color32::DARK_RED };
+                Side::top("message").show(ui, |ui| ui.label(RichText::new(message).color(red)));
+            }
+            if self.profiler {
+                Side::bottom("profiler").resizable(true).default_size(220.0).show(ui, |ui| {
+                    profiler::show(ui, model, &mut self.frozen);
+                });
+            }
+            if self.stages {
+                Side::left("stages").resizable(true).default_size(300.0).show(ui, |ui| {
+                    stages::show(ui, model, actions);
+                });
+            }
+        }
+        let place = CentralPanel::default().frame(Frame::NONE).show(ui, |ui| picture(ui, navigation, seconds, actions));
+        if self.help {
+            let mut open = true;
+            egui::Window::new("Keys").open(&mut open).resizable(false).show(ui.ctx(), |ui| {
+                egui::Grid::new("keys").striped(true).show(ui, |ui| {
+                    for (key, what) in KEYS {
+                        ui.monospace(key);
+                        ui.label(what);
+                        ui.end_row();
+                    }
+                });
+            });
+            self.help = open;
+        }
+        place.inner
+    }
+
+    fn bar(&mut self, ui: &mut Ui, model: &Model<'_>, speed: f64, actions: &mut Vec<Action>) {
+        ui.horizontal(|ui| {
+            ui.strong(model.scene);
+            if model.cameras.len() > 1 {
+                egui::ComboBox::from_id_salt("camera").selected_text("camera").show_ui(ui, |ui| {
+                    for name in model.cameras {
+                        if ui.selectable_label(false, name).clicked() {
+                            actions.push(Action::Camera(name.clone()));
+                        }
+                    }
+                });
+            }
+            let time = if model.plays { "stop" } else { "play" };
+            if ui.button(time).on_hover_text("Stops the time of the scene, or lets it go on (space)").clicked() {
+                actions.push(Action::Play(!model.plays));
+            }
+            ui.toggle_value(&mut self.stages, "stages");
+            ui.toggle_value(&mut self.profiler, "profiler");
+            ui.toggle_value(&mut self.help, "keys");
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                ui.weak(format!("{speed:.2} m/s")).on_hover_text("Speed of flight: shift and the wheel change it");
+                ui.add(egui::Label::new(RichText::new(model.device).weak()).truncate());
+            });
+        });
+    }
+
+    fn keys(&mut self, ui: &Ui, model: &Model<'_>, actions: &mut Vec<Action>) {
+        let typing = ui.ctx().egui_wants_keyboard_input();
+        ui.input(|input| {
+            for (key, panel) in [(Key::F1, Panel::Help), (Key::F3, Panel::Stages), (Key::F4, Panel::Profiler)] {
+                if input.key_pressed(key) {
+                    actions.push(Action::Panel(panel));
+                }
+            }
+            for (key, action) in [(Key::F2, Action::Panels), (Key::F12, Action::Snapshot)] {
+                if input.key_pressed(key) {
+                    actions.push(action);
+                }
+            }
+            if input.key_pressed(Key::Space) && !typing {
+                actions.push(Action::Play(!model.plays));
+            }
+        });
+    }
+}
+
+/// The picture, and the camera that is moved in it.
+fn picture(ui: &mut Ui, navigation: &mut Navigation, seconds: f64, actions: &mut Vec<Action>) -> Place {
+    let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+    let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+    ui.painter().image(PICTURE, rect, whole, Color32::WHITE);
+    let scale = f64::from(ui.ctx().pixels_per_point());
+    let drag = response.drag_delta();
+    let drag = [f64::from(drag.x) * scale, f64::from(drag.y) * scale];
+    if response.dragged_by(PointerButton::Primary) {
+        navigation.look(drag);
+    } else if response.dragged_by(PointerButton::Secondary) {
+        navigation.orbit(drag);
+    } else if response.dragged_by(PointerButton::Middle) {
+        navigation.pan(drag, f64::from(rect.height()) * scale);
+    }
+    if response.clicked()
+        && let Some(at) = response.interact_pointer_pos()
+    {
+        let at = (at - rect.min) / rect.size();
+        actions.push(Action::LookAt([at.x, at.y]));
+    }
+    if response.hovered() {
+        // egui gives the wheel in points, 40 or so per notch.
+        let (wheel, shift) = ui.input(|input| (input.smooth_scroll_delta(), input.modifiers.shift));
+        let notches = f64::from(if wheel.y == 0.0 { wheel.x } else { wheel.y }) / 40.0;
+        if notches != 0.0 {
+            if shift { navigation.change_speed(notches) } else { navigation.zoom(notches) }
+        }
+    }
+    if !ui.ctx().egui_wants_keyboard_input() {
+        let flight = ui.input(|input| {
+            let axis = |more: Key, less: Key| {
+                f64::from(u8::from(input.key_down(more))) - f64::from(u8::from(input.key_down(less)))
+            };
+            Flight {
+                right: axis(Key::D, Key::A),
+                up: axis(Key::E, Key::Q),
+                ahead: axis(Key::W, Key::S),
+                hurries: input.modifiers.shift,
+            }
+        });
+        navigation.fly(flight, seconds.min(0.1));
+    }
+    Place { rect }
+}

@@ -1,0 +1,52 @@
+//! From the shapes of `egui` to the meshes of the overlay.
+
+use egui::{
+    ClippedPrimitive, ImageData, TextureId,
+    epaint::{ImageDelta, Primitive},
+};
+use magpie::graph::Extent;
+use magpie::prelude::{Handle, Image};
+use magpie_passes::parts::overlay::{Mesh, MeshImage, Overlay, OverlayVertex, TexturePart};
+
+use crate::exit::Failure;
+
+/// What the interface calls the picture of the frame.
+pub(super) const PICTURE: TextureId = TextureId::User(0);
+
+/// The meshes of one frame, in pixels.
+pub(super) fn meshes(primitives: &[ClippedPrimitive], pixels_per_point: f32, picture: Handle<Image>) -> Vec<Mesh> {
+    let mesh = |primitive: &ClippedPrimitive| {
+        let Primitive::Mesh(mesh) = &primitive.primitive else { return None };
+        let corner = |v: &egui::epaint::Vertex| OverlayVertex {
+            position: [v.pos.x * pixels_per_point, v.pos.y * pixels_per_point],
+            uv: [v.uv.x, v.uv.y],
+            colour: u32::from_le_bytes(v.color.to_array()),
+        };
+        let clip = primitive.clip_rect;
+        let edge = |points: f32| (points * pixels_per_point).round();
+        Some(Mesh {
+            vertices: mesh.vertices.iter().map(corner).collect(),
+            indices: mesh.indices.clone(),
+            clip: [edge(clip.min.x), edge(clip.min.y), edge(clip.max.x), edge(clip.max.y)],
+            image: match mesh.texture_id {
+                TextureId::Managed(number) => MeshImage::Own(number),
+                TextureId::User(_) => MeshImage::OfFrame(picture),
+            },
+        })
+    };
+    primitives.iter().filter_map(mesh).collect()
+}
+
+/// Gives the overlay what has changed of a texture.
+pub(super) fn set_texture(overlay: &mut Overlay, id: TextureId, delta: &ImageDelta) -> Result<(), Failure> {
+    let TextureId::Managed(number) = id else { return Ok(()) };
+    let ImageData::Color(image) = &delta.image;
+    let [width, height] = image.size.map(|side| side as u32);
+    if width == 0 || height == 0 {
+        return Ok(());
+    }
+    let pixels: Vec<u8> = image.pixels.iter().flat_map(|colour| colour.to_array()).collect();
+    let at = delta.pos.map(|at| at.map(|side| side as u32));
+    overlay.set_texture(number, &TexturePart { at, extent: Extent::new(width, height), pixels: &pixels })?;
+    Ok(())
+}

@@ -1,0 +1,203 @@
+//! Frames in a window: the renderer, the overlay with the interface, and the surface that both are shown on.
+
+use std::{collections::VecDeque, sync::Arc};
+
+use egui::{ClippedPrimitive, TexturesDelta};
+use magpie::{
+    config::Config,
+    gpu::{Gpu, GpuOptions, Image, ImageUse, Presented, Surface},
+    graph::Extent,
+    prelude::Rays,
+    scene::{Camera, Scene},
+    slot::Build,
+};
+use magpie_passes::{FrameRequest, FrameResult, FrameTicket, RenderOptions, Renderer, Slots, parts::overlay::Overlay};
+use winit::window::Window;
+
+use super::meshes;
+use crate::{
+    args::ViewArguments,
+    exit::Failure,
+    session::{choose_rays, failure},
+};
+
+/// A window with a renderer behind it.
+pub(super) struct Screen {
+    renderer: Renderer,
+    overlay: Overlay,
+    /// What the overlay draws into, in the size of the window.
+    target: Option<Arc<Image>>,
+    in_flight: VecDeque<FrameTicket>,
+    surface: Surface,
+    gpu: Gpu,
+    options: RenderOptions,
+}
+
+/// An image that is wanted on the host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// The window with its panels.
+    Window,
+    /// Linear radiance of the picture.
+    Radiance,
+    /// Depth of the picture.
+    Depth,
+}
+
+impl Wanted {
+    /// Name among the copied images of a frame.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Window => "window",
+            Self::Radiance => "radiance",
+            Self::Depth => "depth",
+        }
+    }
+}
+
+/// One frame.
+pub(super) struct Drawing<'a> {
+    pub camera: &'a Camera,
+    /// Time of the scene, seconds.
+    pub time: f64,
+    /// Size of the window, pixels.
+    pub window: Extent,
+    /// Size of the picture in it, pixels.
+    pub picture: Extent,
+    pub interface: &'a [ClippedPrimitive],
+    pub textures: TexturesDelta,
+    pub pixels_per_point: f32,
+    /// What is copied to the host.
+    pub wanted: &'a [Wanted],
+}
+
+impl Screen {
+    /// Opens a device for the window, and brings the scene to it.
+    pub(super) fn open(
+        window: &Arc<Window>,
+        scene: &Scene,
+        config: &Config,
+        arguments: &ViewArguments,
+    ) -> Result<Self, Failure> {
+        let options = GpuOptions {
+            device: arguments.device.device.clone(),
+            validation: arguments.check,
+            ..GpuOptions::default()
+        };
+        let (gpu, surface) = Gpu::with_surface(&options, window.clone())?;
+        let rays: Rays = choose_rays(&gpu, arguments.device.rays)?;
+        let &ViewArguments { seed, check, frames_in_flight, .. } = arguments;
+        let options = RenderOptions { width: 0, height: 0, seed, check, rays, frames_in_flight };
+        Ok(Self {
+            renderer: Renderer::new(&gpu, scene, &Slots::default(), config, options).map_err(failure)?,
+            overlay: Overlay::new(&gpu, &Build::new(&gpu, rays))?,
+            target: None,
+            in_flight: VecDeque::new(),
+            surface,
+            gpu,
+            options,
+        })
+    }
+
+    /// The device.
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// How rays are traced.
+    pub(super) fn rays(&self) -> Rays {
+        self.options.rays
+    }
+
+    /// Shows another scene with another configuration. Returns the results of frames that were in flight.
+    pub(super) fn open_scene(&mut self, scene: &Scene, config: &Config) -> Result<Vec<FrameResult>, Failure> {
+        let renderer = Renderer::new(&self.gpu, scene, &Slots::default(), config, self.options).map_err(failure)?;
+        let results = self.finish(0)?;
+        self.renderer = renderer;
+        Ok(results)
+    }
+
+    /// Sets the configuration from the next frame on. After a failure the old one runs on.
+    pub(super) fn configure(&mut self, config: &Config) -> Result<(), Failure> {
+        self.renderer.configure(config).map_err(failure)
+    }
+
+    /// Declares that the next frame is seen from somewhere else.
+    pub(super) fn cut(&mut self) {
+        self.renderer.cut();
+    }
+
+    /// Submits a frame, and hands the one that it makes to the display. Returns its number, and whether it is shown.
+    pub(super) fn draw(&mut self, drawing: Drawing<'_>) -> Result<(u32, Presented), Failure> {
+        let Drawing { camera, time, window, picture, interface, mut textures, pixels_per_point, wanted } = drawing;
+        for (id, deltas) in textures.set.drain() {
+            for delta in &deltas {
+                meshes::set_texture(&mut self.overlay, id, delta)?;
+            }
+        }
+        let target = self.target(window)?;
+        self.options = RenderOptions { width: picture.width, height: picture.height, ..self.options };
+        self.renderer.resize(picture.width, picture.height);
+        let request = FrameRequest { camera, time, view: None, read_back: false };
+        let overlay = &mut self.overlay;
+        let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
+            let meshes = meshes::meshes(interface, pixels_per_point, made.display);
+            let shown = overlay.add(g, imports, &meshes, &target)?;
+            for wanted in wanted {
+                let image = match wanted {
+                    Wanted::Window => shown,
+                    Wanted::Radiance => made.radiance,
+                    Wanted::Depth => made.depth,
+                };
+                made.read_back(g, imports, wanted.name(), image);
+            }
+            Ok(())
+        });
+        let none = || Failure::bad("a picture without pixels cannot be drawn");
+        let ticket = submitted.map_err(failure)?.ok_or_else(none)?;
+        let frame = ticket.frame();
+        self.in_flight.push_back(ticket);
+        for id in textures.free.drain() {
+            if let egui::TextureId::Managed(number) = id {
+                self.overlay.remove_texture(number);
+            }
+        }
+        Ok((frame, self.surface.present(&target, window)?))
+    }
+
+    /// Waits until no more than so many frames are in flight, and returns the results of the others.
+    pub(super) fn finish(&mut self, most: usize) -> Result<Vec<FrameResult>, Failure> {
+        let mut results = Vec::new();
+        while self.in_flight.len() > most {
+            let Some(oldest) = self.in_flight.pop_front() else { break };
+            results.push(self.renderer.finish(oldest).map_err(failure)?);
+        }
+        Ok(results)
+    }
+
+    /// Ends it, and returns what `--check` has found: messages of the validation layers, and where values arose that are not finite.
+    pub(super) fn close(mut self) -> Result<Vec<String>, Failure> {
+        self.finish(0)?;
+        let mut findings: Vec<String> =
+            self.renderer.finding_tracker().reports().iter().map(ToString::to_string).collect();
+        let Self { renderer, overlay, target, surface, gpu, .. } = self;
+        drop((renderer, overlay, target, surface));
+        gpu.wait_idle()?;
+        match gpu.check_validation() {
+            Ok(()) => {}
+            Err(magpie::gpu::GpuError::Validation { messages }) => findings.extend(messages),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(findings)
+    }
+
+    fn target(&mut self, extent: Extent) -> Result<Arc<Image>, Failure> {
+        if let Some(target) = self.target.as_ref().filter(|target| target.extent() == extent) {
+            return Ok(target.clone());
+        }
+        let usage = ImageUse { attachment: true, ..ImageUse::default() };
+        let target = Arc::new(Image::new(&self.gpu, "window", Overlay::FORMAT, extent, 1, usage)?);
+        self.target = Some(target.clone());
+        Ok(target)
+    }
+}

@@ -1,0 +1,317 @@
+//! The viewer in a window of a display without a screen: it is opened, used by actions, and closed.
+#![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
+
+use std::{
+    env, fs,
+    io::{BufRead, BufReader},
+    path::{Path, PathBuf},
+    process::{Child, Command, Output, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use magpie_demo::read_picture;
+use serde_json::{Value, json};
+
+/// A display of this test's own, for all its windows.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// `None` where no device is wanted.
+fn display() -> Option<Display> {
+    if env::var_os("MAGPIE_NO_GPU").is_some() {
+        eprintln!("skipped: MAGPIE_NO_GPU is set");
+        return None;
+    }
+    let mut server = Command::new("Xvfb")
+        .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap_or_else(|error| panic!("Xvfb cannot be started ({error}); `cargo xtask setup` installs it"));
+    let mut line = String::new();
+    BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert!(!line.trim().is_empty(), "Xvfb found no free display");
+    Some(Display { server, name: format!(":{}", line.trim()) })
+}
+
+/// The viewer with a small window.
+fn viewer(display: Option<&str>, folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_magpie"));
+    command.args(["view", "--size", "400x300", "--time-step", "0.02", "--quiet"]);
+    if let Ok(device) = env::var("MAGPIE_DEVICE") {
+        command.args(["--device", &device]);
+    }
+    command.args(arguments).current_dir(folder).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    match display {
+        Some(name) => command.env("DISPLAY", name),
+        None => command.env_remove("DISPLAY"),
+    };
+    command
+}
+
+/// The same where it ends by itself.
+fn view(display: Option<&str>, folder: &Path, arguments: &[&str]) -> Output {
+    viewer(display, folder, arguments).output().unwrap()
+}
+
+/// A viewer that goes on until it is ended from outside, and writes its configuration to `now.toml` every few frames.
+struct Running {
+    program: Child,
+    folder: PathBuf,
+}
+
+impl Running {
+    fn start(display: &str, folder: &Path, arguments: &[&str]) -> Self {
+        let steps: Vec<_> = (0..2000).map(|at| (1 + 3 * at, json!({"save_config": "now.toml"}))).collect();
+        let script = actions(folder, &steps);
+        let mut command = viewer(Some(display), folder, &[arguments, &["--actions", script, "--no-panels"]].concat());
+        let program = command.stderr(Stdio::piped()).spawn().unwrap();
+        Self { program, folder: folder.to_owned() }
+    }
+
+    /// Waits until the configuration in use has this line.
+    fn wait_for(&mut self, line: &str) {
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_secs(60) {
+            let now = fs::read_to_string(self.folder.join("now.toml")).unwrap_or_default();
+            if now.lines().any(|known| known == line) {
+                return;
+            }
+            if let Some(status) = self.program.try_wait().unwrap() {
+                panic!("it ended with {status} instead of {line}");
+            }
+            thread::sleep(Duration::from_millis(20));
+        }
+        panic!("after a minute there is still no {line}");
+    }
+
+    fn end(self) -> Output {
+        self.program.wait_with_output().unwrap()
+    }
+}
+
+fn done(output: &Output) {
+    assert!(output.status.success(), "{:?}: {}", output.status, String::from_utf8_lossy(&output.stderr));
+}
+
+/// Mean of each channel of a rectangle of a picture, in parts of its size.
+fn mean(path: &Path, [left, top, right, bottom]: [f64; 4]) -> [f64; 3] {
+    let (picture, _) = read_picture(path).unwrap();
+    let range = |from: f64, to: f64, side: usize| (from * side as f64) as usize..(to * side as f64) as usize;
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for y in range(top, bottom, picture.height) {
+        for x in range(left, right, picture.width) {
+            for (total, channel) in sum.iter_mut().zip(picture.pixels[y * picture.width + x]) {
+                *total += f64::from(channel);
+            }
+            count += 1.0;
+        }
+    }
+    sum.map(|total| total / count)
+}
+
+fn size(path: &Path) -> [usize; 2] {
+    let (picture, _) = read_picture(path).unwrap();
+    [picture.width, picture.height]
+}
+
+/// Writes a file of actions: each is done before the frame beside it.
+fn actions(folder: &Path, steps: &[(u32, Value)]) -> &'static str {
+    let steps: Vec<Value> = steps.iter().map(|(frame, action)| json!({"frame": frame, "do": action})).collect();
+    fs::write(folder.join("actions.json"), Value::from(steps).to_string()).unwrap();
+    "actions.json"
+}
+
+/// Every implementation and preset of every slot, as `magpie stages --json` lists them.
+fn choices() -> Vec<String> {
+    let listed = Command::new(env!("CARGO_BIN_EXE_magpie")).args(["stages", "--json"]).output().unwrap();
+    let stages: Value = serde_json::from_slice(&listed.stdout).unwrap();
+    let mut choices = Vec::new();
+    for slot in stages.as_array().unwrap() {
+        for list in ["implementations", "presets"] {
+            for choice in slot[list].as_array().unwrap() {
+                choices.push(format!("stages.{}={}", slot["name"].as_str().unwrap(), choice["name"].as_str().unwrap()));
+            }
+        }
+    }
+    choices
+}
+
+/// One run does all that people do, under all checks: it swaps what fills every slot, hides panels, resizes, minimises, goes to another scene.
+#[test]
+fn everything_is_done_in_a_window() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut steps =
+        vec![(0, json!({"screenshot": "first.png"})), (1, json!("panels")), (3, json!({"screenshot": "bare.png"}))];
+    steps.extend([(4, json!("panels")), (4, json!({"panel": "help"})), (5, json!({"screenshot": "help.png"}))]);
+    steps.extend([(6, json!({"panel": "help"})), (6, json!({"look_at": [0.5, 0.6]})), (7, json!({"play": false}))]);
+    steps.extend([(8, json!({"resize": [500, 350]})), (12, json!({"screenshot": "resized.png"}))]);
+    steps.extend([
+        (13, json!({"minimise": true})),
+        (15, json!({"minimise": false})),
+        (16, json!({"save_config": "saved.toml"})),
+    ]);
+    steps.extend([(17, json!({"set": "stages.gi=nothing"})), (18, json!({"screenshot": "mistake.png"}))]);
+    let choices = choices();
+    assert!(choices.len() > 40, "{choices:?}");
+    let mut frame = 19;
+    for choice in &choices {
+        steps.push((frame, json!({"set": choice})));
+        frame += 1;
+        let slot = choice.split_once('=').unwrap().0.strip_prefix("stages.").unwrap();
+        steps.push((frame, json!({"reset": slot})));
+    }
+    steps
+        .extend([(frame + 1, json!({"open": "builtin:carousel"})), (frame + 3, json!({"screenshot": "carousel.png"}))]);
+    steps.extend([(frame + 4, json!({"screenshot": "radiance.exr"})), (frame + 5, json!({"open": "no_such.glb"}))]);
+    let frames = (frame + 8).to_string();
+    let script = actions(folder, &steps);
+    let arguments =
+        ["builtin:cornell", "--actions", script, "--frames", &frames, "--check", "--screenshot", "last.png"];
+    let output = view(Some(&display.name), folder, &arguments);
+    done(&output);
+
+    let picture = |name: &str| folder.join(name);
+    let difference = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+    // The picture without panels fills the window; with them the bar on top is of one colour, and darker.
+    let (bar, middle) = ([0.05, 0.01, 0.95, 0.03], [0.4, 0.4, 0.6, 0.6]);
+    assert_eq!(size(&picture("first.png")), [400, 300]);
+    assert!(mean(&picture("bare.png"), middle).iter().all(|channel| *channel > 0.02));
+    assert!(difference(mean(&picture("first.png"), bar), mean(&picture("bare.png"), bar)) > 0.01);
+    assert!(difference(mean(&picture("first.png"), middle), mean(&picture("help.png"), middle)) > 0.01);
+    assert_eq!(size(&picture("resized.png")), [500, 350]);
+    assert_eq!(size(&picture("last.png")), [500, 350]);
+    let beside_the_panel = [0.7, 0.2, 0.95, 0.35];
+    let (room, carousel) = (picture("resized.png"), picture("carousel.png"));
+    assert!(difference(mean(&room, beside_the_panel), mean(&carousel, beside_the_panel)) > 0.01);
+    // Mistakes are shown in red, and nothing else comes of them.
+    let row = [0.0, 0.08, 0.5, 0.13];
+    let [red, green, _] = mean(&picture("mistake.png"), row);
+    let [red_before, green_before, _] = mean(&picture("resized.png"), row);
+    assert!(red - green > red_before - green_before + 0.002, "{red} {green}, before {red_before} {green_before}");
+    let saved = fs::read_to_string(picture("saved.toml")).unwrap();
+    assert!(saved.contains("gi = \"surfels\""), "{saved}");
+    assert!(mean(&picture("radiance.exr"), [0.0, 0.0, 1.0, 1.0]).iter().all(|channel| *channel > 0.0));
+}
+
+/// The times are those of `--timings` of any run, for every frame that was drawn.
+#[test]
+fn times_of_a_run_are_written() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = view(Some(&display.name), folder.path(), &["builtin:cornell", "--frames", "5", "--timings", "t.json"]);
+    done(&output);
+    let times: Value = serde_json::from_str(&fs::read_to_string(folder.path().join("t.json")).unwrap()).unwrap();
+    assert_eq!(times["frames"], 5);
+    let passes = times["passes"].as_array().unwrap();
+    let of = |name: &str| passes.iter().find(|pass| pass["name"] == name).unwrap_or_else(|| panic!("no {name}"));
+    assert_eq!(of("overlay.draw")["stage"], "overlay");
+    assert!(of("overlay.draw")["gpu_ms"]["median"].as_f64().unwrap() > 0.0);
+    assert!(of("overlay.draw")["draws"].as_u64().unwrap() >= 2);
+    assert!(of("gbuffer.draw")["gpu_ms"]["median"].as_f64().unwrap() > 0.0);
+}
+
+/// Who closes the window ends the program, and what was asked for by then is written.
+#[test]
+fn a_closed_window_is_no_failure() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = actions(folder.path(), &[(2, json!({"screenshot": "two.png"})), (3, json!("close"))]);
+    done(&view(Some(&display.name), folder.path(), &["builtin:cornell", "--actions", script, "--no-panels"]));
+    assert_eq!(size(&folder.path().join("two.png")), [400, 300]);
+}
+
+/// An edit of the configuration file applies while frames go on, a mistake in it changes nothing, and a signal ends it all in order.
+#[test]
+fn edits_of_the_configuration_apply_at_once() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("c.toml");
+    fs::write(&file, "[stages]\ngi = \"sky\"\n").unwrap();
+    let mut running = Running::start(&display.name, folder.path(), &["builtin:cornell", "--config", "c.toml"]);
+    running.wait_for("gi = \"sky\"");
+    fs::write(&file, "[stages]\ngi = \"off\"\n[post]\nexposure = 1.5\n").unwrap();
+    running.wait_for("gi = \"off\"");
+    running.wait_for("exposure = 1.5");
+    for mistake in ["[stages]\ngi = \"nothing\"\n", "[stages", "[post]\nexposure = \"much\"\n"] {
+        fs::write(&file, mistake).unwrap();
+        thread::sleep(Duration::from_millis(200));
+        running.wait_for("gi = \"off\"");
+        running.wait_for("exposure = 1.5");
+    }
+    // As editors do it: another file in its place.
+    fs::write(folder.path().join("other"), "[stages]\ngi = \"sky\"\n").unwrap();
+    fs::rename(folder.path().join("other"), &file).unwrap();
+    running.wait_for("gi = \"sky\"");
+    running.wait_for("exposure = 0.0");
+    let number = running.program.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &number]).status().unwrap().success());
+    let output = running.end();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{message}");
+    assert_eq!(message.trim(), "error: interrupted");
+    let left = fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(left, 3, "a file was left half written");
+}
+
+/// A display that goes away ends it with a message.
+#[test]
+fn a_lost_display_is_said() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut running = Running::start(&display.name, folder.path(), &["builtin:cornell"]);
+    running.wait_for("gi = \"surfels\"");
+    drop(display);
+    let output = running.end();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(!message.is_empty() && !message.contains("panicked"), "{message}");
+}
+
+/// Without a display there is one sentence, and what to do instead.
+#[test]
+fn without_a_display_there_is_a_hint() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [&["builtin:cornell"][..], &["builtin:cornell", "--frames", "3"]] {
+        let output = view(None, folder.path(), arguments);
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(3), "{message}");
+        assert!(message.contains("no display") && message.contains("magpie render"), "{message}");
+        assert!(message.lines().count() == 1 && !message.contains(".rs"), "{message}");
+    }
+}
+
+/// Mistakes in what is given end it before a window opens.
+#[test]
+fn mistakes_are_found_before_the_window_opens() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("bad.json"), "[{\"frame\": 1, \"do\": \"dance\"}]").unwrap();
+    for (arguments, wanted) in [
+        (&["builtin:nowhere"][..], "nowhere"),
+        (&["builtin:cornell", "--actions", "bad.json"], "dance"),
+        (&["builtin:cornell", "--set", "stages.gi=nothing"], "nothing"),
+        (&["builtin:cornell", "--screenshot", "a.png"], "--frames"),
+        (&["builtin:cornell", "--frames", "2", "--screenshot", "a.bmp"], ".png"),
+        (&["builtin:cornell", "--frames", "2", "--screenshot", "no_folder/a.png"], "no_folder"),
+    ] {
+        let output = view(None, folder.path(), arguments);
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(wanted), "{arguments:?}: {message}");
+    }
+    let left: Vec<PathBuf> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+}

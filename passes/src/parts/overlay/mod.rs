@@ -1,0 +1,176 @@
+//! A user interface over a finished picture: textured triangles, in their order, in one pass.
+mod texture;
+
+use magpie::gpu::{self, Blend, BufferUse, Cull, Gpu, GpuError, RasterDesc, RasterKernel, Staging};
+use magpie::graph::execute::Imports;
+use magpie::graph::{Access, BufferDesc, Domain, Draw, DrawClass, ImageState};
+use magpie::prelude::*;
+use magpie::scene::{Sampler, Wrap};
+use magpie::slot::{Build, SlotError};
+use magpie_shaders::overlay::OverlayParams;
+use magpie_shaders::{OVERLAY_DRAW_FRAG, OVERLAY_DRAW_VERT, SamplerId};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use texture::Texture;
+
+pub use magpie_shaders::overlay::OverlayVertex;
+pub use texture::TexturePart;
+
+/// Triangles with one image, in pixels of the target.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Corners.
+    pub vertices: Vec<OverlayVertex>,
+    /// Three corners per triangle.
+    pub indices: Vec<u32>,
+    /// Left, top, right and bottom of what is drawn of them.
+    pub clip: [f32; 4],
+    /// What colours are multiplied with.
+    pub image: MeshImage,
+}
+
+/// The image of a [`Mesh`].
+#[derive(Clone, Copy, Debug)]
+pub enum MeshImage {
+    /// A texture of the interface, by the number that [`Overlay::set_texture`] was given. A mesh whose texture is not known is not drawn.
+    Own(u64),
+    /// An image of the frame with display values, such as its picture. Its alpha does not count.
+    OfFrame(Handle<Image>),
+}
+
+/// Draws a user interface.
+pub struct Overlay {
+    gpu: Gpu,
+    kernel: RasterKernel,
+    filtered: SamplerId,
+    vertices: Staging,
+    indices: Staging,
+    textures: BTreeMap<u64, Texture>,
+}
+
+impl Overlay {
+    /// Format of the image that is drawn into.
+    pub const FORMAT: Format = Format::Rgba8Unorm;
+
+    /// Describes the pipeline.
+    ///
+    /// # Errors
+    /// [`SlotError`] if the device cannot blend, or has no sampler left.
+    pub fn new(gpu: &Gpu, build: &Build<'_>) -> Result<Self, SlotError> {
+        let kernel = build.raster_kernel(&RasterDesc {
+            name: "overlay.draw",
+            vertex: &OVERLAY_DRAW_VERT,
+            fragment: &OVERLAY_DRAW_FRAG,
+            constants: &[],
+            colours: &[Self::FORMAT],
+            blend: Blend::PremultipliedOver,
+            depth: None,
+        })?;
+        let clamped = Sampler { wrap: [Wrap::Clamp; 2], linear_mips: false, mips: false, ..Sampler::default() };
+        Ok(Self {
+            gpu: gpu.clone(),
+            kernel,
+            filtered: gpu.sampler(clamped).map_err(SlotError::other)?,
+            vertices: Staging::new(gpu, "overlay.vertices"),
+            indices: Staging::with_use(gpu, "overlay.indices", BufferUse::Index),
+            textures: BTreeMap::new(),
+        })
+    }
+
+    /// Makes or replaces a texture, or a part of one. The next frame uploads it.
+    ///
+    /// # Errors
+    /// [`GpuError::Limit`] if it is too large, [`GpuError::OutOfMemory`].
+    pub fn set_texture(&mut self, number: u64, part: &TexturePart<'_>) -> Result<(), GpuError> {
+        match (part.at, self.textures.get_mut(&number)) {
+            (Some(at), Some(texture)) => texture.change(at, part),
+            (Some(_), None) => {}
+            (None, _) => drop(self.textures.insert(number, Texture::new(&self.gpu, part)?)),
+        }
+        Ok(())
+    }
+
+    /// Frees a texture.
+    pub fn remove_texture(&mut self, number: u64) {
+        self.textures.remove(&number);
+    }
+
+    /// Adds `overlay.draw`, which draws the meshes over black into `target`, and leaves that to be
+    /// [presented](magpie::gpu::Surface::present). It returns the result. Textures that have changed are uploaded before, by `overlay.upload_N`.
+    ///
+    /// # Errors
+    /// [`GpuError::OutOfMemory`].
+    pub fn add(
+        &mut self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        meshes: &[Mesh],
+        target: &Arc<gpu::Image>,
+    ) -> Result<Handle<Image>, GpuError> {
+        let textures = self
+            .textures
+            .iter_mut()
+            .map(|(number, texture)| Ok((*number, texture.import(g, imports, *number)?)))
+            .collect::<Result<BTreeMap<u64, Handle<Image>>, GpuError>>()?;
+        let meshes: Vec<(&Mesh, Handle<Image>, bool)> = meshes
+            .iter()
+            .filter_map(|mesh| match mesh.image {
+                MeshImage::Own(number) => Some((mesh, *textures.get(&number)?, false)),
+                MeshImage::OfFrame(image) => Some((mesh, image, true)),
+            })
+            .filter(|(mesh, _, _)| !mesh.indices.is_empty())
+            .collect();
+        let (mut vertices, mut indices, mut draws) = (Vec::new(), Vec::<u32>::new(), Vec::new());
+        for (mesh, _, _) in &meshes {
+            let (base, first_index, index_count) =
+                (vertices.len() as u32, indices.len() as u32, mesh.indices.len() as u32);
+            vertices.extend_from_slice(&mesh.vertices);
+            indices.extend(mesh.indices.iter().map(|index| base + index));
+            let class = DrawClass::Blended;
+            draws.push(Draw { first_index, index_count, instance: 0, cull: Cull::None, class });
+        }
+        if draws.is_empty() {
+            // Buffers are never empty; nothing is drawn of these.
+            (vertices, indices) = (vec![OverlayVertex::default()], vec![0]);
+        }
+        let mut bring = |g: &mut FrameGraph, name, staging: &mut Staging, bytes: &[u8], access| {
+            let desc = BufferDesc::new(bytes.len() as u64);
+            Ok::<_, GpuError>(g.import_buffer(name, desc, access, imports.buffer(staging.write(bytes)?)).read())
+        };
+        let vertex_bytes = bytemuck::cast_slice(&vertices);
+        let vertices = bring(g, "overlay.vertices", &mut self.vertices, vertex_bytes, Access::BufferRead)?;
+        let index_bytes = bytemuck::cast_slice(&indices);
+        let indices = bring(g, "overlay.indices", &mut self.indices, index_bytes, Access::Index)?;
+
+        let extent = target.extent();
+        let desc = ImageDesc::fixed(Self::FORMAT, extent);
+        let window = g.import_image("overlay.window", desc, ImageState::UNDEFINED, imports.image(target));
+        let (kernel, filtered) = (self.kernel, self.filtered);
+        let window = g.pass("overlay.draw", Queue::Graphics, |p| {
+            let mut tokens = BTreeMap::new();
+            let draws: Vec<_> = std::iter::zip(&meshes, draws)
+                .map(|((mesh, image, is_opaque), draw)| {
+                    let token = *tokens.entry(image.id()).or_insert_with(|| p.sample(*image));
+                    (draw, mesh.clip, token, *is_opaque)
+                })
+                .collect();
+            let (vertices, indices) = (p.read(vertices), p.index(indices));
+            let (window, _) = p.color_over(window, [0.0, 0.0, 0.0, 1.0]);
+            (window, move |c: &mut Record<'_>| {
+                for (draw, clip, image, is_opaque) in draws {
+                    let params = OverlayParams {
+                        vertices: c.id(vertices),
+                        size: [extent.width as f32, extent.height as f32],
+                        clip,
+                        image: c.id(image),
+                        sampler_id: filtered,
+                        is_opaque: is_opaque.into(),
+                    };
+                    c.draw(kernel, &params, indices, &[draw]);
+                }
+            })
+        });
+        g.leave(window.read(), Access::CopyRead, Domain::Copy);
+        Ok(window.read())
+    }
+}
