@@ -17,6 +17,25 @@ use serde_json::{Value, json};
 struct Display {
     server: Child,
     name: String,
+    /// Where the server keeps what it shows.
+    memory: tempfile::TempDir,
+}
+
+impl Display {
+    /// What it shows in its upper left corner, where windows open: rows of red, green, blue.
+    fn shown(&self, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
+        // A file of the X window dump format, version 7: a header of big-endian words, the colour map, the pixels.
+        let dump = fs::read(self.memory.path().join("Xvfb_screen0")).unwrap();
+        let word = |at: usize| u32::from_be_bytes(dump[4 * at..4 * at + 4].try_into().unwrap()) as usize;
+        let (header, version, bits, row, colours) = (word(0), word(1), word(11), word(12), word(19));
+        assert_eq!((version, bits), (7, 32));
+        let pixels = &dump[header + 12 * colours..];
+        let pixel = |x: usize, y: usize| {
+            let at = y * row + 4 * x;
+            [pixels[at + 2], pixels[at + 1], pixels[at]]
+        };
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect()
+    }
 }
 
 impl Drop for Display {
@@ -32,8 +51,10 @@ fn display() -> Option<Display> {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
         return None;
     }
+    let memory = tempfile::tempdir().unwrap();
     let mut server = Command::new("Xvfb")
-        .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp"])
+        .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
+        .arg(memory.path())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
@@ -42,7 +63,7 @@ fn display() -> Option<Display> {
     let mut line = String::new();
     BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(!line.trim().is_empty(), "Xvfb found no free display");
-    Some(Display { server, name: format!(":{}", line.trim()) })
+    Some(Display { server, name: format!(":{}", line.trim()), memory })
 }
 
 /// The viewer with a small window.
@@ -207,6 +228,83 @@ fn everything_is_done_in_a_window() {
     assert!(mean(&picture("radiance.exr"), [0.0, 0.0, 1.0, 1.0]).iter().all(|channel| *channel > 0.0));
 }
 
+/// Two configurations beside each other: what is edited is on the left of the line, and both can be exchanged.
+#[test]
+fn two_configurations_are_compared() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let steps = [
+        (0, json!("panels")),
+        (1, json!({"compare": true})),
+        (2, json!({"set": "post.exposure=2.5"})),
+        (4, json!({"screenshot": "left.png"})),
+        (5, json!("swap")),
+        (7, json!({"screenshot": "right.png"})),
+        (8, json!({"split": 0.1})),
+        (9, json!({"screenshot": "most.png"})),
+        (10, json!({"resize": [420, 310]})),
+        (13, json!({"set": "stages.reflections=off"})),
+        (14, json!({"compare": false})),
+        (16, json!({"screenshot": "alone.png"})),
+    ];
+    let script = actions(folder.path(), &steps);
+    done(&view(
+        Some(&display.name),
+        folder.path(),
+        &["builtin:cornell", "--actions", script, "--frames", "20", "--check"],
+    ));
+    let sides = |name: &str| {
+        let path = folder.path().join(name);
+        let [left, right] = [[0.35, 0.9, 0.45, 0.95], [0.55, 0.9, 0.65, 0.95]].map(|place| mean(&path, place)[1]);
+        right / left
+    };
+    let [left, right, most, alone] = ["left.png", "right.png", "most.png", "alone.png"].map(sides);
+    // What is edited is 5.7 times as bright before the tone curve.
+    assert!(right > 10.0 * left, "{left} {right}");
+    for same in [most, alone] {
+        assert!((2.0 * left..0.5 * right).contains(&same), "{left} {same} {right}");
+    }
+}
+
+/// What is done by hand can be taken away: the path of the camera, and the times that the profiler shows.
+#[test]
+fn paths_and_times_are_written() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let steps = [
+        (0, json!({"record": "path.json"})),
+        (8, json!({"look_at": [0.5, 0.8]})),
+        (16, json!("stop_recording")),
+        (17, json!({"replay": "path.json"})),
+        (20, json!({"export": "e.json"})),
+        (20, json!({"export": "e.csv"})),
+        (20, json!({"export": "e.trace.json"})),
+        (21, json!({"export": "e.txt"})),
+    ];
+    let script = actions(folder.path(), &steps);
+    done(&view(Some(&display.name), folder.path(), &["builtin:cornell", "--actions", script, "--frames", "40"]));
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
+    let path: Value = serde_json::from_str(&read("path.json")).unwrap();
+    let keys = path["keys"].as_array().unwrap();
+    let target = |key: usize| keys[key]["camera"]["target"].as_array().unwrap();
+    assert!(keys.len() >= 3 && target(0) != target(keys.len() - 1), "{path}");
+    let exported: Value = serde_json::from_str(&read("e.json")).unwrap();
+    assert!((15..=20).contains(&exported["frames"].as_u64().unwrap()), "{exported}");
+    assert!(read("e.csv").contains("overlay.draw"));
+    let trace: Value = serde_json::from_str(&read("e.trace.json")).unwrap();
+    assert!(trace.to_string().contains("overlay.draw"));
+    assert!(!folder.path().join("e.txt").exists());
+    // The same path without a window.
+    let mut render = Command::new(env!("CARGO_BIN_EXE_magpie"));
+    render.args(["render", "builtin:cornell", "--size", "16x12", "--time-step", "0.1", "--quiet"]);
+    render.args(["--camera-path", "path.json", "--out", "p_%d.png"]).current_dir(folder.path());
+    if let Ok(device) = env::var("MAGPIE_DEVICE") {
+        render.args(["--device", &device]);
+    }
+    done(&render.output().unwrap());
+    assert!(folder.path().join("p_3.png").exists());
+}
+
 /// The times are those of `--timings` of any run, for every frame that was drawn.
 #[test]
 fn times_of_a_run_are_written() {
@@ -265,6 +363,84 @@ fn edits_of_the_configuration_apply_at_once() {
     assert_eq!(message.trim(), "error: interrupted");
     let left = fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(left, 3, "a file was left half written");
+}
+
+/// What a screenshot has is what the display shows, to the last bit.
+#[test]
+fn the_display_shows_the_window() {
+    let Some(display) = display() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    // Nothing in it is random.
+    let scene = square(folder.path());
+    let still = [scene, "--set", "stages.gi=off", "--set", "stages.shadows=off", "--set", "stages.ao=off"];
+    let mut running = Running::start(&display.name, folder.path(), &still);
+    running.wait_for("gi = \"off\"");
+    let script = actions(folder.path(), &[(3, json!({"screenshot": "same.png"}))]);
+    let arguments = [&still[..], &["--actions", script, "--frames", "6", "--no-panels"]].concat();
+    // On a display of its own, so that the first window stays on top of this one.
+    let other = self::display().unwrap();
+    done(&view(Some(&other.name), folder.path(), &arguments));
+    let same = image::open(folder.path().join("same.png")).unwrap().into_rgb8();
+    let wanted: Vec<[u8; 3]> = same.pixels().map(|pixel| pixel.0).collect();
+    thread::sleep(Duration::from_millis(500));
+    let shown = display.shown([400, 300]);
+    running.program.kill().unwrap();
+    running.end();
+    assert!(wanted.iter().any(|pixel| pixel[0] > 100), "the window is black");
+    let differ = shown.iter().zip(&wanted).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "pixels of {}", wanted.len());
+}
+
+/// The example of a window in few lines shows a scene of one's own.
+#[test]
+fn the_smallest_viewer_shows_a_scene() {
+    let Some(display) = display() else { return };
+    let programs = env::current_exe().unwrap().parent().unwrap().parent().unwrap().join("examples/minimal");
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join(square(folder.path()));
+    let mut command = Command::new(&programs);
+    command.arg(&scene).env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let mut program = command.stderr(Stdio::piped()).spawn().unwrap_or_else(|error| {
+        panic!("{}: {error}; `cargo test --release -p magpie-demo` builds it", programs.display())
+    });
+    // A red square under a sky: both are seen.
+    let begun = Instant::now();
+    let is_seen = loop {
+        let shown = display.shown([800, 600]);
+        let red = shown.iter().filter(|[r, g, b]| u16::from(*r) > 2 * u16::from((*g).max(*b)) && *r > 60).count();
+        let blue = shown.iter().filter(|[r, _, b]| b > r && *b > 60).count();
+        if red > 5_000 && blue > 5_000 {
+            break true;
+        }
+        if begun.elapsed() > Duration::from_secs(60) || program.try_wait().unwrap().is_some() {
+            break false;
+        }
+        thread::sleep(Duration::from_millis(100));
+    };
+    program.kill().unwrap();
+    let output = program.wait_with_output().unwrap();
+    assert!(is_seen, "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// Writes a scene of a red square that stands upright, without light or camera.
+fn square(folder: &Path) -> &'static str {
+    let floats: [f32; 12] = [-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0];
+    let bytes: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let indices: Vec<u8> = [0_u16, 1, 2, 0, 2, 3].iter().flat_map(|x| x.to_le_bytes()).collect();
+    let scene = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
+        "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.02, 0.02, 1.0], "metallicFactor": 0.0}}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
+        "buffers": [{"uri": "square.bin", "byteLength": 60}],
+    });
+    fs::write(folder.join("square.bin"), [bytes, indices].concat()).unwrap();
+    fs::write(folder.join("square.gltf"), scene.to_string()).unwrap();
+    "square.gltf"
 }
 
 /// A display that goes away ends it with a message.

@@ -1,9 +1,12 @@
 //! The picture of a frame while the frame is declared, for passes that callers of the renderer add.
 use crate::read_back::Copies;
-use crate::renderer::RenderError;
+use crate::renderer::{FrameRequest, RenderError, Renderer};
+use magpie::gpu::{self, ImageUse, Presented, Surface};
 use magpie::graph::execute::Imports;
+use magpie::graph::{Access, Domain, ImageState};
 use magpie::pixels::Pixels;
 use magpie::prelude::*;
+use std::sync::Arc;
 
 /// The images of a frame that has all its own passes.
 pub struct Picture {
@@ -40,3 +43,42 @@ impl NamedCopies {
         Ok(self.names.into_iter().zip(self.copies.finish()?).collect())
     }
 }
+
+impl Renderer {
+    /// Submits a frame and shows its picture in a window of the same size. It returns while the device works, as
+    /// [`Renderer::submit`] does.
+    ///
+    /// # Errors
+    /// As [`Renderer::submit`] and [`Surface::present`].
+    pub fn show(&mut self, request: FrameRequest<'_>, surface: &mut Surface) -> Result<Presented, RenderError> {
+        let size = Extent::new(self.options.width, self.options.height);
+        if size.width == 0 || size.height == 0 {
+            return Ok(Presented::Hidden);
+        }
+        let image = match self.shown.take().filter(|image| image.extent() == size) {
+            Some(image) => image,
+            None => {
+                // Vulkan wants a view of it.
+                let usage = ImageUse { attachment: true, ..ImageUse::default() };
+                Arc::new(gpu::Image::new(&self.gpu, "window", DISPLAY, size, 1, usage)?)
+            }
+        };
+        self.shown = Some(image.clone());
+        let ticket = self.submit_with(request, &mut |g, imports, made| {
+            let desc = ImageDesc::fixed(DISPLAY, size);
+            let window = g.import_image("present.window", desc, ImageState::UNDEFINED, imports.image(&image));
+            let window = g.pass("present.copy", Queue::Graphics, |p| {
+                let from = p.copy_from(made.display);
+                let (window, to) = p.copy_to(window);
+                (window, move |c: &mut Record<'_>| c.copy_image(from, 0, to, 0))
+            });
+            g.leave(window.read(), Access::CopyRead, Domain::Copy);
+            Ok(())
+        })?;
+        drop(ticket);
+        Ok(surface.present(&image, size)?)
+    }
+}
+
+/// Format of display values, as the contract of `post` has it.
+const DISPLAY: Format = Format::Rgba8Unorm;

@@ -154,6 +154,8 @@ pub struct Renderer {
     pub(crate) pending: VecDeque<Pending>,
     /// The first error of a frame of which nobody had the ticket.
     pub(crate) unclaimed: Option<RenderError>,
+    /// The picture that [`Renderer::show`] hands to the display.
+    pub(crate) shown: Option<Arc<magpie::gpu::Image>>,
 }
 
 /// Camera and size of the previous frame.
@@ -212,6 +214,7 @@ impl Renderer {
             origin: FloatingOrigin::default(),
             pending: VecDeque::new(),
             unclaimed: None,
+            shown: None,
         })
     }
 

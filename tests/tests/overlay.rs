@@ -123,13 +123,13 @@ fn triangles_blend_in_their_order_inside_of_their_rectangles() -> Result<()> {
     let mut window = Window::open(&gpu, 2)?;
     let white = TexturePart { at: None, extent: Extent::new(1, 1), pixels: &WHITE };
     window.overlay.set_texture(GLYPHS, &white)?;
-    let own = MeshImage::Own(GLYPHS);
+    let own = || MeshImage::Own(GLYPHS);
     let seen = window.draw(1, |_, _| {
-        let clipped = Mesh { clip: [8.0, 6.0, 16.0, 12.0], ..rectangle(ALL, [0, 0, 200, 255], own) };
+        let clipped = Mesh { clip: [8.0, 6.0, 16.0, 12.0], ..rectangle(ALL, [0, 0, 200, 255], own()) };
         vec![
-            rectangle([4.0, 4.0, 28.0, 20.0], [100, 50, 20, 255], own),
+            rectangle([4.0, 4.0, 28.0, 20.0], [100, 50, 20, 255], own()),
             // Half transparent: the colour is multiplied by its alpha.
-            rectangle([4.0, 4.0, 28.0, 20.0], [60, 0, 30, 128], own),
+            rectangle([4.0, 4.0, 28.0, 20.0], [60, 0, 30, 128], own()),
             clipped,
             rectangle(ALL, WHITE, MeshImage::Own(99)), // not known: not drawn
         ]
@@ -164,6 +164,31 @@ fn textures_change_in_part() -> Result<()> {
     }
     window.overlay.remove_texture(GLYPHS);
     ensure!(at(&window.draw(1, shown)?[0].window, 16, 12) == [0, 0, 0, 255]);
+    Ok(())
+}
+
+/// The target of one renderer's overlay in that of another one, from frame to frame.
+#[test]
+fn another_renderer_is_shown_beside() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let (mut left, mut right) = (Window::open(&gpu, 2)?, Window::open(&gpu, 2)?);
+    let usage = ImageUse { sampled: true, attachment: true, ..ImageUse::default() };
+    let shared = Arc::new(Image::new(&gpu, "shared", Overlay::FORMAT, Extent::new(SIZE[0], SIZE[1]), 1, usage)?);
+    right.target = shared.clone();
+    for frame in 0..4_u8 {
+        let colour = [60 * frame, 20, 90, 255];
+        let own = right.draw(1, |_, display| {
+            vec![
+                rectangle([0.0, 0.0, 9.0, 9.0], colour, MeshImage::OfFrame(display)),
+                rectangle(ALL, colour, MeshImage::Own(GLYPHS)),
+            ]
+        })?;
+        let beside = MeshImage::OfAnother(shared.clone());
+        let seen = left
+            .draw(1, |_, _| vec![rectangle(ALL, WHITE, beside.clone()), rectangle([0.0; 4], WHITE, beside.clone())])?;
+        ensure!(seen[0].window.bytes == own[0].window.bytes, "frame {frame}: it shows something else");
+        ensure!(at(&own[0].window, 4, 4) != [0, 0, 0, 255] && at(&own[0].window, 20, 20) == [0, 0, 0, 255]);
+    }
     Ok(())
 }
 

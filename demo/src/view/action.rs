@@ -20,10 +20,26 @@ pub(crate) enum Action {
     Screenshot(PathBuf),
     /// Writes both under the first names of the current folder that are free: `magpie_000.png` and `magpie_000.exr`.
     Snapshot,
+    /// Writes the times of the frames that the profiler shows: `.json` and `.csv` as `--timings`, `.trace.json` as `--trace`.
+    Export(PathBuf),
+    /// Begins to record the path of the camera, to a file.
+    Record(PathBuf),
+    /// Ends that, and writes it.
+    StopRecording,
+    /// Begins a recording under the first free name, or ends it.
+    ToggleRecording,
+    /// Lets the camera follow a recorded path.
+    Replay(PathBuf),
     /// Shows or hides a panel.
     Panel(Panel),
     /// Shows or hides all panels.
     Panels,
+    /// Shows two configurations beside each other, the second of which begins as a copy of the first; or the first alone again.
+    Compare(bool),
+    /// Exchanges the two: the other one is then edited.
+    Swap,
+    /// How much of the picture, from the left, shows the configuration that is edited: 0 to 1.
+    Split(f32),
     /// Lets time go on, or stops it.
     Play(bool),
     /// Goes to a camera of the scene.
@@ -95,13 +111,13 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Step>, Failure> {
 
 const EXAMPLE: &str = r#"{"frame": 3, "do": {"set": "stages.gi=off"}}"#;
 
-/// The first number from 0 under which a folder has neither picture of a snapshot.
-pub(crate) fn free_names(folder: &Path) -> Option<[PathBuf; 2]> {
-    let names = |number: u32| ["png", "exr"].map(|ending| folder.join(format!("magpie_{number:03}.{ending}")));
+/// Names with these endings and the first number from 0 under which a folder has none of them.
+pub(crate) fn free_names<const N: usize>(folder: &Path, endings: [&str; N]) -> Option<[PathBuf; N]> {
+    let names = |number: u32| endings.map(|ending| folder.join(format!("magpie_{number:03}.{ending}")));
     (0..MOST_SNAPSHOTS).map(names).find(|both| both.iter().all(|path| !path.exists()))
 }
 
-/// Snapshots in one folder.
+/// Such files in one folder.
 const MOST_SNAPSHOTS: u32 = 10_000;
 
 #[cfg(test)]
@@ -113,7 +129,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("magpie_000.png"), "").unwrap();
         std::fs::write(folder.path().join("magpie_001.exr"), "").unwrap();
-        let names = free_names(folder.path()).unwrap().map(|path| path.file_name().unwrap().to_owned());
+        let names = free_names(folder.path(), ["png", "exr"]).unwrap().map(|path| path.file_name().unwrap().to_owned());
         assert_eq!(names, ["magpie_002.png", "magpie_002.exr"]);
     }
 

@@ -1,9 +1,12 @@
 //! From the shapes of `egui` to the meshes of the overlay.
 
+use std::sync::Arc;
+
 use egui::{
     ClippedPrimitive, ImageData, TextureId,
     epaint::{ImageDelta, Primitive},
 };
+use magpie::gpu;
 use magpie::graph::Extent;
 use magpie::prelude::{Handle, Image};
 use magpie_passes::parts::overlay::{Mesh, MeshImage, Overlay, OverlayVertex, TexturePart};
@@ -12,9 +15,16 @@ use crate::exit::Failure;
 
 /// What the interface calls the picture of the frame.
 pub(super) const PICTURE: TextureId = TextureId::User(0);
+/// What it calls the picture of the other configuration.
+pub(super) const OTHER: TextureId = TextureId::User(1);
 
 /// The meshes of one frame, in pixels.
-pub(super) fn meshes(primitives: &[ClippedPrimitive], pixels_per_point: f32, picture: Handle<Image>) -> Vec<Mesh> {
+pub(super) fn meshes(
+    primitives: &[ClippedPrimitive],
+    pixels_per_point: f32,
+    picture: Handle<Image>,
+    other: Option<&Arc<gpu::Image>>,
+) -> Vec<Mesh> {
     let mesh = |primitive: &ClippedPrimitive| {
         let Primitive::Mesh(mesh) = &primitive.primitive else { return None };
         let corner = |v: &egui::epaint::Vertex| OverlayVertex {
@@ -30,11 +40,24 @@ pub(super) fn meshes(primitives: &[ClippedPrimitive], pixels_per_point: f32, pic
             clip: [edge(clip.min.x), edge(clip.min.y), edge(clip.max.x), edge(clip.max.y)],
             image: match mesh.texture_id {
                 TextureId::Managed(number) => MeshImage::Own(number),
+                OTHER => MeshImage::OfAnother(other?.clone()),
                 TextureId::User(_) => MeshImage::OfFrame(picture),
             },
         })
     };
     primitives.iter().filter_map(mesh).collect()
+}
+
+/// One image over the whole of a target.
+pub(super) fn whole(picture: Handle<Image>, target: Extent) -> Mesh {
+    let (right, bottom) = (target.width as f32, target.height as f32);
+    let corner = |x: f32, y: f32| OverlayVertex { position: [x * right, y * bottom], uv: [x, y], colour: u32::MAX };
+    Mesh {
+        vertices: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)],
+        indices: vec![0, 1, 2, 0, 2, 3],
+        clip: [0.0, 0.0, right, bottom],
+        image: MeshImage::OfFrame(picture),
+    }
 }
 
 /// Gives the overlay what has changed of a texture.

@@ -1,10 +1,12 @@
 //! `magpie view`: a window to fly through a scene, swap what fills its slots, and watch what each pass takes.
 
+mod act;
 mod action;
 mod interface;
 mod meshes;
 mod navigation;
 mod screen;
+mod tour;
 mod watch;
 mod window;
 

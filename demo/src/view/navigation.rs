@@ -2,7 +2,7 @@
 use std::f64::consts::FRAC_PI_2;
 
 use glam::{DAffine3, DMat3, DVec3};
-use magpie::scene::Camera;
+use magpie::{graph::Extent, pixels::Pixels, scene::Camera};
 
 /// Steepest angle up and down, radians: at the zenith itself there is no left and right.
 const STEEPEST: f64 = FRAC_PI_2 - 1e-3;
@@ -146,6 +146,23 @@ impl Navigation {
     }
 }
 
+/// The point of the world that is seen in a place of the picture; `None` where that is the sky.
+pub(super) fn point_at(depth: &Pixels, [x, y]: [f32; 2], camera: &Camera, aspect: f64) -> Option<DVec3> {
+    let Extent { width, height } = depth.extent;
+    let texel = |at: f32, side: u32| ((at * side as f32) as u32).min(side.saturating_sub(1));
+    let index = texel(y, height) as usize * width as usize + texel(x, width) as usize;
+    let bytes = depth.bytes.get(4 * index..4 * index + 4)?;
+    let depth = f32::from_le_bytes(bytes.try_into().ok()?);
+    if depth <= 0.0 {
+        return None;
+    }
+    let ahead = f64::from(camera.near) / f64::from(depth);
+    let slope = (0.5 * f64::from(camera.vertical_fov)).tan();
+    let right = (2.0 * f64::from(x) - 1.0) * slope * aspect;
+    let up = (1.0 - 2.0 * f64::from(y)) * slope;
+    Some(camera.world_from_camera.transform_point3(ahead * DVec3::new(right, up, -1.0)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -158,6 +175,23 @@ mod tests {
 
     fn is_near(a: DVec3, b: DVec3) -> bool {
         a.distance(b) < 1e-6
+    }
+
+    #[test]
+    fn depth_gives_the_point_that_is_seen() {
+        let camera = start().camera().clone();
+        let point = DVec3::new(-1.2, 1.1, 0.3);
+        // Where the projection puts the point, and which depth it has there.
+        let (extent, aspect) = (Extent::new(64, 32), 2.0);
+        let clip = camera.clip_from_view(aspect as f32) * camera.view_from_world(DVec3::ZERO);
+        let seen = clip.project_point3(point.as_vec3());
+        let at = [0.5 * seen.x + 0.5, 0.5 * seen.y + 0.5];
+        let bytes = std::iter::repeat_n(seen.z.to_le_bytes(), 64 * 32).flatten().collect();
+        let depth = Pixels { extent, format: magpie::graph::Format::D32Float, bytes };
+        let found = point_at(&depth, at, &camera, aspect).unwrap();
+        assert!(found.distance(point) < 1e-3, "{found}");
+        let sky = Pixels { bytes: vec![0; 4 * 64 * 32], ..depth };
+        assert_eq!(point_at(&sky, at, &camera, aspect), None);
     }
 
     #[test]

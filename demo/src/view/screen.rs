@@ -28,9 +28,19 @@ pub(super) struct Screen {
     /// What the overlay draws into, in the size of the window.
     target: Option<Arc<Image>>,
     in_flight: VecDeque<FrameTicket>,
+    /// Another configuration of the same scene.
+    other: Option<Other>,
     surface: Surface,
     gpu: Gpu,
     options: RenderOptions,
+}
+
+/// A second renderer, whose picture the first one's overlay shows beside its own.
+struct Other {
+    renderer: Renderer,
+    /// Brings the picture to `target`.
+    overlay: Overlay,
+    target: Option<Arc<Image>>,
 }
 
 /// An image that is wanted on the host.
@@ -93,6 +103,7 @@ impl Screen {
             overlay: Overlay::new(&gpu, &Build::new(&gpu, rays))?,
             target: None,
             in_flight: VecDeque::new(),
+            other: None,
             surface,
             gpu,
             options,
@@ -113,7 +124,27 @@ impl Screen {
     pub(super) fn open_scene(&mut self, scene: &Scene, config: &Config) -> Result<Vec<FrameResult>, Failure> {
         let renderer = Renderer::new(&self.gpu, scene, &Slots::default(), config, self.options).map_err(failure)?;
         let results = self.finish(0)?;
-        self.renderer = renderer;
+        (self.renderer, self.other) = (renderer, None);
+        Ok(results)
+    }
+
+    /// Renders the scene with a second configuration as well, or no longer.
+    pub(super) fn compare(&mut self, scene: &Scene, config: Option<&Config>) -> Result<(), Failure> {
+        let open = |config: &Config| {
+            let renderer = Renderer::new(&self.gpu, scene, &Slots::default(), config, self.options).map_err(failure)?;
+            let overlay = Overlay::new(&self.gpu, &Build::new(&self.gpu, self.options.rays))?;
+            Ok::<_, Failure>(Other { renderer, overlay, target: None })
+        };
+        self.other = config.map(open).transpose()?;
+        Ok(())
+    }
+
+    /// Exchanges the two renderers with all that they keep. Returns the results of frames in flight.
+    pub(super) fn swap(&mut self) -> Result<Vec<FrameResult>, Failure> {
+        let results = self.finish(0)?;
+        if let Some(other) = &mut self.other {
+            std::mem::swap(&mut self.renderer, &mut other.renderer);
+        }
         Ok(results)
     }
 
@@ -125,6 +156,9 @@ impl Screen {
     /// Declares that the next frame is seen from somewhere else.
     pub(super) fn cut(&mut self) {
         self.renderer.cut();
+        if let Some(other) = &mut self.other {
+            other.renderer.cut();
+        }
     }
 
     /// Submits a frame, and hands the one that it makes to the display. Returns its number, and whether it is shown.
@@ -135,13 +169,17 @@ impl Screen {
                 meshes::set_texture(&mut self.overlay, id, delta)?;
             }
         }
-        let target = self.target(window)?;
+        let target = target_of(&self.gpu, &mut self.target, window)?;
         self.options = RenderOptions { width: picture.width, height: picture.height, ..self.options };
         self.renderer.resize(picture.width, picture.height);
         let request = FrameRequest { camera, time, view: None, read_back: false };
+        let beside = match &mut self.other {
+            Some(other) => Some(other.draw(&self.gpu, request, picture)?),
+            None => None,
+        };
         let overlay = &mut self.overlay;
         let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
-            let meshes = meshes::meshes(interface, pixels_per_point, made.display);
+            let meshes = meshes::meshes(interface, pixels_per_point, made.display, beside.as_ref());
             let shown = overlay.add(g, imports, &meshes, &target)?;
             for wanted in wanted {
                 let image = match wanted {
@@ -180,8 +218,8 @@ impl Screen {
         self.finish(0)?;
         let mut findings: Vec<String> =
             self.renderer.finding_tracker().reports().iter().map(ToString::to_string).collect();
-        let Self { renderer, overlay, target, surface, gpu, .. } = self;
-        drop((renderer, overlay, target, surface));
+        let Self { renderer, overlay, target, other, surface, gpu, .. } = self;
+        drop((renderer, overlay, target, other, surface));
         gpu.wait_idle()?;
         match gpu.check_validation() {
             Ok(()) => {}
@@ -190,14 +228,30 @@ impl Screen {
         }
         Ok(findings)
     }
+}
 
-    fn target(&mut self, extent: Extent) -> Result<Arc<Image>, Failure> {
-        if let Some(target) = self.target.as_ref().filter(|target| target.extent() == extent) {
-            return Ok(target.clone());
-        }
-        let usage = ImageUse { attachment: true, ..ImageUse::default() };
-        let target = Arc::new(Image::new(&self.gpu, "window", Overlay::FORMAT, extent, 1, usage)?);
-        self.target = Some(target.clone());
+impl Other {
+    /// Submits a frame whose picture is left in the image that it returns.
+    fn draw(&mut self, gpu: &Gpu, request: FrameRequest<'_>, picture: Extent) -> Result<Arc<Image>, Failure> {
+        let target = target_of(gpu, &mut self.target, picture)?;
+        self.renderer.resize(picture.width, picture.height);
+        let overlay = &mut self.overlay;
+        let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
+            overlay.add(g, imports, &[meshes::whole(made.display, picture)], &target)?;
+            Ok(())
+        });
+        drop(submitted.map_err(failure)?);
         Ok(target)
     }
+}
+
+/// An image of this size to draw into: the one that is there, if it has it.
+fn target_of(gpu: &Gpu, kept: &mut Option<Arc<Image>>, extent: Extent) -> Result<Arc<Image>, Failure> {
+    if let Some(target) = kept.as_ref().filter(|target| target.extent() == extent) {
+        return Ok(target.clone());
+    }
+    let usage = ImageUse { sampled: true, attachment: true, ..ImageUse::default() };
+    let target = Arc::new(Image::new(gpu, "window", Overlay::FORMAT, extent, 1, usage)?);
+    *kept = Some(target.clone());
+    Ok(target)
 }

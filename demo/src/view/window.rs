@@ -1,14 +1,8 @@
 //! The window: its events, what is done by hand or by a file, and one frame after the other.
 
-use std::{
-    collections::VecDeque,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Instant,
-};
+use std::{collections::VecDeque, sync::Arc, time::Instant};
 
 use egui_winit::State;
-use glam::DVec3;
 use magpie::{
     config::{Catalogue, Config},
     graph::Extent,
@@ -27,77 +21,83 @@ use winit::{
 
 use super::{
     Outputs,
-    action::{self, Action, Step},
+    action::{Action, Step},
     interface::{Interface, Model},
     is_interrupted,
-    navigation::Navigation,
+    navigation::{Navigation, point_at},
     no_display,
     screen::{Drawing, Screen, Wanted},
+    tour::{Recording, Replay},
     watch::Watch,
 };
 use crate::{
     args::{EnvironmentArguments, ViewArguments},
     exit::Failure,
-    input,
     output::Output,
     picture, session,
 };
 
 /// Frames over which times are shown.
-const SHOWN: usize = 120;
+pub(super) const SHOWN: usize = 120;
 /// Seconds between two evaluations of them.
 const REFRESH: f64 = 0.25;
 /// Distance that is turned about before anything was clicked, metres.
-const DISTANCE: f64 = 5.0;
+pub(super) const DISTANCE: f64 = 5.0;
 
 /// The viewer.
 pub(super) struct App<'a> {
-    arguments: &'a ViewArguments,
-    catalogue: Catalogue,
-    scene: Scene,
-    scene_name: String,
-    cameras: Vec<String>,
-    config: Config,
-    navigation: Navigation,
-    interface: Interface,
-    environment: EnvironmentArguments,
+    pub(super) arguments: &'a ViewArguments,
+    pub(super) catalogue: Catalogue,
+    pub(super) scene: Scene,
+    pub(super) scene_name: String,
+    pub(super) cameras: Vec<String>,
+    pub(super) config: Config,
+    /// The configuration that the picture is compared with.
+    pub(super) other: Option<Config>,
+    pub(super) navigation: Navigation,
+    pub(super) interface: Interface,
+    pub(super) environment: EnvironmentArguments,
     /// The configuration file that is followed.
-    watch: Option<Watch>,
+    pub(super) watch: Option<Watch>,
     steps: VecDeque<Step>,
     /// `None` before the window opens.
-    open: Option<Open>,
+    pub(super) open: Option<Open>,
     /// Why it ends, if not because it was closed.
     failure: Option<Failure>,
     /// Frames so far.
     frame: u32,
     /// Time of the scene, seconds.
-    time: f64,
-    plays: bool,
+    pub(super) time: f64,
+    pub(super) plays: bool,
     last: Instant,
-    recorder: Recorder,
+    pub(super) recorder: Recorder,
     /// All frames, for `--timings`.
     all: Option<Recorder>,
-    slots: Vec<SlotReport>,
+    pub(super) slots: Vec<SlotReport>,
     report: Option<Report>,
     evaluated: Option<Instant>,
-    message: Option<String>,
+    pub(super) message: Option<String>,
+    /// Seconds since the window opened, or so many steps of `--time-step`.
+    pub(super) clock: f64,
+    pub(super) recording: Option<Recording>,
+    pub(super) replay: Option<Replay>,
     /// What is to be read back in the next frame, and where it goes.
-    wishes: Vec<Wish>,
+    pub(super) wishes: Vec<Wish>,
     /// The same of frames in flight, by their numbers.
     awaited: VecDeque<(u32, Wish)>,
     last_window: Option<Pixels>,
 }
 
 /// The window, and all that needs it.
-struct Open {
-    screen: Screen,
+pub(super) struct Open {
+    pub(super) screen: Screen,
     egui: State,
     context: egui::Context,
-    window: Arc<Window>,
+    pub(super) window: Arc<Window>,
 }
 
 /// An image that is waited for.
-enum Wish {
+pub(super) enum Wish {
     /// The window, to a PNG.
     Window(Output),
     /// Radiance, to an EXR.
@@ -133,6 +133,7 @@ impl<'a> App<'a> {
             cameras: scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
             scene,
             config,
+            other: None,
             navigation: Navigation::new(&camera, DISTANCE),
             interface: Interface::new(!arguments.no_panels),
             environment: arguments.lighting.environment.clone(),
@@ -150,6 +151,9 @@ impl<'a> App<'a> {
             report: None,
             evaluated: None,
             message: None,
+            clock: 0.0,
+            recording: None,
+            replay: None,
             wishes: Vec::new(),
             awaited: VecDeque::new(),
             last_window: None,
@@ -230,6 +234,8 @@ impl<'a> App<'a> {
                 cameras: &self.cameras,
                 device: &open.screen.gpu().report().name,
                 plays: self.plays,
+                compares: self.other.is_some(),
+                records: self.recording.is_some(),
                 message: self.message.as_deref(),
             };
             let (interface, navigation) = (&mut self.interface, &mut self.navigation);
@@ -239,6 +245,14 @@ impl<'a> App<'a> {
                 actions.clear();
                 place = Some(interface.show(ui, &model, navigation, step, &mut actions));
             });
+            if let Some(replay) = &self.replay {
+                let (camera, has_ended) = replay.camera(self.clock)?;
+                self.navigation = Navigation::new(&camera, self.navigation.distance());
+                self.replay = self.replay.take().filter(|_| !has_ended);
+            }
+            if let Some(recording) = &mut self.recording {
+                recording.add(self.clock, self.navigation.camera(), self.navigation.distance());
+            }
             open.egui.handle_platform_output(&open.window, output.platform_output);
             let scale = output.pixels_per_point;
             let side = |points: f32| ((points * scale).round() as u32).max(1);
@@ -273,9 +287,9 @@ impl<'a> App<'a> {
             let results = open.screen.finish(if is_last { 0 } else { most })?;
             results.into_iter().try_for_each(|result| self.take(result))?;
         }
-        if self.plays {
-            self.time += self.arguments.time_step.map_or(seconds, f64::from);
-        }
+        let step = self.arguments.time_step.map_or(seconds, f64::from);
+        self.clock += step;
+        self.time += if self.plays { step } else { 0.0 };
         self.act(actions, event_loop)?;
         self.frame += 1;
         if self.arguments.frames.is_some_and(|frames| self.frame >= frames) {
@@ -285,7 +299,7 @@ impl<'a> App<'a> {
     }
 
     /// Keeps what a finished frame has brought.
-    fn take(&mut self, mut result: FrameResult) -> Result<(), Failure> {
+    pub(super) fn take(&mut self, mut result: FrameResult) -> Result<(), Failure> {
         while let Some((_, wish)) = self.awaited.pop_front_if(|(frame, _)| *frame <= result.frame) {
             let name = wish.wanted().name();
             let Some((_, pixels)) = result.copied.iter().find(|(copied, _)| copied == name) else { continue };
@@ -319,7 +333,7 @@ impl<'a> App<'a> {
         }
     }
 
-    fn run(&self) -> Option<Run> {
+    pub(super) fn run(&self) -> Option<Run> {
         let open = self.open.as_ref()?;
         let report = open.screen.gpu().report();
         let size = open.window.inner_size();
@@ -338,146 +352,10 @@ impl<'a> App<'a> {
         })
     }
 
-    /// Does what was asked for. A mistake in it is shown; only what the viewer cannot go on after is returned.
-    fn act(&mut self, actions: Vec<Action>, event_loop: &ActiveEventLoop) -> Result<(), Failure> {
-        for action in actions {
-            match self.try_act(action, event_loop) {
-                Ok(()) => {}
-                Err(failure @ (Failure::Usage(_) | Failure::Input(_))) => {
-                    log::warn!("{}", failure.message());
-                    self.message = Some(failure.message());
-                }
-                Err(failure) => return Err(failure),
-            }
-        }
-        Ok(())
-    }
-
-    fn try_act(&mut self, action: Action, event_loop: &ActiveEventLoop) -> Result<(), Failure> {
-        match action {
-            Action::Set(assignment) => {
-                let mut over = Config::default();
-                over.set(&assignment)?;
-                self.catalogue.check(&over, &assignment)?;
-                let mut config = self.config.clone();
-                for slot in over.stages.keys() {
-                    // Settings of the old implementation may not suit the new one.
-                    config.settings.remove(slot);
-                }
-                config.merge(over);
-                self.configure(&config)?;
-            }
-            Action::Reset(slot) => {
-                let mut config = self.config.clone();
-                config.stages.remove(&slot);
-                config.settings.remove(&slot);
-                self.configure(&config)?;
-            }
-            Action::SaveConfig(path) => {
-                Output::plan("configuration", &path, &["toml"])?.write_text(&self.config.to_toml()?)?;
-            }
-            Action::Screenshot(path) => {
-                let output = Output::plan("screenshot", &path, &["png", "exr"])?;
-                let is_exr = output.ending() == "exr";
-                self.wishes.push(if is_exr { Wish::Radiance(output) } else { Wish::Window(output) });
-            }
-            Action::Snapshot => {
-                let full = || Failure::bad("the current folder has no free name for a snapshot");
-                for path in action::free_names(Path::new("")).ok_or_else(full)? {
-                    self.try_act(Action::Screenshot(path), event_loop)?;
-                }
-            }
-            Action::Panel(panel) => self.interface.toggle(panel),
-            Action::Panels => self.interface.panels = !self.interface.panels,
-            Action::Play(plays) => self.plays = plays,
-            Action::Camera(name) => {
-                let camera = session::camera(&self.scene, Some(Path::new(&name)))?;
-                self.navigation = Navigation::new(&camera, self.navigation.distance());
-                if let Some(open) = &mut self.open {
-                    open.screen.cut();
-                }
-            }
-            Action::LookAt(at) => self.wishes.push(Wish::Depth { at, seen: None }),
-            Action::Resize([width, height]) => {
-                if let Some(open) = &self.open {
-                    let _ = open.window.request_inner_size(PhysicalSize::new(width.max(1), height.max(1)));
-                }
-            }
-            Action::Minimise(minimised) => {
-                if let Some(open) = &self.open {
-                    open.window.set_minimized(minimised);
-                }
-            }
-            Action::Open(path) => {
-                let environment = self.environment.clone();
-                self.open_scene(&path, environment)?;
-            }
-            Action::Environment(path) => {
-                let environment = EnvironmentArguments { environment: Some(path), ..self.environment.clone() };
-                let (camera, distance) = (self.navigation.camera().clone(), self.navigation.distance());
-                self.open_scene(&PathBuf::from(&self.scene_name), environment)?;
-                self.navigation = Navigation::new(&camera, distance);
-            }
-            Action::Config(path) => {
-                // Followed even where it has a mistake, which will be mended.
-                if self.watch.as_ref().is_none_or(|watch| watch.path() != path) {
-                    self.watch = Some(Watch::new(&path)?);
-                }
-                let config = input::configure(&self.catalogue, Some(&path), &self.arguments.frame.set)?;
-                self.configure(&config)?;
-            }
-            Action::Close => event_loop.exit(),
-        }
-        Ok(())
-    }
-
-    fn configure(&mut self, config: &Config) -> Result<(), Failure> {
-        let full = self.catalogue.complete(config);
-        self.catalogue.check(&full, "the configuration as a whole")?;
-        if let Some(open) = &mut self.open {
-            open.screen.configure(&full)?;
-        }
-        (self.config, self.message) = (full, None);
-        Ok(())
-    }
-
-    fn open_scene(&mut self, path: &Path, environment: EnvironmentArguments) -> Result<(), Failure> {
-        let scene = session::load_scene(path, Some(&environment), self.arguments.lighting.supply)?;
-        let camera = session::camera(&scene, None)?;
-        if let Some(open) = &mut self.open {
-            let results = open.screen.open_scene(&scene, &self.config)?;
-            open.window.set_title(&format!("Magpie: {}", path.display()));
-            results.into_iter().try_for_each(|result| self.take(result))?;
-        }
-        self.scene_name = path.display().to_string();
-        self.cameras = scene.cameras.iter().map(|camera| camera.name.clone()).collect();
-        self.navigation = Navigation::new(&camera, DISTANCE);
-        (self.scene, self.environment, self.time, self.message) = (scene, environment, 0.0, None);
-        self.recorder = Recorder::of_newest(SHOWN);
-        Ok(())
-    }
-
     fn fail(&mut self, failure: Failure, event_loop: &ActiveEventLoop) {
         self.failure.get_or_insert(failure);
         event_loop.exit();
     }
-}
-
-/// The point of the world that is seen in a place of the picture; `None` where that is the sky.
-fn point_at(depth: &Pixels, [x, y]: [f32; 2], camera: &Camera, aspect: f64) -> Option<DVec3> {
-    let Extent { width, height } = depth.extent;
-    let texel = |at: f32, side: u32| ((at * side as f32) as u32).min(side.saturating_sub(1));
-    let index = texel(y, height) as usize * width as usize + texel(x, width) as usize;
-    let bytes = depth.bytes.get(4 * index..4 * index + 4)?;
-    let depth = f32::from_le_bytes(bytes.try_into().ok()?);
-    if depth <= 0.0 {
-        return None;
-    }
-    let ahead = f64::from(camera.near) / f64::from(depth);
-    let slope = (0.5 * f64::from(camera.vertical_fov)).tan();
-    let right = (2.0 * f64::from(x) - 1.0) * slope * aspect;
-    let up = (1.0 - 2.0 * f64::from(y)) * slope;
-    Some(camera.world_from_camera.transform_point3(ahead * DVec3::new(right, up, -1.0)))
 }
 
 impl ApplicationHandler for App<'_> {

@@ -3,7 +3,10 @@
 mod profiler;
 mod stages;
 
-use egui::{Align, CentralPanel, Color32, Frame, Key, Layout, Panel as Side, PointerButton, RichText, Sense, Ui};
+use egui::{
+    Align, Align2, CentralPanel, Color32, FontId, Frame, Key, Layout, Panel as Side, PointerButton, RichText, Sense,
+    Stroke, Ui,
+};
 use magpie::{
     config::{Catalogue, Config},
     measure::{FrameSample, Report, SlotReport},
@@ -11,7 +14,7 @@ use magpie::{
 
 use super::{
     action::{Action, Panel},
-    meshes::PICTURE,
+    meshes::{OTHER, PICTURE},
     navigation::{Flight, Navigation},
 };
 
@@ -35,6 +38,10 @@ pub(super) struct Model<'a> {
     pub device: &'a str,
     /// Whether time goes on.
     pub plays: bool,
+    /// Whether there is a second configuration.
+    pub compares: bool,
+    /// Whether the path of the camera is recorded.
+    pub records: bool,
     /// What went wrong last.
     pub message: Option<&'a str>,
 }
@@ -47,6 +54,8 @@ pub(super) struct Interface {
     pub help: bool,
     /// Everything but the picture.
     pub panels: bool,
+    /// How much of the picture shows the configuration that is edited, where there is a second one: 0 to 1, from the left.
+    pub split: f32,
     frozen: Option<profiler::Frozen>,
 }
 
@@ -57,7 +66,7 @@ pub(super) struct Place {
 }
 
 /// Keys, for people.
-const KEYS: [(&str, &str); 14] = [
+const KEYS: [(&str, &str); 16] = [
     ("left drag", "look around"),
     ("right drag", "turn about the point ahead"),
     ("middle drag", "move across"),
@@ -71,12 +80,14 @@ const KEYS: [(&str, &str); 14] = [
     ("F1", "these keys"),
     ("F2", "hide all panels"),
     ("F3, F4", "hide the stages, the profiler"),
+    ("F5", "exchange the two configurations that are compared"),
+    ("F6", "record the path of the camera, and end that"),
     ("F12", "write the window to a PNG and the radiance to an EXR"),
 ];
 
 impl Interface {
     pub(super) fn new(panels: bool) -> Self {
-        Self { stages: true, profiler: true, help: false, panels, frozen: None }
+        Self { stages: true, profiler: true, help: false, panels, split: 0.5, frozen: None }
     }
 
     /// Shows or hides a panel.
@@ -107,7 +118,7 @@ impl Interface {
             }
             if self.profiler {
                 Side::bottom("profiler").resizable(true).default_size(220.0).show(ui, |ui| {
-                    profiler::show(ui, model, &mut self.frozen);
+                    profiler::show(ui, model, &mut self.frozen, actions);
                 });
             }
             if self.stages {
@@ -116,7 +127,9 @@ impl Interface {
                 });
             }
         }
-        let place = CentralPanel::default().frame(Frame::NONE).show(ui, |ui| picture(ui, navigation, seconds, actions));
+        let split = model.compares.then_some(&mut self.split);
+        let place = CentralPanel::default().frame(Frame::NONE);
+        let place = place.show(ui, |ui| picture(ui, split, navigation, seconds, actions));
         if self.help {
             let mut open = true;
             egui::Window::new("Keys").open(&mut open).resizable(false).show(ui.ctx(), |ui| {
@@ -149,6 +162,18 @@ impl Interface {
             if ui.button(time).on_hover_text("Stops the time of the scene, or lets it go on (space)").clicked() {
                 actions.push(Action::Play(!model.plays));
             }
+            let mut compares = model.compares;
+            let about = "Shows a second configuration beside this one. It begins as a copy of it";
+            if ui.toggle_value(&mut compares, "compare").on_hover_text(about).changed() {
+                actions.push(Action::Compare(compares));
+            }
+            if compares && ui.button("swap").on_hover_text("Exchanges the two, to edit the other one (F5)").clicked() {
+                actions.push(Action::Swap);
+            }
+            let mut records = model.records;
+            if ui.toggle_value(&mut records, "record").on_hover_text("Records the path of the camera (F6)").changed() {
+                actions.push(Action::ToggleRecording);
+            }
             ui.toggle_value(&mut self.stages, "stages");
             ui.toggle_value(&mut self.profiler, "profiler");
             ui.toggle_value(&mut self.help, "keys");
@@ -167,7 +192,12 @@ impl Interface {
                     actions.push(Action::Panel(panel));
                 }
             }
-            for (key, action) in [(Key::F2, Action::Panels), (Key::F12, Action::Snapshot)] {
+            for (key, action) in [
+                (Key::F2, Action::Panels),
+                (Key::F5, Action::Swap),
+                (Key::F6, Action::ToggleRecording),
+                (Key::F12, Action::Snapshot),
+            ] {
                 if input.key_pressed(key) {
                     actions.push(action);
                 }
@@ -179,11 +209,42 @@ impl Interface {
     }
 }
 
-/// The picture, and the camera that is moved in it.
-fn picture(ui: &mut Ui, navigation: &mut Navigation, seconds: f64, actions: &mut Vec<Action>) -> Place {
+/// Draws the picture of the other configuration right of a line that can be dragged.
+fn show_other(ui: &mut Ui, rect: egui::Rect, split: &mut f32) {
+    let line_at = |split: f32| rect.left() + split * rect.width();
+    let handle = egui::Rect::from_x_y_ranges(line_at(*split) - 4.0..=line_at(*split) + 4.0, rect.y_range());
+    let response = ui.interact(handle, ui.scope_id().with("split"), Sense::drag());
+    if response.dragged() {
+        *split = (*split + response.drag_delta().x / rect.width().max(1.0)).clamp(0.0, 1.0);
+    }
+    if response.hovered() || response.dragged() {
+        ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+    }
+    let at = line_at(*split);
+    let right = egui::Rect::from_min_max(egui::pos2(at, rect.top()), rect.max);
+    let uv = egui::Rect::from_min_max(egui::pos2(*split, 0.0), egui::pos2(1.0, 1.0));
+    let painter = ui.painter_at(rect);
+    painter.image(OTHER, right, uv, Color32::WHITE);
+    painter.vline(at, rect.y_range(), Stroke::new(1.0, Color32::WHITE));
+    for (text, place, align) in [("A", -6.0, Align2::RIGHT_TOP), ("B", 6.0, Align2::LEFT_TOP)] {
+        painter.text(egui::pos2(at + place, rect.top() + 4.0), align, text, FontId::proportional(16.0), Color32::WHITE);
+    }
+}
+
+/// The picture, and the camera that is moved in it. With `split` the other configuration is shown right of it.
+fn picture(
+    ui: &mut Ui,
+    split: Option<&mut f32>,
+    navigation: &mut Navigation,
+    seconds: f64,
+    actions: &mut Vec<Action>,
+) -> Place {
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
     ui.painter().image(PICTURE, rect, whole, Color32::WHITE);
+    if let Some(split) = split {
+        show_other(ui, rect, split);
+    }
     let scale = f64::from(ui.ctx().pixels_per_point());
     let drag = response.drag_delta();
     let drag = [f64::from(drag.x) * scale, f64::from(drag.y) * scale];

@@ -1,9 +1,12 @@
 //! The panel of times: frames, queues, and a table of passes.
 
+use std::path::Path;
+
 use egui::{Align2, Color32, FontId, Grid, Rect, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 use magpie::measure::{FrameSample, PassReport, Report, Spread};
 
-use super::Model;
+use super::{Action, Model};
+use crate::view::action::free_names;
 
 /// Frames and statistics that are kept while the panel is frozen.
 #[derive(Clone, Debug)]
@@ -15,7 +18,7 @@ pub(super) struct Frozen {
 /// Height of a bar, points.
 const BAR: f32 = 18.0;
 
-pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>) {
+pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>, actions: &mut Vec<Action>) {
     let held = frozen.clone();
     let (frames, report) = match (&held, model.report) {
         (Some(held), _) => (held.frames.as_slice(), &held.report),
@@ -30,6 +33,15 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>) 
         if ui.toggle_value(&mut is_frozen, "freeze").on_hover_text("Keeps these numbers while frames go on").changed() {
             *frozen = is_frozen.then(|| Frozen { frames: frames.to_vec(), report: report.clone() });
         }
+        let export = |ui: &mut Ui| {
+            for (name, ending) in [("JSON", "json"), ("CSV", "csv"), ("Chrome trace", "trace.json")] {
+                if ui.button(name).clicked() {
+                    actions.extend(free_names(Path::new(""), [ending]).map(|[path]| Action::Export(path)));
+                    ui.close();
+                }
+            }
+        };
+        ui.add_enabled_ui(held.is_none(), |ui| ui.menu_button("export", export));
         if let Some(gpu) = report.frame.gpu_ms {
             ui.label(format!("GPU {:.2} ms, 99 % under {:.2} ms", gpu.median, gpu.p99));
         }

@@ -17,7 +17,7 @@ pub use magpie_shaders::overlay::OverlayVertex;
 pub use texture::TexturePart;
 
 /// Triangles with one image, in pixels of the target.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Mesh {
     /// Corners.
     pub vertices: Vec<OverlayVertex>,
@@ -30,12 +30,15 @@ pub struct Mesh {
 }
 
 /// The image of a [`Mesh`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone)]
 pub enum MeshImage {
     /// A texture of the interface, by the number that [`Overlay::set_texture`] was given. A mesh whose texture is not known is not drawn.
     Own(u64),
     /// An image of the frame with display values, such as its picture. Its alpha does not count.
     OfFrame(Handle<Image>),
+    /// An image that an earlier frame, of this renderer or another one, has left to be copied from, such as the target of another overlay. Its alpha
+    /// does not count.
+    OfAnother(Arc<gpu::Image>),
 }
 
 /// Draws a user interface.
@@ -112,14 +115,23 @@ impl Overlay {
             .iter_mut()
             .map(|(number, texture)| Ok((*number, texture.import(g, imports, *number)?)))
             .collect::<Result<BTreeMap<u64, Handle<Image>>, GpuError>>()?;
-        let meshes: Vec<(&Mesh, Handle<Image>, bool)> = meshes
-            .iter()
-            .filter_map(|mesh| match mesh.image {
-                MeshImage::Own(number) => Some((mesh, *textures.get(&number)?, false)),
-                MeshImage::OfFrame(image) => Some((mesh, image, true)),
-            })
-            .filter(|(mesh, _, _)| !mesh.indices.is_empty())
-            .collect();
+        let mut others = Vec::<(&Arc<gpu::Image>, Handle<Image>)>::new();
+        let mut drawn: Vec<(&Mesh, Handle<Image>, bool)> = Vec::new();
+        for mesh in meshes.iter().filter(|mesh| !mesh.indices.is_empty()) {
+            match &mesh.image {
+                MeshImage::Own(number) => drawn.extend(textures.get(number).map(|image| (mesh, *image, false))),
+                MeshImage::OfFrame(image) => drawn.push((mesh, *image, true)),
+                MeshImage::OfAnother(image) => {
+                    let known = others.iter().find(|(other, _)| Arc::ptr_eq(other, image)).map(|(_, handle)| *handle);
+                    let handle = known.unwrap_or_else(|| import_other(g, imports, image, others.len()));
+                    if known.is_none() {
+                        others.push((image, handle));
+                    }
+                    drawn.push((mesh, handle, true));
+                }
+            }
+        }
+        let meshes = drawn;
         let (mut vertices, mut indices, mut draws) = (Vec::new(), Vec::<u32>::new(), Vec::new());
         for (mesh, _, _) in &meshes {
             let (base, first_index, index_count) =
@@ -173,4 +185,13 @@ impl Overlay {
         g.leave(window.read(), Access::CopyRead, Domain::Copy);
         Ok(window.read())
     }
+}
+
+/// Brings in an image that was left to be copied from, to be sampled and left so again.
+fn import_other(g: &mut FrameGraph, imports: &mut Imports, image: &Arc<gpu::Image>, number: usize) -> Handle<Image> {
+    let desc = ImageDesc::fixed(image.format(), image.extent());
+    let state = ImageState::last(Access::CopyRead, Domain::Copy);
+    let handle = g.import_image(&format!("overlay.other_{number}"), desc, state, imports.image(image)).read();
+    g.leave(handle, Access::CopyRead, Domain::Copy);
+    handle
 }
