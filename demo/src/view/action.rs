@@ -68,6 +68,8 @@ pub(crate) enum Panel {
     Stages,
     /// Times.
     Profiler,
+    /// The plan of the frame.
+    Graph,
     /// Keys.
     Help,
 }

@@ -5,7 +5,7 @@ use std::{collections::VecDeque, sync::Arc, time::Instant};
 use egui_winit::State;
 use magpie::{
     config::{Catalogue, Config},
-    graph::Extent,
+    graph::{Declaration, Extent, Plan},
     measure::{Recorder, Report, Run, SlotReport},
     pixels::Pixels,
     scene::{Camera, Scene},
@@ -22,7 +22,7 @@ use winit::{
 use super::{
     Outputs,
     action::{Action, Step},
-    interface::{Interface, Model},
+    interface::{Interface, Model, Planned},
     is_interrupted,
     navigation::{Navigation, point_at},
     no_display,
@@ -74,6 +74,8 @@ pub(super) struct App<'a> {
     /// All frames, for `--timings`.
     all: Option<Recorder>,
     pub(super) slots: Vec<SlotReport>,
+    /// The newest finished frame as it was planned.
+    planned: Option<(Arc<Declaration>, Arc<Plan>)>,
     report: Option<Report>,
     evaluated: Option<Instant>,
     pub(super) message: Option<String>,
@@ -148,6 +150,7 @@ impl<'a> App<'a> {
             recorder: Recorder::of_newest(SHOWN),
             all: arguments.timings.is_some().then(|| Recorder::new(0)),
             slots: Vec::new(),
+            planned: None,
             report: None,
             evaluated: None,
             message: None,
@@ -229,6 +232,7 @@ impl<'a> App<'a> {
                 config: &self.config,
                 slots: &self.slots,
                 frames: self.recorder.frames(),
+                planned: self.planned.as_ref().map(|(declaration, plan)| Planned { declaration, plan }),
                 report: self.report.as_ref(),
                 scene: &self.scene_name,
                 cameras: &self.cameras,
@@ -314,6 +318,7 @@ impl<'a> App<'a> {
             }
         }
         self.slots = result.what_runs();
+        self.planned = Some((result.declaration.clone(), result.plan.clone()));
         if let Some(all) = &mut self.all {
             all.push(result.sample.clone());
         }

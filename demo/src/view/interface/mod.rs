@@ -1,5 +1,6 @@
 //! What is seen of the viewer: the picture, and panels about it. It reads the [`Model`] and says what to do by [`Action`]s.
 
+mod graph;
 mod profiler;
 mod stages;
 
@@ -11,6 +12,8 @@ use magpie::{
     config::{Catalogue, Config},
     measure::{FrameSample, Report, SlotReport},
 };
+
+pub(super) use graph::Planned;
 
 use super::{
     action::{Action, Panel},
@@ -28,6 +31,8 @@ pub(super) struct Model<'a> {
     pub slots: &'a [SlotReport],
     /// The newest finished frames, the oldest first.
     pub frames: &'a [FrameSample],
+    /// The plan of the newest.
+    pub planned: Option<Planned<'a>>,
     /// Statistics of these; `None` before the first.
     pub report: Option<&'a Report>,
     /// Name of the scene.
@@ -51,6 +56,7 @@ pub(super) struct Model<'a> {
 pub(super) struct Interface {
     pub stages: bool,
     pub profiler: bool,
+    pub graph: bool,
     pub help: bool,
     /// Everything but the picture.
     pub panels: bool,
@@ -79,7 +85,7 @@ const KEYS: [(&str, &str); 16] = [
     ("space", "stop time, and let it go on"),
     ("F1", "these keys"),
     ("F2", "hide all panels"),
-    ("F3, F4", "hide the stages, the profiler"),
+    ("F3, F4, F7", "hide or show the stages, the profiler, the graph"),
     ("F5", "exchange the two configurations that are compared"),
     ("F6", "record the path of the camera, and end that"),
     ("F12", "write the window to a PNG and the radiance to an EXR"),
@@ -87,7 +93,7 @@ const KEYS: [(&str, &str); 16] = [
 
 impl Interface {
     pub(super) fn new(panels: bool) -> Self {
-        Self { stages: true, profiler: true, help: false, panels, split: 0.5, frozen: None }
+        Self { stages: true, profiler: true, graph: false, help: false, panels, split: 0.5, frozen: None }
     }
 
     /// Shows or hides a panel.
@@ -95,6 +101,7 @@ impl Interface {
         let shown = match panel {
             Panel::Stages => &mut self.stages,
             Panel::Profiler => &mut self.profiler,
+            Panel::Graph => &mut self.graph,
             Panel::Help => &mut self.help,
         };
         *shown = !*shown;
@@ -120,6 +127,13 @@ impl Interface {
                 Side::bottom("profiler").resizable(true).default_size(220.0).show(ui, |ui| {
                     profiler::show(ui, model, &mut self.frozen, actions);
                 });
+            }
+            if self.graph {
+                Side::bottom("graph")
+                    .resizable(true)
+                    .default_size(280.0)
+                    .min_size(240.0)
+                    .show(ui, |ui| graph::show(ui, model));
             }
             if self.stages {
                 Side::left("stages").resizable(true).default_size(300.0).show(ui, |ui| {
@@ -176,6 +190,7 @@ impl Interface {
             }
             ui.toggle_value(&mut self.stages, "stages");
             ui.toggle_value(&mut self.profiler, "profiler");
+            ui.toggle_value(&mut self.graph, "graph");
             ui.toggle_value(&mut self.help, "keys");
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.weak(format!("{speed:.2} m/s")).on_hover_text("Speed of flight: shift and the wheel change it");
@@ -187,7 +202,9 @@ impl Interface {
     fn keys(&mut self, ui: &Ui, model: &Model<'_>, actions: &mut Vec<Action>) {
         let typing = ui.ctx().egui_wants_keyboard_input();
         ui.input(|input| {
-            for (key, panel) in [(Key::F1, Panel::Help), (Key::F3, Panel::Stages), (Key::F4, Panel::Profiler)] {
+            for (key, panel) in
+                [(Key::F1, Panel::Help), (Key::F3, Panel::Stages), (Key::F4, Panel::Profiler), (Key::F7, Panel::Graph)]
+            {
                 if input.key_pressed(key) {
                     actions.push(Action::Panel(panel));
                 }

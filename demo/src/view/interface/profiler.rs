@@ -134,7 +134,7 @@ fn queues(ui: &mut Ui, frame: &FrameSample) {
 }
 
 /// A colour for each stage, from its name, and one that is readable on it.
-fn stage_colours(stage: &str) -> (Color32, Color32) {
+pub(super) fn stage_colours(stage: &str) -> (Color32, Color32) {
     let hash = stage.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
     let hue = (hash >> 8) as f32 / (1 << 24) as f32;
     (egui::ecolor::Hsva::new(hue, 0.45, 0.75, 1.0).into(), Color32::BLACK)
