@@ -186,9 +186,8 @@ fn arguments() {
     for (arguments, names) in cases {
         refused(folder.path(), arguments, 2, names);
     }
-    let nothing = run(folder.path(), &[]);
-    assert_eq!(nothing.status, Some(2), "{}", nothing.stderr);
-    assert!(nothing.stderr.contains("Usage"), "{}", nothing.stderr);
+    // Without arguments the viewer opens, for which there is no display or no device here.
+    refused(folder.path(), &[], 3, &[]);
 }
 
 #[cfg(unix)]
