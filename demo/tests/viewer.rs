@@ -3,7 +3,7 @@
 
 use std::{
     env, fs,
-    io::{BufRead, BufReader},
+    io::{BufRead, BufReader, ErrorKind},
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
     thread,
@@ -52,14 +52,22 @@ fn display() -> Option<Display> {
         return None;
     }
     let memory = tempfile::tempdir().unwrap();
-    let mut server = Command::new("Xvfb")
+    let server = Command::new("Xvfb")
         .args(["-displayfd", "1", "-screen", "0", "800x600x24", "-nolisten", "tcp", "-fbdir"])
         .arg(memory.path())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
-        .spawn()
-        .unwrap_or_else(|error| panic!("Xvfb cannot be started ({error}); `cargo xtask setup` installs it"));
+        .spawn();
+    let mut server = match server {
+        Ok(server) => server,
+        // `cargo xtask setup` leaves a machine that has a driver as it is.
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            eprintln!("skipped: Xvfb is not installed");
+            return None;
+        }
+        Err(error) => panic!("Xvfb cannot be started: {error}"),
+    };
     let mut line = String::new();
     BufReader::new(server.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert!(!line.trim().is_empty(), "Xvfb found no free display");
