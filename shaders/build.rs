@@ -13,7 +13,7 @@ mod twin;
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
 /// Rust files in `src` that hold no shared structs.
-const NOT_SHARED: [&str; 4] = ["lib", "compile", "twin", "types"];
+const NOT_SHARED: [&str; 5] = ["lib", "compile", "sources", "twin", "types"];
 
 struct Texts(BTreeMap<String, String>);
 
@@ -64,16 +64,21 @@ fn build() -> Result<()> {
             let name = format!("{effect}/{file_name}");
             let source = || fs::read_to_string(&file);
             let constant = format!("{effect}_{}", file_name.replace('.', "_")).to_uppercase();
-            let mut embed = |stage: compile::Stage, way: &str, defines: &[(&str, Option<&str>)]| -> Result<String> {
-                let words = compile::compile_with(&name, &source()?, stage, defines, &mut texts)?;
+            let mut embed = |stage: compile::Stage, rays: Option<compile::Rays>| -> Result<String> {
+                let defines: Vec<_> = rays.iter().map(|rays| (rays.define(), None)).collect();
+                let way = rays.map_or(String::new(), |rays| format!(".{rays}"));
+                let ways = rays.map_or("None".to_owned(), |rays| format!("Some(Rays::{rays:?})"));
+                let words = compile::compile_with(&name, &source()?, stage, &defines, &mut texts)?;
                 let spv = out.join(format!("{effect}.{file_name}{way}.spv"));
                 fs::write(&spv, words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>())?;
-                Ok(format!("Shader {{ name: {name:?}, stage: Stage::{stage:?}, spirv: include_bytes!({spv:?}) }}"))
+                Ok(format!(
+                    "Shader {{ name: {name:?}, stage: Stage::{stage:?}, rays: {ways}, spirv: include_bytes!({spv:?}) }}"
+                ))
             };
             if file_name.ends_with(".ray") {
                 let mut ways = String::new();
                 for (at, rays) in compile::Rays::ALL.into_iter().enumerate() {
-                    let shader = embed(rays.stage(), &format!(".{rays}"), &[(rays.define(), None)])?;
+                    let shader = embed(rays.stage(), Some(rays))?;
                     let _ = write!(ways, "{shader}, ");
                     let _ = write!(listed, "&{constant}.ways[{at}], ");
                 }
@@ -82,7 +87,7 @@ fn build() -> Result<()> {
                     "/// `{name}`\npub static {constant}: RayShader = RayShader {{ name: {name:?}, ways: [{ways}] }};"
                 );
             } else if let Some(stage) = compile::Stage::of_file(&file_name) {
-                let shader = embed(stage, "", &[])?;
+                let shader = embed(stage, None)?;
                 let _ = writeln!(code, "/// `{name}`\npub static {constant}: Shader = {shader};");
                 let _ = write!(listed, "&{constant}, ");
             }

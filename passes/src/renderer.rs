@@ -8,7 +8,7 @@ use crate::sampling::Sampling;
 use crate::slots::{Frame, Slots, merged};
 use magpie::config::{Config, ConfigError, Suggestion};
 use magpie::frame::{PreviousView, ViewDesc};
-use magpie::gpu::{Gpu, GpuError};
+use magpie::gpu::{Gpu, GpuError, PipelineSet};
 use magpie::graph::check::{Finding, FindingTracker, Poison, Scan};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
 use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
@@ -282,6 +282,19 @@ impl Renderer {
     pub fn configure(&mut self, config: &Config) -> Result<(), RenderError> {
         self.slots.catalogue().check(config, "configure").map_err(config_error)?;
         self.apply(config.clone())
+    }
+
+    /// The pipelines that the slots which this configuration changes may need. Made by [`PipelineSet::make`], on another thread while frames
+    /// go on, they are no burden to the first frame after [`Renderer::configure`]. What other slots did without before, for want of anybody who
+    /// reads it, is made by that frame.
+    ///
+    /// # Errors
+    /// As [`Renderer::configure`].
+    pub fn pipelines_of(&self, config: &Config) -> Result<PipelineSet, RenderError> {
+        self.slots.catalogue().check(config, "configure").map_err(config_error)?;
+        let set = PipelineSet::default();
+        self.implementations.rehearse(&Build::new(&self.gpu, self.options.rays).noting(&set), &self.slots, config)?;
+        Ok(set)
     }
 
     fn apply(&mut self, config: Config) -> Result<(), RenderError> {

@@ -70,6 +70,19 @@ macro_rules! slots {
                 Ok(())
             }
 
+            /// Lets `build` note the pipelines of all implementations that [`Frame::configure`] would create, and of the parts that they share.
+            ///
+            /// # Errors
+            /// As [`Frame::new`].
+            pub fn rehearse(&self, build: &Build<'_>, slots: &Slots, config: &Config) -> Result<(), SlotError> {
+                let changes = [$(slots.$name.rehearse(&self.$name, build, config)?,)*];
+                if changes.contains(&true) {
+                    Reprojection::new(build)?;
+                    PreviousRadiance::new(build)?;
+                }
+                Ok(())
+            }
+
             /// The needs of each implementation for a scene, in the order of the frame.
             pub fn needs(&self, facts: &SceneFacts) -> Vec<SlotNeeds> {
                 vec![$(SlotNeeds {

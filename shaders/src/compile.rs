@@ -101,6 +101,14 @@ pub enum CompileError {
         /// Name of the shader.
         name: String,
     },
+    /// A file of the source cannot be read.
+    #[error("{name}: {reason}")]
+    Unreadable {
+        /// Name of the file.
+        name: String,
+        /// Message of the system.
+        reason: String,
+    },
     /// glslang refused the source. Warnings count as errors.
     #[error("{name}: {log}")]
     Refused {

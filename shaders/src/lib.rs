@@ -4,12 +4,14 @@
 //! `shared/x.glsl`, and a test compares every offset with the SPIR-V.
 
 mod compile;
+mod sources;
 mod types;
 
 // Every file in this folder that holds shared structs.
 include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
 pub use compile::{CompileError, Includes, Rays, Stage, compile_with};
+pub use sources::Sources;
 pub use types::{Address, SampledImage, SamplerId, StorageImage};
 
 /// A compiled shader.
@@ -19,6 +21,8 @@ pub struct Shader {
     pub name: &'static str,
     /// Its pipeline stage.
     pub stage: Stage,
+    /// The backend that it was compiled for, if it is a ray pass.
+    pub rays: Option<Rays>,
     /// SPIR-V 1.6, little endian.
     pub spirv: &'static [u8],
 }

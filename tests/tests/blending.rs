@@ -96,7 +96,12 @@ impl Columns {
 
 fn shader(name: &'static str, glsl: &str, stage: Stage) -> Result<Shader> {
     let words = magpie_shaders::compile(name, &format!("{HEAD}{glsl}"), stage)?;
-    Ok(Shader { name, stage, spirv: words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>().leak() })
+    Ok(Shader {
+        name,
+        stage,
+        rays: None,
+        spirv: words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>().leak(),
+    })
 }
 
 fn kernel(pipelines: &Pipelines, fragment: &str, colour: Format, blend: Blend) -> Result<RasterKernel, GpuError> {

@@ -212,7 +212,7 @@ void main() { colour = vec4(float(column) + 1.0, 0.0, 0.0, 1.0); }
 fn columns(r: &Runner) -> Result<RasterKernel> {
     let shader = |name: &'static str, glsl: &str, stage| -> Result<Shader> {
         let spirv = Runner::compile(name, glsl, stage)?.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>();
-        Ok(Shader { name, stage, spirv: spirv.leak() })
+        Ok(Shader { name, stage, rays: None, spirv: spirv.leak() })
     };
     let vertex = shader("column.vert", COLUMN_VERT, Stage::Vertex)?;
     let fragment = shader("column.frag", COLUMN_FRAG, Stage::Fragment)?;

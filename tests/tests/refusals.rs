@@ -126,7 +126,12 @@ fn record<P: Pod + Send + Default>(
 
 fn shader(name: &'static str, glsl: &str, stage: Stage) -> Result<Shader> {
     let words = magpie_shaders::compile(name, &format!("{HEAD}{glsl}"), stage)?;
-    Ok(Shader { name, stage, spirv: words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>().leak() })
+    Ok(Shader {
+        name,
+        stage,
+        rays: None,
+        spirv: words.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>().leak(),
+    })
 }
 
 /// Wherever push constants are recorded, a struct that is shorter or longer than the block is rejected before anything runs. The right one

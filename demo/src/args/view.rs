@@ -19,9 +19,9 @@ pub struct ViewArguments {
     /// Light from all around, and what is supplied.
     #[command(flatten)]
     pub lighting: LightingArguments,
-    /// Width and height of the window at first, pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720", allow_hyphen_values = true)]
-    pub size: Extent,
+    /// Width and height of the window at first, pixels [default: as it was last, 1280x720 the first time]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
+    pub size: Option<Extent>,
     /// End by itself after so many frames
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     pub frames: Option<u32>,
@@ -37,9 +37,14 @@ pub struct ViewArguments {
     /// Show the picture without panels; F2 brings them
     #[arg(long)]
     pub no_panels: bool,
-    /// Scene time from frame to frame, seconds [default: the time that passes]
+    /// Scene time from frame to frame, seconds [default: the time that passes]. With it, each run is the same: nothing is remembered from
+    /// earlier ones, and no frame goes on while something is loaded
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = time_step)]
     pub time_step: Option<f32>,
+    /// Follow the shaders in this folder: a file that is saved is compiled, and runs with the next frame [default: `shaders` in the current folder,
+    /// if that is Magpie's]
+    #[arg(long, value_name = "DIR")]
+    pub shaders: Option<PathBuf>,
     /// Seed of everything random
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub seed: u32,

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::input_events::Input;
 use crate::{exit::Failure, input};
 
 /// One thing that is done.
@@ -38,8 +39,18 @@ pub(crate) enum Action {
     Compare(bool),
     /// Exchanges the two: the other one is then edited.
     Swap,
+    /// Shows the path-traced reference beside the picture, for which the time of the scene stops, or no longer.
+    Truth(bool),
+    /// How it is shown.
+    TruthAs(TruthView),
+    /// Writes what was measured against it, to a JSON file.
+    ExportTruth(PathBuf),
     /// How much of the picture, from the left, shows the configuration that is edited: 0 to 1.
     Split(f32),
+    /// How pictures go to the display: `vsync`, `newest`, `immediate`.
+    Present(String),
+    /// Dark letters on light panels, or light ones on dark panels.
+    Light(bool),
     /// Lets time go on, or stops it.
     Play(bool),
     /// Goes to a camera of the scene.
@@ -52,10 +63,16 @@ pub(crate) enum Action {
     Minimise(bool),
     /// Shows another scene.
     Open(PathBuf),
+    /// Loads the scene again, and stays where the camera is.
+    Reload,
     /// Surrounds the scene with an image, latitude over longitude.
     Environment(PathBuf),
     /// Takes the configuration of a file, and follows it from now on.
     Config(PathBuf),
+    /// An event of mouse or keyboard.
+    Input(Input),
+    /// The next frame behaves as if the device were lost in this pass.
+    LoseDevice(String),
     /// Closes the window.
     Close,
 }
@@ -74,11 +91,24 @@ pub(crate) enum Panel {
     Help,
 }
 
+/// How the reference is shown.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum TruthView {
+    /// Right of a line, the picture left of it.
+    #[default]
+    Split,
+    /// As a map of the error against it, FLIP.
+    Error,
+    /// Not at all: numbers only.
+    Numbers,
+}
+
 /// An action of a file.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Step {
-    /// The frame before which it is done, from 0.
+    /// The frame before which it is done, from 0; the number of `--frames` is after the last one.
     pub(crate) frame: u32,
     /// What is done.
     #[serde(rename = "do")]

@@ -8,6 +8,7 @@ use egui::{
 };
 use magpie::gpu;
 use magpie::graph::Extent;
+use magpie::pixels::Pixels;
 use magpie::prelude::{Handle, Image};
 use magpie_passes::parts::overlay::{Mesh, MeshImage, Overlay, OverlayVertex, TexturePart};
 
@@ -17,6 +18,20 @@ use crate::exit::Failure;
 pub(super) const PICTURE: TextureId = TextureId::User(0);
 /// What it calls the picture of the other configuration.
 pub(super) const OTHER: TextureId = TextureId::User(1);
+
+/// What it calls the reference picture, and the map of the error against it: textures of the overlay.
+pub(super) const TRUTH: TextureId = TextureId::User(2);
+pub(super) const ERROR: TextureId = TextureId::User(3);
+
+/// The number that the overlay has for a texture that is not one of `egui`'s.
+fn number(id: TextureId) -> Option<u64> {
+    match id {
+        TextureId::Managed(number) => Some(number),
+        TRUTH => Some(u64::MAX),
+        ERROR => Some(u64::MAX - 1),
+        TextureId::User(_) => None,
+    }
+}
 
 /// The meshes of one frame, in pixels.
 pub(super) fn meshes(
@@ -38,10 +53,10 @@ pub(super) fn meshes(
             vertices: mesh.vertices.iter().map(corner).collect(),
             indices: mesh.indices.clone(),
             clip: [edge(clip.min.x), edge(clip.min.y), edge(clip.max.x), edge(clip.max.y)],
-            image: match mesh.texture_id {
-                TextureId::Managed(number) => MeshImage::Own(number),
-                OTHER => MeshImage::OfAnother(other?.clone()),
-                TextureId::User(_) => MeshImage::OfFrame(picture),
+            image: match (mesh.texture_id, number(mesh.texture_id)) {
+                (_, Some(number)) => MeshImage::Own(number),
+                (OTHER, _) => MeshImage::OfAnother(other?.clone()),
+                _ => MeshImage::OfFrame(picture),
             },
         })
     };
@@ -71,5 +86,12 @@ pub(super) fn set_texture(overlay: &mut Overlay, id: TextureId, delta: &ImageDel
     let pixels: Vec<u8> = image.pixels.iter().flat_map(|colour| colour.to_array()).collect();
     let at = delta.pos.map(|at| at.map(|side| side as u32));
     overlay.set_texture(number, &TexturePart { at, extent: Extent::new(width, height), pixels: &pixels })?;
+    Ok(())
+}
+
+/// Gives the overlay a whole picture under such a name.
+pub(super) fn set_picture(overlay: &mut Overlay, id: TextureId, picture: &Pixels) -> Result<(), Failure> {
+    let Some(number) = number(id) else { return Ok(()) };
+    overlay.set_texture(number, &TexturePart { at: None, extent: picture.extent, pixels: &picture.bytes })?;
     Ok(())
 }

@@ -2,17 +2,25 @@
 
 mod act;
 mod action;
+mod background;
+mod costs;
+mod input_events;
 mod interface;
 mod meshes;
 mod navigation;
+mod remembered;
 mod screen;
+mod shaders;
 mod tour;
+mod truth;
 mod watch;
 mod window;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use winit::event_loop::EventLoop;
+
+use remembered::Remembered;
 
 use crate::{
     args::ViewArguments,
@@ -67,13 +75,15 @@ pub fn view(arguments: &ViewArguments) -> Result<(), Failure> {
     let scene =
         session::load_scene(&arguments.scene, Some(&arguments.lighting.environment), arguments.lighting.supply)?;
     let camera = session::camera(&scene, arguments.frame.camera.as_deref())?;
+    let is_repeated = arguments.time_step.is_some();
+    let remembered = if is_repeated { Remembered::default() } else { Remembered::load() };
 
     // Without the handler a signal would end the program in the middle of a file.
     if let Err(error) = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed)) {
         log::warn!("Ctrl-C ends the viewer at once: {error}");
     }
     let event_loop = EventLoop::new().map_err(no_display)?;
-    let mut app = window::App::new(arguments, scene, camera, config, steps);
+    let mut app = window::App::new(arguments, scene, &camera, config, steps, remembered);
     event_loop.run_app(&mut app).map_err(no_display)?;
     let findings = app.end(&outputs)?;
     for finding in findings.iter().take(FINDINGS_SHOWN) {

@@ -1,12 +1,17 @@
 //! Frames in a window: the renderer, the overlay with the interface, and the surface that both are shown on.
 
-use std::{collections::VecDeque, sync::Arc};
+use std::{
+    collections::VecDeque,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use egui::{ClippedPrimitive, TexturesDelta};
 use magpie::{
     config::Config,
-    gpu::{Gpu, GpuOptions, Image, ImageUse, Presented, Surface},
+    gpu::{Gpu, GpuOptions, Image, ImageUse, PipelineSet, PresentMode, Surface},
     graph::Extent,
+    pixels::Pixels,
     prelude::Rays,
     scene::{Camera, Scene},
     slot::Build,
@@ -50,6 +55,8 @@ pub(super) enum Wanted {
     Window,
     /// Linear radiance of the picture.
     Radiance,
+    /// Display values of the picture.
+    Display,
     /// Depth of the picture.
     Depth,
 }
@@ -60,6 +67,7 @@ impl Wanted {
         match self {
             Self::Window => "window",
             Self::Radiance => "radiance",
+            Self::Display => "display",
             Self::Depth => "depth",
         }
     }
@@ -79,6 +87,14 @@ pub(super) struct Drawing<'a> {
     pub pixels_per_point: f32,
     /// What is copied to the host.
     pub wanted: &'a [Wanted],
+}
+
+/// What became of a frame.
+pub(super) struct Drawn {
+    /// Its number.
+    pub frame: u32,
+    /// CPU time in which the interface became a pass of it.
+    pub overlay_time: Duration,
 }
 
 impl Screen {
@@ -120,6 +136,30 @@ impl Screen {
         self.options.rays
     }
 
+    /// How pictures go to the display.
+    pub(super) fn mode(&self) -> PresentMode {
+        self.surface.mode()
+    }
+
+    pub(super) fn set_mode(&mut self, mode: PresentMode) {
+        self.surface.set_mode(mode);
+    }
+
+    /// The ways that the display offers.
+    pub(super) fn modes(&self) -> Result<Vec<PresentMode>, Failure> {
+        Ok(self.surface.modes()?)
+    }
+
+    /// For tests: the next frame behaves as if the device were lost in this pass.
+    pub(super) fn lose_device_in(&mut self, pass: &str) {
+        self.renderer.lose_device_in(pass);
+    }
+
+    /// Gives the interface a picture to show.
+    pub(super) fn set_picture(&mut self, id: egui::TextureId, picture: &Pixels) -> Result<(), Failure> {
+        meshes::set_picture(&mut self.overlay, id, picture)
+    }
+
     /// Shows another scene with another configuration. Returns the results of frames that were in flight.
     pub(super) fn open_scene(&mut self, scene: &Scene, config: &Config) -> Result<Vec<FrameResult>, Failure> {
         let renderer = Renderer::new(&self.gpu, scene, &Slots::default(), config, self.options).map_err(failure)?;
@@ -148,6 +188,11 @@ impl Screen {
         Ok(results)
     }
 
+    /// The pipelines that a configuration may need beyond those of the present one.
+    pub(super) fn pipelines_of(&self, config: &Config) -> Result<PipelineSet, Failure> {
+        self.renderer.pipelines_of(config).map_err(failure)
+    }
+
     /// Sets the configuration from the next frame on. After a failure the old one runs on.
     pub(super) fn configure(&mut self, config: &Config) -> Result<(), Failure> {
         self.renderer.configure(config).map_err(failure)
@@ -161,8 +206,8 @@ impl Screen {
         }
     }
 
-    /// Submits a frame, and hands the one that it makes to the display. Returns its number, and whether it is shown.
-    pub(super) fn draw(&mut self, drawing: Drawing<'_>) -> Result<(u32, Presented), Failure> {
+    /// Submits a frame, and hands the one that it makes to the display.
+    pub(super) fn draw(&mut self, drawing: Drawing<'_>) -> Result<Drawn, Failure> {
         let Drawing { camera, time, window, picture, interface, mut textures, pixels_per_point, wanted } = drawing;
         for (id, deltas) in textures.set.drain() {
             for delta in &deltas {
@@ -178,13 +223,17 @@ impl Screen {
             None => None,
         };
         let overlay = &mut self.overlay;
+        let mut overlay_time = Duration::ZERO;
         let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
+            let begun = Instant::now();
             let meshes = meshes::meshes(interface, pixels_per_point, made.display, beside.as_ref());
             let shown = overlay.add(g, imports, &meshes, &target)?;
+            overlay_time = begun.elapsed();
             for wanted in wanted {
                 let image = match wanted {
                     Wanted::Window => shown,
                     Wanted::Radiance => made.radiance,
+                    Wanted::Display => made.display,
                     Wanted::Depth => made.depth,
                 };
                 made.read_back(g, imports, wanted.name(), image);
@@ -200,7 +249,8 @@ impl Screen {
                 self.overlay.remove_texture(number);
             }
         }
-        Ok((frame, self.surface.present(&target, window)?))
+        self.surface.present(&target, window)?;
+        Ok(Drawn { frame, overlay_time })
     }
 
     /// Waits until no more than so many frames are in flight, and returns the results of the others.

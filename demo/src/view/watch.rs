@@ -1,4 +1,4 @@
-//! A file that is edited while the viewer runs.
+//! Files that are edited while the viewer runs.
 
 use std::{
     path::{Path, PathBuf},
@@ -18,23 +18,34 @@ pub(super) struct Watch {
 
 impl Watch {
     pub(super) fn new(path: &Path) -> Result<Self, Failure> {
-        let failed =
-            |error: notify::Error| Failure::bad(format!("{}: changes cannot be watched: {error}", path.display()));
         let (sender, changes) = channel();
         let name = path.file_name().map(ToOwned::to_owned);
-        let mut watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
-            let is_it = |event: &Event| {
-                let is_named = event.paths.iter().any(|path| path.file_name() == name.as_deref());
-                is_named && !matches!(event.kind, EventKind::Access(_))
-            };
-            if event.as_ref().is_ok_and(is_it) {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let watcher = watch_folder(folder, RecursiveMode::NonRecursive, move |paths| {
+            if paths.iter().any(|path| path.file_name() == name.as_deref()) {
                 // The viewer may have ended.
                 let _ = sender.send(());
             }
-        })
-        .map_err(failed)?;
+        })?;
+        Ok(Self { path: path.to_owned(), changes, _watcher: watcher })
+    }
+
+    /// The scene in a file: with a `.gltf` all that lies beside it, since it names other files.
+    pub(super) fn scene(path: &Path) -> Result<Self, Failure> {
+        if path.extension().is_none_or(|ending| !ending.eq_ignore_ascii_case("gltf")) {
+            return Self::new(path);
+        }
+        let (sender, changes) = channel();
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        watcher.watch(folder, RecursiveMode::NonRecursive).map_err(failed)?;
+        let watcher = watch_folder(folder, RecursiveMode::Recursive, move |paths| {
+            let belongs = |path: &PathBuf| {
+                let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+                ending.is_some_and(|ending| ENDINGS.contains(&ending.as_str()))
+            };
+            if paths.iter().any(belongs) {
+                let _ = sender.send(());
+            }
+        })?;
         Ok(Self { path: path.to_owned(), changes, _watcher: watcher })
     }
 
@@ -47,6 +58,29 @@ impl Watch {
     pub(super) fn has_changed(&self) -> bool {
         self.changes.try_iter().count() > 0
     }
+}
+
+/// Endings of the files of a scene.
+const ENDINGS: [&str; 5] = ["gltf", "bin", "png", "jpg", "jpeg"];
+
+/// Tells `changed` which files of a folder were written, made, moved or removed.
+pub(super) fn watch_folder(
+    folder: &Path,
+    mode: RecursiveMode,
+    mut changed: impl FnMut(Vec<PathBuf>) + Send + 'static,
+) -> Result<RecommendedWatcher, Failure> {
+    let failed =
+        |error: notify::Error| Failure::bad(format!("{}: changes cannot be watched: {error}", folder.display()));
+    let mut watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
+        if let Ok(Event { paths, kind, .. }) = event
+            && !matches!(kind, EventKind::Access(_))
+        {
+            changed(paths);
+        }
+    })
+    .map_err(failed)?;
+    watcher.watch(folder, mode).map_err(failed)?;
+    Ok(watcher)
 }
 
 #[cfg(test)]

@@ -112,6 +112,7 @@ pub(super) enum Garbage {
     PlacedBuffer(vk::Buffer),
     Accel(vk::AccelerationStructureKHR),
     Memory(Allocation),
+    Pipeline(vk::Pipeline),
 }
 
 /// Locks a mutex even if it is poisoned: every critical section leaves its data valid.
@@ -426,6 +427,11 @@ impl Inner {
                 None
             }
             Garbage::Memory(memory) => Some(memory),
+            Garbage::Pipeline(pipeline) => {
+                // SAFETY: as above.
+                unsafe { self.raw.destroy_pipeline(pipeline, None) };
+                None
+            }
             Garbage::Image { image, views, sampled, storage, memory } => {
                 self.bindless.release(&sampled, &storage);
                 // SAFETY: as above.

@@ -1,17 +1,18 @@
 //! Compute and graphics pipelines, described first and made when first used. One layout for all: the bindless set and 128 bytes of push constants.
 use super::device::lock;
-use super::ray_pipeline::{RAY_PUSH_BYTES, RayPipeline};
+use super::ray_pipeline::{HIT_SHADERS, RAY_PUSH_BYTES, RayPipeline, RayTable};
 use super::reflect::{local_size, push_bytes};
 use super::{Blend, Gpu, GpuError, format};
 use crate::graph::Format;
-use ash::vk;
+use ash::vk::{self, Handle as _};
 use magpie_shaders::Shader;
 use std::collections::HashMap;
 use std::collections::hash_map::DefaultHasher;
 use std::ffi::CStr;
 use std::fmt;
 use std::hash::{Hash, Hasher};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 /// Push constants that every Vulkan device has, bytes.
 pub(crate) const PUSH_BYTES: u32 = 128;
@@ -84,30 +85,57 @@ pub struct RasterDesc<'a> {
 pub struct Pipelines {
     list: RwLock<Vec<Arc<Entry>>>,
     known: Mutex<HashMap<u64, u32>>,
+    /// Shaders that were compiled anew, by the key of what they replace.
+    pub(super) replaced: RwLock<Replaced>,
 }
 
-/// A pipeline: its description until it is made, its handle from then on.
-struct Entry {
-    name: String,
+/// SPIR-V words by [`Code::key`].
+pub(super) type Replaced = HashMap<u64, Arc<[u32]>>;
+
+/// A pipeline: its description, and its handle once it is made.
+pub(super) struct Entry {
+    pub name: String,
     /// Threads of one workgroup of a compute pipeline.
-    local_size: [u32; 3],
+    pub local_size: [u32; 3],
     /// Bytes of push constants that its shaders read.
     push: Option<u32>,
-    made: OnceLock<vk::Pipeline>,
-    request: Mutex<Option<Request>>,
+    /// The handle; null before it is made.
+    made: AtomicU64,
+    /// Held while it is made.
+    making: Mutex<()>,
+    request: Request,
 }
 
-/// What a pipeline is made from: SPIR-V words and state.
+/// What a pipeline is made from: shaders and state.
 enum Request {
-    Compute(Vec<u32>),
+    Compute(Code),
     Raster(RasterRequest),
-    Rays(Vec<u32>),
+    Rays(Code),
+}
+
+/// A shader as it was described.
+pub(super) struct Code {
+    /// Hash of its name and words.
+    pub key: u64,
+    spirv: Spirv,
+}
+
+enum Spirv {
+    Embedded(&'static [u8]),
+    Words(Vec<u32>),
+}
+
+/// A pipeline that was just made.
+pub(super) struct Made {
+    pub pipeline: vk::Pipeline,
+    /// The shader binding table of a ray-tracing pipeline.
+    pub table: Option<RayTable>,
 }
 
 /// [`RasterDesc`], owned.
 struct RasterRequest {
-    vertex: Vec<u32>,
-    fragment: Vec<u32>,
+    vertex: Code,
+    fragment: Code,
     constants: Vec<u32>,
     colours: Vec<Format>,
     blend: Blend,
@@ -120,7 +148,7 @@ impl Pipelines {
     /// # Errors
     /// As [`Pipelines::kernel_from_words`].
     pub fn kernel(&self, shader: &Shader) -> Result<Kernel, GpuError> {
-        self.kernel_from_words(shader.name, &words(shader.name, shader.spirv)?)
+        self.compute(shader.name, &words(shader.name, shader.spirv)?, Some(shader))
     }
 
     /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
@@ -128,6 +156,11 @@ impl Pipelines {
     /// # Errors
     /// [`GpuError::Shader`] when no workgroup size is declared, [`GpuError::Limit`] for more than 128 bytes of push constants.
     pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, GpuError> {
+        self.compute(name, words, None)
+    }
+
+    /// A compute pipeline, whose words may be those of an embedded shader.
+    pub(super) fn compute(&self, name: &str, words: &[u32], of: Option<&Shader>) -> Result<Kernel, GpuError> {
         let key = key_of((name, words));
         let entry = self.describe(key, || {
             let local_size = local_size(words).ok_or_else(|| GpuError::Shader {
@@ -135,7 +168,7 @@ impl Pipelines {
                 reason: "it is no compute shader with a workgroup size".to_owned(),
             })?;
             let push = checked_push(name, words, PUSH_BYTES)?;
-            Ok(Entry::new(name, local_size, push, Request::Compute(words.to_vec())))
+            Ok(Entry::new(name, local_size, push, Request::Compute(Code::new(name, words, of))))
         });
         entry.map(|(index, entry)| Kernel { index, local_size: entry.local_size, push: entry.push })
     }
@@ -152,7 +185,8 @@ impl Pipelines {
             desc.blend.check_formats(desc.name, desc.colours)?;
             let stage = |shader: &Shader| {
                 let words = words(shader.name, shader.spirv)?;
-                Ok::<_, GpuError>((checked_push(shader.name, &words, PUSH_BYTES)?, words))
+                let push = checked_push(shader.name, &words, PUSH_BYTES)?;
+                Ok::<_, GpuError>((push, Code::new(shader.name, &words, Some(shader))))
             };
             let ((vertex_push, vertex), (fragment_push, fragment)) = (stage(desc.vertex)?, stage(desc.fragment)?);
             let request = RasterRequest {
@@ -169,11 +203,16 @@ impl Pipelines {
     }
 
     /// A ray-tracing pipeline with this ray-generation shader.
-    pub(super) fn ray_pipeline(&self, name: &str, generation: &[u32]) -> Result<RayPipeline, GpuError> {
+    pub(super) fn ray_pipeline(
+        &self,
+        name: &str,
+        generation: &[u32],
+        of: Option<&Shader>,
+    ) -> Result<RayPipeline, GpuError> {
         let key = key_of(("ray pipeline", name, generation));
         let entry = self.describe(key, || {
             let push = checked_push(name, generation, RAY_PUSH_BYTES)?;
-            Ok(Entry::new(name, [0; 3], push, Request::Rays(generation.to_vec())))
+            Ok(Entry::new(name, [0; 3], push, Request::Rays(Code::new(name, generation, of))))
         });
         entry.map(|(index, entry)| RayPipeline { index, push: entry.push })
     }
@@ -182,7 +221,7 @@ impl Pipelines {
     #[must_use]
     pub fn made(&self) -> Vec<String> {
         let list = self.list.read().unwrap_or_else(PoisonError::into_inner);
-        list.iter().filter(|entry| entry.made.get().is_some()).map(|entry| entry.name.clone()).collect()
+        list.iter().filter(|entry| entry.is_made()).map(|entry| entry.name.clone()).collect()
     }
 
     /// The entry of a description, and its index.
@@ -199,7 +238,12 @@ impl Pipelines {
         Ok((index, entry))
     }
 
-    fn entry(&self, index: u32) -> Result<Arc<Entry>, GpuError> {
+    /// All entries, in the order of their indices.
+    pub(super) fn entries(&self) -> Vec<Arc<Entry>> {
+        self.list.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub(super) fn entry(&self, index: u32) -> Result<Arc<Entry>, GpuError> {
         let list = self.list.read().unwrap_or_else(PoisonError::into_inner);
         let unknown = || GpuError::Shader { name: format!("pipeline {index}"), reason: "of another device".to_owned() };
         list.get(index as usize).cloned().ok_or_else(unknown)
@@ -207,7 +251,7 @@ impl Pipelines {
 
     /// The handle of a pipeline that was made; null before.
     pub(super) fn get(&self, index: u32) -> vk::Pipeline {
-        self.entry(index).ok().and_then(|entry| entry.made.get().copied()).unwrap_or_default()
+        self.entry(index).map(|entry| entry.get()).unwrap_or_default()
     }
 
     pub(super) fn name(&self, index: u32) -> String {
@@ -218,10 +262,8 @@ impl Pipelines {
     /// The device is idle and no id is used again.
     pub(super) unsafe fn destroy(&self, device: &ash::Device) {
         for entry in self.list.write().unwrap_or_else(PoisonError::into_inner).drain(..) {
-            if let Some(pipeline) = entry.made.get() {
-                // SAFETY: by this function's contract.
-                unsafe { device.destroy_pipeline(*pipeline, None) };
-            }
+            // SAFETY: by this function's contract; null is ignored.
+            unsafe { device.destroy_pipeline(entry.get(), None) };
         }
     }
 }
@@ -234,8 +276,53 @@ impl fmt::Debug for Pipelines {
 
 impl Entry {
     fn new(name: &str, local_size: [u32; 3], push: Option<u32>, request: Request) -> Self {
-        let request = Mutex::new(Some(request));
-        Self { name: name.to_owned(), local_size, push, made: OnceLock::new(), request }
+        Self { name: name.to_owned(), local_size, push, made: AtomicU64::new(0), making: Mutex::default(), request }
+    }
+
+    fn get(&self) -> vk::Pipeline {
+        vk::Pipeline::from_raw(self.made.load(Ordering::Acquire))
+    }
+
+    pub(super) fn is_made(&self) -> bool {
+        self.get() != vk::Pipeline::null()
+    }
+
+    /// Sets the handle, and returns the one before.
+    pub(super) fn set(&self, pipeline: vk::Pipeline) -> vk::Pipeline {
+        vk::Pipeline::from_raw(self.made.swap(pipeline.as_raw(), Ordering::AcqRel))
+    }
+
+    /// Whether the pipeline has one of these shaders in it.
+    pub(super) fn uses(&self, shaders: &Replaced) -> bool {
+        match &self.request {
+            Request::Compute(code) => shaders.contains_key(&code.key),
+            Request::Raster(desc) => [&desc.vertex, &desc.fragment].iter().any(|code| shaders.contains_key(&code.key)),
+            Request::Rays(code) => {
+                let hits = || HIT_SHADERS.iter().filter_map(|(shader, _)| Code::embedded(shader).ok());
+                shaders.contains_key(&code.key) || hits().any(|code| shaders.contains_key(&code.key))
+            }
+        }
+    }
+}
+
+impl Code {
+    /// The shader with these words, which are those of `of` where it is given.
+    fn new(name: &str, words: &[u32], of: Option<&Shader>) -> Self {
+        let spirv = of.map_or_else(|| Spirv::Words(words.to_vec()), |shader| Spirv::Embedded(shader.spirv));
+        Self { key: key_of((name, words)), spirv }
+    }
+
+    pub(super) fn embedded(shader: &Shader) -> Result<Self, GpuError> {
+        Ok(Self::new(shader.name, &words(shader.name, shader.spirv)?, Some(shader)))
+    }
+
+    /// The words, or those that replace them.
+    pub(super) fn words(&self, replaced: &Replaced) -> Result<Arc<[u32]>, GpuError> {
+        match (replaced.get(&self.key), &self.spirv) {
+            (Some(words), _) => Ok(words.clone()),
+            (None, Spirv::Words(words)) => Ok(words.as_slice().into()),
+            (None, Spirv::Embedded(bytes)) => Ok(words("embedded shader", bytes)?.into()),
+        }
     }
 }
 
@@ -308,25 +395,34 @@ impl Gpu {
 
     /// Makes a pipeline, unless it is made already. A second thread that wants the same one waits.
     pub(crate) fn make_pipeline(&self, index: u32) -> Result<(), GpuError> {
-        let entry = self.0.pipelines.entry(index)?;
-        if entry.made.get().is_some() {
+        let pipelines = &self.0.pipelines;
+        let entry = pipelines.entry(index)?;
+        if entry.is_made() {
             return Ok(());
         }
-        let mut request = lock(&entry.request);
-        let pipeline = match &*request {
-            None => return Ok(()),
-            Some(Request::Compute(words)) => self.compute_pipeline(words)?,
-            Some(Request::Raster(desc)) => {
-                self.check_blend(&entry.name, desc.blend, &desc.colours)?;
-                self.raster_pipeline(desc)?
-            }
-            Some(Request::Rays(generation)) => self.make_ray_pipeline(index, &entry.name, generation)?,
-        };
-        self.name_object(pipeline, &entry.name);
-        // The lock is held, so nobody else has set it.
-        let _ = entry.made.set(pipeline);
-        *request = None;
+        let _making = lock(&entry.making);
+        if !entry.is_made() {
+            // Held until the pipeline is set: a reload that comes between finds it and makes it anew.
+            let replaced = pipelines.replaced.read().unwrap_or_else(PoisonError::into_inner);
+            let Made { pipeline, table } = self.build_pipeline(&entry, &replaced)?;
+            table.into_iter().for_each(|table| drop(self.0.ray_tables.replace(index, table)));
+            entry.set(pipeline);
+        }
         Ok(())
+    }
+
+    /// Makes the pipeline of an entry, with these shaders in the place of those that it was described with.
+    pub(super) fn build_pipeline(&self, entry: &Entry, replaced: &Replaced) -> Result<Made, GpuError> {
+        let made = match &entry.request {
+            Request::Compute(code) => Made { pipeline: self.compute_pipeline(&code.words(replaced)?)?, table: None },
+            Request::Raster(desc) => {
+                self.check_blend(&entry.name, desc.blend, &desc.colours)?;
+                Made { pipeline: self.raster_pipeline(desc, replaced)?, table: None }
+            }
+            Request::Rays(generation) => self.make_ray_pipeline(&entry.name, generation, replaced)?,
+        };
+        self.name_object(made.pipeline, &entry.name);
+        Ok(made)
     }
 
     fn compute_pipeline(&self, words: &[u32]) -> Result<vk::Pipeline, GpuError> {
@@ -345,9 +441,10 @@ impl Gpu {
         Ok(made.map_err(|(_, e)| GpuError::call("vkCreateComputePipelines")(e))?[0])
     }
 
-    fn raster_pipeline(&self, desc: &RasterRequest) -> Result<vk::Pipeline, GpuError> {
-        let vertex = self.module(&desc.vertex)?;
-        let fragment = match self.module(&desc.fragment) {
+    fn raster_pipeline(&self, desc: &RasterRequest, replaced: &Replaced) -> Result<vk::Pipeline, GpuError> {
+        let (vertex, fragment) = (desc.vertex.words(replaced)?, desc.fragment.words(replaced)?);
+        let vertex = self.module(&vertex)?;
+        let fragment = match self.module(&fragment) {
             Ok(m) => m,
             Err(e) => {
                 // SAFETY: the module was just made and nothing uses it.

@@ -1,6 +1,6 @@
 //! Kernels of ray passes: compute pipelines, or ray-tracing pipelines with their shader binding tables.
 use super::device::lock;
-use super::pipeline::{ENTRY, PUSH_BYTES, Pipelines, words};
+use super::pipeline::{Code, ENTRY, Made, PUSH_BYTES, Pipelines, Replaced, words};
 use super::{Buffer, BufferMemory, BufferUse, Gpu, GpuError, Kernel, PushBlock};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
@@ -54,7 +54,7 @@ pub const SPHERE_GROUP: u32 = 1;
 pub(super) struct RayTables(Mutex<HashMap<u32, RayTable>>);
 
 /// One shader of each kind in the table: ray generation, miss; two hit groups.
-struct RayTable {
+pub(super) struct RayTable {
     /// As long as the device: a [`Buffer`] would keep the device alive that keeps it.
     memory: Option<(vk::Buffer, Allocation)>,
     regions: [vk::StridedDeviceAddressRegionKHR; 3],
@@ -65,7 +65,27 @@ impl RayTables {
     pub fn take(&self) -> Vec<(vk::Buffer, Allocation)> {
         lock(&self.0).drain().filter_map(|(_, table)| table.memory).collect()
     }
+
+    /// Sets the table of a pipeline, and returns the memory of the one before.
+    pub fn replace(&self, index: u32, table: RayTable) -> Option<(vk::Buffer, Allocation)> {
+        lock(&self.0).insert(index, table)?.memory
+    }
 }
+
+impl RayTable {
+    /// Its memory, to be freed.
+    pub fn into_memory(self) -> Option<(vk::Buffer, Allocation)> {
+        self.memory
+    }
+}
+
+/// The shaders that every pipeline has behind its ray-generation shader, in the order of their indices.
+pub(super) static HIT_SHADERS: [(&Shader, vk::ShaderStageFlags); 4] = [
+    (&RAY_MISS_RMISS, vk::ShaderStageFlags::MISS_KHR),
+    (&RAY_HIT_RCHIT, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
+    (&RAY_ALPHA_RAHIT, vk::ShaderStageFlags::ANY_HIT_KHR),
+    (&RAY_SPHERE_RINT, vk::ShaderStageFlags::INTERSECTION_KHR),
+];
 
 // Stages of a pipeline, by index.
 const GENERATION: u32 = 0;
@@ -81,7 +101,7 @@ impl Pipelines {
     /// As [`Pipelines::kernel_from_words`]; the limit of ray-tracing pipelines is 120 bytes of push constants.
     pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
         let shader = shader.way(rays);
-        self.ray_kernel_from_words(shader.name, &words(shader.name, shader.spirv)?, rays)
+        self.rays(shader.name, &words(shader.name, shader.spirv)?, rays, Some(shader))
     }
 
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for the same way.
@@ -89,9 +109,13 @@ impl Pipelines {
     /// # Errors
     /// As [`Pipelines::ray_kernel`].
     pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], rays: Rays) -> Result<RayKernel, GpuError> {
+        self.rays(name, words, rays, None)
+    }
+
+    fn rays(&self, name: &str, words: &[u32], rays: Rays, of: Option<&Shader>) -> Result<RayKernel, GpuError> {
         match rays {
-            Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.kernel_from_words(name, words)?)),
-            Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words)?)),
+            Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.compute(name, words, of)?)),
+            Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words, of)?)),
         }
     }
 }
@@ -131,26 +155,20 @@ impl Gpu {
     /// Makes a ray-tracing pipeline and its shader binding table.
     pub(super) fn make_ray_pipeline(
         &self,
-        index: u32,
         name: &str,
-        generation: &[u32],
-    ) -> Result<vk::Pipeline, GpuError> {
+        generation: &Code,
+        replaced: &Replaced,
+    ) -> Result<Made, GpuError> {
         let calls = self.0.ray_calls()?;
         let missing =
             || GpuError::MissingExtension { name: "VK_KHR_ray_tracing_pipeline", needed_for: "ray pipelines" };
         let calls = calls.pipeline.as_ref().ok_or_else(missing)?;
 
         // Stages, in the order of their indices.
-        let others: [(&Shader, vk::ShaderStageFlags); 4] = [
-            (&RAY_MISS_RMISS, vk::ShaderStageFlags::MISS_KHR),
-            (&RAY_HIT_RCHIT, vk::ShaderStageFlags::CLOSEST_HIT_KHR),
-            (&RAY_ALPHA_RAHIT, vk::ShaderStageFlags::ANY_HIT_KHR),
-            (&RAY_SPHERE_RINT, vk::ShaderStageFlags::INTERSECTION_KHR),
-        ];
         let mut modules = Modules { gpu: self, list: Vec::new() };
-        let mut stages = vec![modules.stage(generation, vk::ShaderStageFlags::RAYGEN_KHR)?];
-        for (shader, stage) in others {
-            stages.push(modules.stage(&words(shader.name, shader.spirv)?, stage)?);
+        let mut stages = vec![modules.stage(&generation.words(replaced)?, vk::ShaderStageFlags::RAYGEN_KHR)?];
+        for (shader, stage) in HIT_SHADERS {
+            stages.push(modules.stage(&Code::embedded(shader)?.words(replaced)?, stage)?);
         }
 
         // Groups.
@@ -182,10 +200,7 @@ impl Gpu {
         drop(modules);
         let pipeline = made.map_err(|(_, e)| GpuError::call("vkCreateRayTracingPipelinesKHR")(e))?[0];
         match self.ray_table(calls, pipeline, name) {
-            Ok(table) => {
-                lock(&self.0.ray_tables.0).insert(index, table);
-                Ok(pipeline)
-            }
+            Ok(table) => Ok(Made { pipeline, table: Some(table) }),
             Err(error) => {
                 // SAFETY: the pipeline was just made and nothing uses it.
                 unsafe { self.raw().destroy_pipeline(pipeline, None) };

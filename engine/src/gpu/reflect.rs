@@ -1,7 +1,8 @@
-//! Reflection of SPIR-V: workgroup size and size of the push constants (SPIR-V 1.6).
+//! Reflection of SPIR-V: workgroup size, and size and members of the push constants (SPIR-V 1.6).
 use std::collections::HashMap;
 
 // Opcodes, decorations and storage classes, by their numbers in the specification.
+const MEMBER_NAME: u32 = 6;
 const EXECUTION_MODE: u32 = 16;
 const TYPE_INT: u32 = 21;
 const TYPE_FLOAT: u32 = 22;
@@ -46,6 +47,21 @@ pub(super) fn local_size(words: &[u32]) -> Option<[u32; 3]> {
 /// Size of a shader's push constants in bytes: from byte 0 to the end of the last member, rounded up to the size of the widest
 /// scalar, as in a `#[repr(C)]` struct. `None` if the shader has none, or if their size is not declared.
 pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
+    let (types, block) = types(words);
+    let Size { bytes, widest } = types.size(block?, MAX_DEPTH)?;
+    bytes.checked_next_multiple_of(widest.max(1))
+}
+
+/// Members of a shader's push constants and of the structs among them: the words of their names, their offsets, and their sizes in bytes.
+pub(super) fn push_members(words: &[u32]) -> Vec<(&[u32], u32, Option<u32>)> {
+    let (types, block) = types(words);
+    let mut members = Vec::new();
+    block.into_iter().for_each(|block| types.list(block, 0, MAX_DEPTH, &mut members));
+    members
+}
+
+/// The types of a module, and the one of its push constants.
+fn types(words: &[u32]) -> (Types<'_>, Option<u32>) {
     let mut types = Types::default();
     let mut block = None;
     for (opcode, operands) in instructions(words) {
@@ -64,13 +80,16 @@ pub(super) fn push_bytes(words: &[u32]) -> Option<u32> {
             (MEMBER_DECORATE, [id, member, kind @ (OFFSET | MATRIX_STRIDE), value]) => {
                 types.members.insert((*id, *member, *kind), *value);
             }
+            (MEMBER_NAME, [id, member, name @ ..]) => drop(types.names.insert((*id, *member), name)),
             (VARIABLE, [pointer, _, PUSH_CONSTANT, ..]) => block = Some(*pointer),
             _ => {}
         }
     }
-    let Some(Kind::Block(block)) = types.kinds.get(&block?) else { return None };
-    let Size { bytes, widest } = types.size(*block, MAX_DEPTH)?;
-    bytes.checked_next_multiple_of(widest.max(1))
+    let block = block.and_then(|pointer| match types.kinds.get(&pointer) {
+        Some(Kind::Block(block)) => Some(*block),
+        _ => None,
+    });
+    (types, block)
 }
 
 /// A type; numbers are ids of other types.
@@ -93,6 +112,8 @@ struct Types<'w> {
     strides: HashMap<u32, u32>,
     /// Decorations of struct members, by (struct, member, decoration): offset, matrix stride, row-major.
     members: HashMap<(u32, u32, u32), u32>,
+    /// Names of struct members, by struct and member.
+    names: HashMap<(u32, u32), &'w [u32]>,
 }
 
 /// Size of a type in bytes, and of the widest scalar in it.
@@ -102,7 +123,24 @@ struct Size {
     widest: u32,
 }
 
-impl Types<'_> {
+impl<'w> Types<'w> {
+    /// Adds the members of a struct, and of arrays of it, from an offset on.
+    fn list(&self, id: u32, from: u32, deepest: u32, members: &mut Vec<(&'w [u32], u32, Option<u32>)>) {
+        let Some(deeper) = deepest.checked_sub(1) else { return };
+        match self.kinds.get(&id) {
+            Some(Kind::Struct(of)) => {
+                for (member, of) in (0..).zip(of.iter()) {
+                    let offset = from + self.members.get(&(id, member, OFFSET)).copied().unwrap_or_default();
+                    let name = self.names.get(&(id, member)).copied().unwrap_or_default();
+                    members.push((name, offset, self.member(id, member, *of, deeper).map(|size| size.bytes)));
+                    self.list(*of, offset, deeper, members);
+                }
+            }
+            Some(Kind::Array(of, _)) => self.list(*of, from, deeper, members),
+            _ => {}
+        }
+    }
+
     fn size(&self, id: u32, deepest: u32) -> Option<Size> {
         let deeper = deepest.checked_sub(1)?;
         match self.kinds.get(&id)? {
@@ -183,6 +221,29 @@ mod tests {
         ] {
             assert_eq!(of_block(layout, members, &store(used)), Some(bytes), "{layout}: {members}");
         }
+    }
+
+    #[test]
+    fn members_tell_blocks_apart_that_are_as_large() {
+        let words = |members: &str| {
+            let text = format!(
+                "#version 460\n#extension GL_GOOGLE_include_directive : require\n#include \"lib/bindless.glsl\"\n\
+                 layout(local_size_x = 1) in;\nstruct Two {{ uint a; vec2 b; }};\n\
+                 layout(push_constant, scalar) uniform Push {{ {members} }};\n\
+                 void main() {{ store(image, ivec2(0), vec4(1)); }}\n"
+            );
+            compile("test.comp", &text, Stage::Compute).expect("it compiles")
+        };
+        let all = ["uint image; float x; float y;", "uint image; float y; float x;", "uint image; vec2 x;"];
+        let all = all.map(words);
+        for (at, one) in all.iter().enumerate() {
+            for (other_at, other) in all.iter().enumerate() {
+                assert_eq!(push_members(one) == push_members(other), at == other_at, "{at} and {other_at}");
+                assert_eq!(push_bytes(one), push_bytes(other));
+            }
+        }
+        assert_eq!(push_members(&words("uint image; Two a[3];")).len(), 4);
+        assert_ne!(push_members(&words("uint image; Two a[3];")), push_members(&words("uint image; Two b[3];")));
     }
 
     #[test]

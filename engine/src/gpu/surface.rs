@@ -195,6 +195,12 @@ impl Surface {
         Ok(PresentMode::ALL.into_iter().filter(is_offered).collect())
     }
 
+    /// The mode that was set.
+    #[must_use]
+    pub fn mode(&self) -> PresentMode {
+        self.mode
+    }
+
     /// Sets the mode from the next picture on. One that the display does not offer becomes [`PresentMode::Vsync`].
     pub fn set_mode(&mut self, mode: PresentMode) {
         self.mode = mode;

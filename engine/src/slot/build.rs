@@ -4,7 +4,7 @@ use magpie_shaders::{RayShader, Rays, SamplerId, Shader};
 
 use super::SlotError;
 use crate::{
-    gpu::{Gpu, GpuError, Kernel, Pipelines, RasterDesc, RasterKernel, RayKernel},
+    gpu::{Gpu, GpuError, Indexed, Kernel, PipelineSet, Pipelines, RasterDesc, RasterKernel, RayKernel},
     graph::Format,
     scene::{Sampler, Wrap},
 };
@@ -15,6 +15,7 @@ use crate::{
 pub struct Build<'a> {
     pipelines: &'a Pipelines,
     gpu: Option<&'a Gpu>,
+    described: Option<&'a PipelineSet>,
     /// How rays are traced.
     pub rays: Rays,
 }
@@ -23,13 +24,25 @@ impl<'a> Build<'a> {
     /// For frames that run on a device.
     #[must_use]
     pub fn new(gpu: &'a Gpu, rays: Rays) -> Self {
-        Self { pipelines: gpu.pipelines(), gpu: Some(gpu), rays }
+        Self { pipelines: gpu.pipelines(), gpu: Some(gpu), described: None, rays }
     }
 
     /// For frames that are declared and planned, but do not run. There is no device.
     #[must_use]
     pub fn without_device(pipelines: &'a Pipelines, rays: Rays) -> Self {
-        Self { pipelines, gpu: None, rays }
+        Self { pipelines, gpu: None, described: None, rays }
+    }
+
+    /// The same, and every pipeline that is described with it is added to `set`.
+    #[must_use]
+    pub fn noting(self, set: &'a PipelineSet) -> Self {
+        Self { described: Some(set), ..self }
+    }
+
+    fn note<K: Indexed>(&self, kernel: Result<K, GpuError>) -> Result<K, SlotError> {
+        let kernel = kernel.map_err(SlotError::other)?;
+        self.described.into_iter().for_each(|set| set.add(kernel));
+        Ok(kernel)
     }
 
     /// The device, for effects that cannot be made without one.
@@ -45,7 +58,7 @@ impl<'a> Build<'a> {
     /// # Errors
     /// [`SlotError::Other`] where the shader is faulty: [`Pipelines::kernel`].
     pub fn kernel(&self, shader: &Shader) -> Result<Kernel, SlotError> {
-        self.pipelines.kernel(shader).map_err(SlotError::other)
+        self.note(self.pipelines.kernel(shader))
     }
 
     /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
@@ -53,7 +66,7 @@ impl<'a> Build<'a> {
     /// # Errors
     /// As [`Build::kernel`].
     pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, SlotError> {
-        self.pipelines.kernel_from_words(name, words).map_err(SlotError::other)
+        self.note(self.pipelines.kernel_from_words(name, words))
     }
 
     /// The pipeline of a ray pass, for the way in which rays are traced.
@@ -62,7 +75,7 @@ impl<'a> Build<'a> {
     /// As [`Build::kernel`], and where the device cannot trace so.
     pub fn ray_kernel(&self, shader: &RayShader) -> Result<RayKernel, SlotError> {
         self.can_trace()?;
-        self.pipelines.ray_kernel(shader, self.rays).map_err(SlotError::other)
+        self.note(self.pipelines.ray_kernel(shader, self.rays))
     }
 
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for [`Build::rays`].
@@ -71,7 +84,7 @@ impl<'a> Build<'a> {
     /// As [`Build::ray_kernel`].
     pub fn ray_kernel_from_words(&self, name: &str, words: &[u32]) -> Result<RayKernel, SlotError> {
         self.can_trace()?;
-        self.pipelines.ray_kernel_from_words(name, words, self.rays).map_err(SlotError::other)
+        self.note(self.pipelines.ray_kernel_from_words(name, words, self.rays))
     }
 
     /// A graphics pipeline.
@@ -79,7 +92,7 @@ impl<'a> Build<'a> {
     /// # Errors
     /// As [`Build::kernel`].
     pub fn raster_kernel(&self, desc: &RasterDesc<'_>) -> Result<RasterKernel, SlotError> {
-        self.pipelines.raster_kernel(desc).map_err(SlotError::other)
+        self.note(self.pipelines.raster_kernel(desc))
     }
 
     /// As [`Gpu::bilinear`].

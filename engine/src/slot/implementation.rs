@@ -84,6 +84,24 @@ impl<In, Out> Slot<In, Out> {
         Ok(Some(Box::new(move || *old = new)))
     }
 
+    /// Makes what [`change`](Self::change) would make, and drops it, so that `build` notes its pipelines. Returns whether there is such a change.
+    ///
+    /// # Errors
+    /// As [`Slot::choose`].
+    pub fn rehearse(
+        &self,
+        old: &Implementation<In, Out>,
+        build: &Build<'_>,
+        config: &Config,
+    ) -> Result<bool, SlotError> {
+        let (at, settings) = self.wanted(config)?;
+        let changes = old.implementation != self.info.implementations[at].name || old.settings != settings;
+        if changes {
+            drop(self.construct(build, at, &settings)?);
+        }
+        Ok(changes)
+    }
+
     pub(super) fn wanted(&self, config: &Config) -> Result<(usize, Settings), SlotError> {
         let name = config.stages.get(&self.info.name).unwrap_or(&self.info.default);
         let none = BTreeMap::new();

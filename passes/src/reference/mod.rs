@@ -205,6 +205,8 @@ pub struct Reference {
     view: Staging,
     lights: Arc<Buffer>,
     estimate: Estimate,
+    /// The sample of [`Reference::step`], as far as it is traced, and the number of its tiles.
+    partial: Option<(Estimate, u32)>,
     rays: [u64; 2],
 }
 
@@ -281,6 +283,7 @@ impl Reference {
             blend_cutoff: camera_cutoff,
             view: Staging::new(gpu, "view"),
             estimate: Estimate::new(options.width, options.height),
+            partial: None,
             rays: [0; 2],
         })
     }
@@ -327,6 +330,33 @@ impl Reference {
             left -= batch;
         }
         Ok(())
+    }
+
+    /// Traces one tile of one more sample per pixel, for programs that do something else between tiles. Returns whether the sample is complete;
+    /// the estimate has it only then.
+    ///
+    /// # Errors
+    /// [`ReferenceError`]; the sample is begun anew.
+    pub fn step(&mut self) -> Result<bool, ReferenceError> {
+        let ReferenceOptions { width, height, .. } = self.options;
+        let (mut added, tile) = self.partial.take().unwrap_or_else(|| (Estimate::new(width, height), 0));
+        let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        self.trace([tile % columns * TILE, tile / columns * TILE], 1, &mut added)?;
+        if tile + 1 < columns * rows {
+            self.partial = Some((added, tile + 1));
+            return Ok(false);
+        }
+        added.samples = 1;
+        self.estimate.merge(&added)?;
+        Ok(true)
+    }
+
+    /// Begins an estimate of the same scene and time from another camera, in another size.
+    pub fn restart(&mut self, camera: &Camera, width: u32, height: u32) {
+        let origin = FloatingOrigin::default().follow(camera);
+        self.scene.set_moment(&Moment { time: self.options.time, origin, cut: true });
+        self.options = ReferenceOptions { width, height, ..self.options };
+        (self.camera, self.estimate, self.partial) = (camera.clone(), Estimate::new(width, height), None);
     }
 
     /// Traces one tile, and writes its means and squared deviations into `added`. `tile` is its upper left pixel.

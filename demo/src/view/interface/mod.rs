@@ -3,6 +3,7 @@
 mod graph;
 mod profiler;
 mod stages;
+mod truth;
 
 use egui::{
     Align, Align2, CentralPanel, Color32, FontId, Frame, Key, Layout, Panel as Side, PointerButton, RichText, Sense,
@@ -10,16 +11,21 @@ use egui::{
 };
 use magpie::{
     config::{Catalogue, Config},
+    gpu::PresentMode,
     measure::{FrameSample, Report, SlotReport},
 };
 
 pub(super) use graph::Planned;
 
 use super::{
-    action::{Action, Panel},
-    meshes::{OTHER, PICTURE},
+    action::{Action, Panel, TruthView},
+    meshes::{ERROR, OTHER, PICTURE, TRUTH},
     navigation::{Flight, Navigation},
+    remembered::Panels,
+    truth::{Measured, TruthState},
 };
+
+use crate::session;
 
 /// What the interface shows.
 pub(super) struct Model<'a> {
@@ -39,6 +45,12 @@ pub(super) struct Model<'a> {
     pub scene: &'a str,
     /// Names of its cameras.
     pub cameras: &'a [String],
+    /// Scenes that were shown before, the newest first.
+    pub recent: &'a [String],
+    /// How pictures go to the display, and what else it offers.
+    pub mode: PresentMode,
+    pub modes: &'a [PresentMode],
+    pub is_light: bool,
     /// Name of the device.
     pub device: &'a str,
     /// Whether time goes on.
@@ -47,6 +59,14 @@ pub(super) struct Model<'a> {
     pub compares: bool,
     /// Whether the path of the camera is recorded.
     pub records: bool,
+    /// The reference, where it is shown.
+    pub truth: Option<TruthState>,
+    /// What was measured against it from here.
+    pub measured: &'a [Measured],
+    /// Median CPU time of the panels, milliseconds: of `egui`, and of the rest.
+    pub costs: [f64; 2],
+    /// What goes on beside the frames.
+    pub progress: Option<&'a str>,
     /// What went wrong last.
     pub message: Option<&'a str>,
 }
@@ -58,6 +78,9 @@ pub(super) struct Interface {
     pub profiler: bool,
     pub graph: bool,
     pub help: bool,
+    /// The reference, and how it is shown.
+    pub truth: bool,
+    pub truth_view: TruthView,
     /// Everything but the picture.
     pub panels: bool,
     /// How much of the picture shows the configuration that is edited, where there is a second one: 0 to 1, from the left.
@@ -72,7 +95,7 @@ pub(super) struct Place {
 }
 
 /// Keys, for people.
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 17] = [
     ("left drag", "look around"),
     ("right drag", "turn about the point ahead"),
     ("middle drag", "move across"),
@@ -88,12 +111,28 @@ const KEYS: [(&str, &str); 16] = [
     ("F3, F4, F7", "hide or show the stages, the profiler, the graph"),
     ("F5", "exchange the two configurations that are compared"),
     ("F6", "record the path of the camera, and end that"),
+    ("F8", "show the reference beside the picture, or hide it"),
     ("F12", "write the window to a PNG and the radiance to an EXR"),
 ];
 
 impl Interface {
-    pub(super) fn new(panels: bool) -> Self {
-        Self { stages: true, profiler: true, graph: false, help: false, panels, split: 0.5, frozen: None }
+    pub(super) fn new(panels: bool, shown: Panels) -> Self {
+        Self {
+            stages: shown.stages,
+            profiler: shown.profiler,
+            graph: shown.graph,
+            help: false,
+            truth: false,
+            truth_view: TruthView::default(),
+            panels,
+            split: 0.5,
+            frozen: None,
+        }
+    }
+
+    /// The panels that will be shown the next time.
+    pub(super) fn panels_shown(&self) -> Panels {
+        Panels { stages: self.stages, profiler: self.profiler, graph: self.graph }
     }
 
     /// Shows or hides a panel.
@@ -119,10 +158,6 @@ impl Interface {
         self.keys(ui, model, actions);
         if self.panels {
             Side::top("bar").show(ui, |ui| self.bar(ui, model, navigation.speed(), actions));
-            if let Some(message) = model.message {
-                let red = if ui.visuals().dark_mode { Color32::LIGHT_RED } else { Color32::DARK_RED };
-                Side::top("message").show(ui, |ui| ui.label(RichText::new(message).color(red)));
-            }
             if self.profiler {
                 Side::bottom("profiler").resizable(true).default_size(220.0).show(ui, |ui| {
                     profiler::show(ui, model, &mut self.frozen, actions);
@@ -135,15 +170,31 @@ impl Interface {
                     .min_size(240.0)
                     .show(ui, |ui| graph::show(ui, model));
             }
+            if self.truth {
+                Side::right("truth").resizable(true).default_size(300.0).show(ui, |ui| {
+                    truth::show(ui, model, &mut self.truth_view, actions);
+                });
+            }
             if self.stages {
                 Side::left("stages").resizable(true).default_size(300.0).show(ui, |ui| {
                     stages::show(ui, model, actions);
                 });
             }
         }
-        let split = model.compares.then_some(&mut self.split);
+        let truth = model.truth.filter(|truth| truth.samples > 0);
+        let beside = match (truth, self.truth_view) {
+            (Some(_), TruthView::Split) => Some(Beside { image: TRUTH, names: ["frame", "reference"] }),
+            (Some(_), TruthView::Error) => None,
+            _ => model.compares.then_some(Beside { image: OTHER, names: ["A", "B"] }),
+        };
+        let has_map = self.truth_view == TruthView::Error && truth.is_some_and(|truth| truth.has_map);
+        let shown = if has_map { ERROR } else { PICTURE };
+        let split = &mut self.split;
         let place = CentralPanel::default().frame(Frame::NONE);
-        let place = place.show(ui, |ui| picture(ui, split, navigation, seconds, actions));
+        let place = place.show(ui, |ui| picture(ui, shown, beside, split, navigation, seconds, actions));
+        if self.panels {
+            notes(ui, place.inner.rect, model);
+        }
         if self.help {
             let mut open = true;
             egui::Window::new("Keys").open(&mut open).resizable(false).show(ui.ctx(), |ui| {
@@ -162,8 +213,9 @@ impl Interface {
 
     fn bar(&mut self, ui: &mut Ui, model: &Model<'_>, speed: f64, actions: &mut Vec<Action>) {
         ui.horizontal(|ui| {
-            ui.strong(model.scene);
-            if model.cameras.len() > 1 {
+            ui.menu_button(model.scene, |ui| scenes(ui, model, actions)).response.on_hover_text("Shows another scene");
+            ui.menu_button("display", |ui| display(ui, model, actions));
+            if !model.cameras.is_empty() {
                 egui::ComboBox::from_id_salt("camera").selected_text("camera").show_ui(ui, |ui| {
                     for name in model.cameras {
                         if ui.selectable_label(false, name).clicked() {
@@ -187,6 +239,11 @@ impl Interface {
             let mut records = model.records;
             if ui.toggle_value(&mut records, "record").on_hover_text("Records the path of the camera (F6)").changed() {
                 actions.push(Action::ToggleRecording);
+            }
+            let mut truth = self.truth;
+            let about = "Traces the reference while the camera stands still, and measures the picture against it (F8)";
+            if ui.toggle_value(&mut truth, "truth").on_hover_text(about).changed() {
+                actions.push(Action::Truth(truth));
             }
             ui.toggle_value(&mut self.stages, "stages");
             ui.toggle_value(&mut self.profiler, "profiler");
@@ -213,6 +270,7 @@ impl Interface {
                 (Key::F2, Action::Panels),
                 (Key::F5, Action::Swap),
                 (Key::F6, Action::ToggleRecording),
+                (Key::F8, Action::Truth(!self.truth)),
                 (Key::F12, Action::Snapshot),
             ] {
                 if input.key_pressed(key) {
@@ -226,8 +284,80 @@ impl Interface {
     }
 }
 
-/// Draws the picture of the other configuration right of a line that can be dragged.
-fn show_other(ui: &mut Ui, rect: egui::Rect, split: &mut f32) {
+/// Scenes that can be opened: those that were shown before, and the built-in ones.
+fn scenes(ui: &mut Ui, model: &Model<'_>, actions: &mut Vec<Action>) {
+    let mut open = |ui: &mut Ui, scene: &str, about: &str| {
+        if ui.button(scene).on_hover_text(about).clicked() {
+            actions.push(Action::Open(scene.into()));
+            ui.close();
+        }
+    };
+    for scene in model.recent.iter().filter(|scene| !scene.starts_with("builtin:")) {
+        open(ui, scene, "Shown before");
+    }
+    ui.separator();
+    for (scene, about) in session::scenes() {
+        open(ui, &scene, about);
+    }
+    ui.separator();
+    ui.weak("or drop a .gltf, .glb, .hdr, .exr or .toml on the window");
+}
+
+/// How all of it looks.
+fn display(ui: &mut Ui, model: &Model<'_>, actions: &mut Vec<Action>) {
+    for mode in model.modes {
+        if ui.radio(*mode == model.mode, mode.name()).on_hover_text(about_mode(*mode)).clicked() {
+            actions.push(Action::Present(mode.name().to_owned()));
+        }
+    }
+    ui.separator();
+    let mut light = model.is_light;
+    if ui.checkbox(&mut light, "light").changed() {
+        actions.push(Action::Light(light));
+    }
+    let mut scale = ui.ctx().zoom_factor();
+    let about = "Size of letters and panels (ctrl and +, -, 0)";
+    if ui.add(egui::Slider::new(&mut scale, 0.5..=3.0).step_by(0.1).text("size")).on_hover_text(about).drag_stopped() {
+        ui.ctx().set_zoom_factor(scale);
+    }
+}
+
+fn about_mode(mode: PresentMode) -> &'static str {
+    match mode {
+        PresentMode::Vsync => "Every picture at a refresh of the display: no tearing, no more frames than it shows",
+        PresentMode::Newest => "The newest picture at each refresh: no tearing, and frames as fast as they come",
+        PresentMode::Immediate => "Pictures at once: they may tear",
+    }
+}
+
+/// What is shown right of a line, and the names of both sides.
+#[derive(Clone, Copy)]
+struct Beside {
+    image: egui::TextureId,
+    names: [&'static str; 2],
+}
+
+/// What went wrong and what goes on, over the picture, so that its size does not change.
+fn notes(ui: &Ui, rect: egui::Rect, model: &Model<'_>) {
+    if model.message.is_none() && model.progress.is_none() {
+        return;
+    }
+    egui::Area::new(egui::Id::unique("notes")).fixed_pos(rect.min).interactable(false).show(ui.ctx(), |ui| {
+        Frame::popup(ui.style()).show(ui, |ui| {
+            ui.set_max_width((rect.width() - 16.0).max(50.0));
+            if let Some(message) = model.message {
+                let red = if ui.visuals().dark_mode { Color32::LIGHT_RED } else { Color32::DARK_RED };
+                ui.label(RichText::new(message).color(red));
+            }
+            if let Some(progress) = model.progress {
+                ui.label(progress);
+            }
+        });
+    });
+}
+
+/// Draws another picture right of a line that can be dragged.
+fn show_beside(ui: &mut Ui, rect: egui::Rect, beside: Beside, split: &mut f32) {
     let line_at = |split: f32| rect.left() + split * rect.width();
     let handle = egui::Rect::from_x_y_ranges(line_at(*split) - 4.0..=line_at(*split) + 4.0, rect.y_range());
     let response = ui.interact(handle, ui.scope_id().with("split"), Sense::drag());
@@ -241,26 +371,29 @@ fn show_other(ui: &mut Ui, rect: egui::Rect, split: &mut f32) {
     let right = egui::Rect::from_min_max(egui::pos2(at, rect.top()), rect.max);
     let uv = egui::Rect::from_min_max(egui::pos2(*split, 0.0), egui::pos2(1.0, 1.0));
     let painter = ui.painter_at(rect);
-    painter.image(OTHER, right, uv, Color32::WHITE);
+    painter.image(beside.image, right, uv, Color32::WHITE);
     painter.vline(at, rect.y_range(), Stroke::new(1.0, Color32::WHITE));
-    for (text, place, align) in [("A", -6.0, Align2::RIGHT_TOP), ("B", 6.0, Align2::LEFT_TOP)] {
+    let [left, right] = beside.names;
+    for (text, place, align) in [(left, -6.0, Align2::RIGHT_TOP), (right, 6.0, Align2::LEFT_TOP)] {
         painter.text(egui::pos2(at + place, rect.top() + 4.0), align, text, FontId::proportional(16.0), Color32::WHITE);
     }
 }
 
-/// The picture, and the camera that is moved in it. With `split` the other configuration is shown right of it.
+/// The picture, and the camera that is moved in it.
 fn picture(
     ui: &mut Ui,
-    split: Option<&mut f32>,
+    shown: egui::TextureId,
+    beside: Option<Beside>,
+    split: &mut f32,
     navigation: &mut Navigation,
     seconds: f64,
     actions: &mut Vec<Action>,
 ) -> Place {
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-    ui.painter().image(PICTURE, rect, whole, Color32::WHITE);
-    if let Some(split) = split {
-        show_other(ui, rect, split);
+    ui.painter().image(shown, rect, whole, Color32::WHITE);
+    if let Some(beside) = beside {
+        show_beside(ui, rect, beside, split);
     }
     let scale = f64::from(ui.ctx().pixels_per_point());
     let drag = response.drag_delta();

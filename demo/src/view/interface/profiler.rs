@@ -15,6 +15,8 @@ pub(super) struct Frozen {
     report: Report,
 }
 
+/// Time of a frame at 60 frames per second, milliseconds.
+const BUDGET_MS: f32 = 1000.0 / 60.0;
 /// Height of a bar, points.
 const BAR: f32 = 18.0;
 
@@ -51,6 +53,9 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>, 
             "declare {:.0}, plan {:.0}, bind {:.0}, record {:.0}, submit {:.0}, wait {:.0} us",
             graph.declare_us, graph.plan_us, graph.bind_us, graph.record_us, graph.submit_us, graph.wait_us
         ));
+        let [egui, own] = model.costs;
+        let about = "CPU time of the panels: egui's layout and letters; what is drawn of them as a pass of the frame, and the statistics";
+        ui.label(format!("panels {egui:.2} + {own:.2} ms")).on_hover_text(about);
         let memory = &report.memory;
         let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         ui.label(format!(
@@ -84,6 +89,10 @@ fn frame_times(ui: &mut Ui, frames: &[FrameSample]) {
     };
     let line: Vec<_> = times.iter().enumerate().map(point).collect();
     painter.line(line, Stroke::new(1.5, ui.visuals().selection.bg_fill));
+    if most > BUDGET_MS {
+        let height = rect.bottom() - (rect.height() - 2.0) * BUDGET_MS / most;
+        painter.hline(rect.x_range(), height, Stroke::new(1.0, ui.visuals().warn_fg_color));
+    }
     let text = ui.visuals().weak_text_color();
     painter.text(rect.left_top(), Align2::LEFT_TOP, format!("{most:.2} ms"), FontId::proportional(11.0), text);
     if let Some(at) = response.hover_pos() {
@@ -140,27 +149,102 @@ pub(super) fn stage_colours(stage: &str) -> (Color32, Color32) {
     (egui::ecolor::Hsva::new(hue, 0.45, 0.75, 1.0).into(), Color32::BLACK)
 }
 
+/// Heads of the table.
+const HEADS: [&str; 8] = ["pass", "now ms", "median", "99 %", "share", "rays", "draws", "KiB"];
+
 /// The table: what each pass takes now, and over the frames.
 fn passes(ui: &mut Ui, frames: &[FrameSample], report: &Report) {
-    let total: f64 = report.passes.iter().filter_map(|p| Some(p.gpu_ms?.median)).sum();
-    Grid::new("passes").striped(true).num_columns(8).show(ui, |ui| {
-        for head in ["pass", "now ms", "median", "99 %", "share", "rays", "draws", "KiB"] {
+    Grid::new("passes").striped(true).num_columns(HEADS.len()).show(ui, |ui| {
+        for head in HEADS {
             ui.strong(head);
         }
         ui.end_row();
-        for pass in &report.passes {
-            let PassReport { name, gpu_ms, rays, draws, bytes, .. } = pass;
-            let now = frames.last().and_then(|f| f.passes.iter().find(|p| p.name == *name)).and_then(|p| p.gpu_ns);
-            let Spread { median, p99, .. } = gpu_ms.unwrap_or_default();
+        for [name, numbers @ ..] in rows(frames, report) {
             ui.label(name);
-            ui.monospace(now.map_or_else(|| "-".to_owned(), |ns| format!("{:8.3}", ns as f64 / 1e6)));
-            ui.monospace(format!("{median:8.3}"));
-            ui.monospace(format!("{p99:8.3}"));
-            ui.monospace(format!("{:5.1} %", if total > 0.0 { 100.0 * median / total } else { 0.0 }));
-            ui.monospace(if rays.total() > 0 { rays.total().to_string() } else { String::new() });
-            ui.monospace(if *draws > 0 { draws.to_string() } else { String::new() });
-            ui.monospace(format!("{}", bytes / 1024));
+            for number in numbers {
+                ui.monospace(number);
+            }
             ui.end_row();
         }
     });
+}
+
+/// The cells of the table, as they are shown. The numbers are those of the report, which `--timings` writes.
+fn rows(frames: &[FrameSample], report: &Report) -> Vec<[String; HEADS.len()]> {
+    let total: f64 = report.passes.iter().filter_map(|p| Some(p.gpu_ms?.median)).sum();
+    let some = |count: u64| if count > 0 { count.to_string() } else { String::new() };
+    let row = |pass: &PassReport| {
+        let PassReport { name, gpu_ms, rays, draws, bytes, .. } = pass;
+        let now = frames.last().and_then(|f| f.passes.iter().find(|p| p.name == *name)).and_then(|p| p.gpu_ns);
+        let Spread { median, p99, .. } = gpu_ms.unwrap_or_default();
+        [
+            name.clone(),
+            now.map_or_else(|| "-".to_owned(), |ns| format!("{:8.3}", ns as f64 / 1e6)),
+            format!("{median:8.3}"),
+            format!("{p99:8.3}"),
+            format!("{:5.1} %", if total > 0.0 { 100.0 * median / total } else { 0.0 }),
+            some(rays.total()),
+            some(*draws),
+            (bytes / 1024).to_string(),
+        ]
+    };
+    report.passes.iter().map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use magpie::{
+        config::Config,
+        measure::{Device, PassTime, Recorder, Run},
+    };
+
+    /// What the panel shows of the newest frames is what `--timings` writes of the same.
+    #[test]
+    fn numbers_are_those_of_timings() {
+        let (mut shown, mut all) = (Recorder::of_newest(120), Recorder::new(0));
+        for frame in 0..40_u64 {
+            let pass = |name: &str, ns: u64, draws: u32| PassTime {
+                name: name.to_owned(),
+                stage: name.split('.').next().unwrap_or_default().to_owned(),
+                gpu_ns: Some(ns),
+                rays_closest: 7 * u64::from(draws),
+                draws,
+                bytes: 5000,
+                ..PassTime::default()
+            };
+            let passes = vec![
+                pass("gbuffer.draw", 1_000_000 + 12_345 * (frame * 7 % 40), 3),
+                pass("post.tone_map", 250_000 + frame, 0),
+            ];
+            let sample = FrameSample { passes, gpu_ns: Some(2_000_000 + frame), ..FrameSample::default() };
+            shown.push(sample.clone());
+            all.push(sample);
+        }
+        let run = Run {
+            magpie: String::new(),
+            commit: String::new(),
+            device: Device { name: String::new(), driver: String::new(), kind: String::new() },
+            rays: String::new(),
+            scene: String::new(),
+            size: [1, 1],
+            config: Config::default(),
+        };
+        let written = all.report(run.clone()).unwrap();
+        let rows = rows(shown.frames(), &shown.report(run).unwrap());
+        assert_eq!(rows.len(), written.passes.len());
+        let mut shares = 0.0;
+        for (row, pass) in rows.iter().zip(&written.passes) {
+            let number = |at: usize| row[at].trim().trim_end_matches(" %").parse::<f64>().unwrap();
+            let spread = pass.gpu_ms.unwrap();
+            assert_eq!(row[0], pass.name);
+            assert!((number(2) - spread.median).abs() <= 0.000_5 && spread.median > 0.2, "{row:?} {spread:?}");
+            assert!((number(3) - spread.p99).abs() <= 0.000_5 && spread.p99 >= spread.median, "{row:?} {spread:?}");
+            let last = shown.frames().last().unwrap().passes.iter().find(|p| p.name == pass.name).unwrap();
+            assert!((number(1) - last.gpu_ns.unwrap() as f64 / 1e6).abs() <= 0.000_5, "{row:?}");
+            assert_eq!((row[5].parse().unwrap_or(0), row[6].parse().unwrap_or(0)), (pass.rays.total(), pass.draws));
+            shares += number(4);
+        }
+        assert!((shares - 100.0).abs() < 0.2, "{shares}");
+    }
 }
