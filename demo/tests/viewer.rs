@@ -2,127 +2,17 @@
 #![allow(clippy::unwrap_used, reason = "the helpers of tests fail as tests do")]
 
 use std::{
+    collections::BTreeSet,
     env, fs,
-    path::{Path, PathBuf},
-    process::{Child, Command, Output, Stdio},
+    process::{Command, Stdio},
     thread,
     time::{Duration, Instant},
 };
 
-use magpie_demo::read_picture;
 use serde_json::{Value, json};
 
-mod xvfb;
-use xvfb::{Display, display};
-
-/// The viewer with a small window.
-fn viewer(display: Option<&str>, folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_magpie"));
-    command.args(["view", "--time-step", "0.02"]);
-    if !arguments.contains(&"--size") {
-        command.args(["--size", "400x300"]);
-    }
-    if !arguments.contains(&"--verbose") {
-        command.arg("--quiet");
-    }
-    if let Ok(device) = env::var("MAGPIE_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    command.args(arguments).current_dir(folder).env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
-    match display {
-        Some(name) => command.env("DISPLAY", name),
-        None => command.env_remove("DISPLAY"),
-    };
-    command
-}
-
-/// The same where it ends by itself.
-fn view(display: Option<&str>, folder: &Path, arguments: &[&str]) -> Output {
-    viewer(display, folder, arguments).output().unwrap()
-}
-
-/// A viewer that goes on until it is ended from outside, and writes its configuration to `now.toml` every few frames.
-struct Running {
-    program: Child,
-    folder: PathBuf,
-}
-
-impl Running {
-    fn start(display: &str, folder: &Path, arguments: &[&str]) -> Self {
-        let steps: Vec<_> = (0..2000).map(|at| (1 + 3 * at, json!({"save_config": "now.toml"}))).collect();
-        let script = actions(folder, &steps);
-        let mut command = viewer(Some(display), folder, &[arguments, &["--actions", script, "--no-panels"]].concat());
-        let program = command.stderr(Stdio::piped()).spawn().unwrap();
-        Self { program, folder: folder.to_owned() }
-    }
-
-    /// Waits until the configuration in use has this line.
-    fn wait_for(&mut self, line: &str) {
-        let begun = Instant::now();
-        while begun.elapsed() < Duration::from_secs(60) {
-            let now = fs::read_to_string(self.folder.join("now.toml")).unwrap_or_default();
-            if now.lines().any(|known| known == line) {
-                return;
-            }
-            if let Some(status) = self.program.try_wait().unwrap() {
-                panic!("it ended with {status} instead of {line}");
-            }
-            thread::sleep(Duration::from_millis(20));
-        }
-        panic!("after a minute there is still no {line}");
-    }
-
-    fn end(self) -> Output {
-        self.program.wait_with_output().unwrap()
-    }
-}
-
-fn done(output: &Output) {
-    assert!(output.status.success(), "{:?}: {}", output.status, String::from_utf8_lossy(&output.stderr));
-}
-
-/// Mean of each channel of a rectangle of a picture, in parts of its size.
-fn mean(path: &Path, [left, top, right, bottom]: [f64; 4]) -> [f64; 3] {
-    let (picture, _) = read_picture(path).unwrap();
-    let range = |from: f64, to: f64, side: usize| (from * side as f64) as usize..(to * side as f64) as usize;
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for y in range(top, bottom, picture.height) {
-        for x in range(left, right, picture.width) {
-            for (total, channel) in sum.iter_mut().zip(picture.pixels[y * picture.width + x]) {
-                *total += f64::from(channel);
-            }
-            count += 1.0;
-        }
-    }
-    sum.map(|total| total / count)
-}
-
-fn size(path: &Path) -> [usize; 2] {
-    let (picture, _) = read_picture(path).unwrap();
-    [picture.width, picture.height]
-}
-
-/// Writes a file of actions: each is done before the frame beside it.
-fn actions(folder: &Path, steps: &[(u32, Value)]) -> &'static str {
-    let steps: Vec<Value> = steps.iter().map(|(frame, action)| json!({"frame": frame, "do": action})).collect();
-    fs::write(folder.join("actions.json"), Value::from(steps).to_string()).unwrap();
-    "actions.json"
-}
-
-/// Every implementation and preset of every slot, as `magpie stages --json` lists them.
-fn choices() -> Vec<String> {
-    let listed = Command::new(env!("CARGO_BIN_EXE_magpie")).args(["stages", "--json"]).output().unwrap();
-    let stages: Value = serde_json::from_slice(&listed.stdout).unwrap();
-    let mut choices = Vec::new();
-    for slot in stages.as_array().unwrap() {
-        for list in ["implementations", "presets"] {
-            for choice in slot[list].as_array().unwrap() {
-                choices.push(format!("stages.{}={}", slot["name"].as_str().unwrap(), choice["name"].as_str().unwrap()));
-            }
-        }
-    }
-    choices
-}
+mod window;
+use window::*;
 
 /// One run does all that people do, under all checks: it swaps what fills every slot, hides panels, resizes, minimises, goes to another scene.
 #[test]
@@ -315,25 +205,6 @@ fn panels_are_cheap() {
     assert!(mean < 2.0 * passes / 100.0, "{line}");
 }
 
-/// A device that is lost ends it with a message, and nothing is half written.
-#[test]
-fn a_lost_device_is_said() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let steps = [(2, json!({"screenshot": "two.png"})), (5, json!({"lose_device": "gbuffer.draw"}))];
-    let script = actions(folder.path(), &steps);
-    let arguments =
-        ["builtin:cornell", "--frames", "20", "--actions", script, "--timings", "t.json", "--screenshot", "last.png"];
-    let output = view(Some(display.name()), folder.path(), &arguments);
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(message.contains("the device was lost") && !message.contains("panicked"), "{message}");
-    assert_eq!(size(&folder.path().join("two.png")), [400, 300]);
-    let mut left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    left.sort_unstable();
-    assert_eq!(left, ["actions.json", "two.png"]);
-}
-
 /// Window, panels, colours and the camera of each scene are as they were the last time.
 #[test]
 fn the_last_run_is_remembered() {
@@ -380,155 +251,6 @@ fn the_last_run_is_remembered() {
     let state: Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("state/viewer.json")).unwrap()).unwrap();
     assert_eq!((&state["recent"], &state["light"]), (&json!(["builtin:cornell"]), &json!(true)), "{state}");
-}
-
-/// Who closes the window ends the program, and what was asked for by then is written.
-#[test]
-fn a_closed_window_is_no_failure() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let script = actions(folder.path(), &[(2, json!({"screenshot": "two.png"})), (3, json!("close"))]);
-    done(&view(Some(display.name()), folder.path(), &["builtin:cornell", "--actions", script, "--no-panels"]));
-    assert_eq!(size(&folder.path().join("two.png")), [400, 300]);
-}
-
-/// An edit of the configuration file applies while frames go on, a mistake in it changes nothing, and a signal ends it all in order.
-#[test]
-fn edits_of_the_configuration_apply_at_once() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("c.toml");
-    fs::write(&file, "[stages]\ngi = \"sky\"\n").unwrap();
-    let mut running = Running::start(display.name(), folder.path(), &["builtin:cornell", "--config", "c.toml"]);
-    running.wait_for("gi = \"sky\"");
-    fs::write(&file, "[stages]\ngi = \"off\"\n[post]\nexposure = 1.5\n").unwrap();
-    running.wait_for("gi = \"off\"");
-    running.wait_for("exposure = 1.5");
-    for mistake in ["[stages]\ngi = \"nothing\"\n", "[stages", "[post]\nexposure = \"much\"\n"] {
-        fs::write(&file, mistake).unwrap();
-        thread::sleep(Duration::from_millis(200));
-        running.wait_for("gi = \"off\"");
-        running.wait_for("exposure = 1.5");
-    }
-    // As editors do it: another file in its place.
-    fs::write(folder.path().join("other"), "[stages]\ngi = \"sky\"\n").unwrap();
-    fs::rename(folder.path().join("other"), &file).unwrap();
-    running.wait_for("gi = \"sky\"");
-    running.wait_for("exposure = 0.0");
-    let number = running.program.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &number]).status().unwrap().success());
-    let output = running.end();
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(130), "{message}");
-    assert_eq!(message.trim(), "error: interrupted");
-    let left = fs::read_dir(folder.path()).unwrap().count();
-    assert_eq!(left, 3, "a file was left half written");
-}
-
-/// A copy of the shaders below a folder, to be edited.
-fn shaders(folder: &Path) -> PathBuf {
-    let (from, to) = (Path::new(env!("CARGO_MANIFEST_DIR")).join("../shaders"), folder.join("glsl"));
-    for effect in fs::read_dir(from).unwrap().map(Result::unwrap).filter(|entry| entry.file_type().unwrap().is_dir()) {
-        let copy = to.join(effect.file_name());
-        fs::create_dir_all(&copy).unwrap();
-        for file in fs::read_dir(effect.path()).unwrap().map(Result::unwrap) {
-            if file.file_type().unwrap().is_file() {
-                fs::copy(file.path(), copy.join(file.file_name())).unwrap();
-            }
-        }
-    }
-    to
-}
-
-/// A shader that is saved runs within a second; one with a mistake is named with its line, and the one before runs on.
-#[test]
-fn edits_of_shaders_are_seen_within_a_second() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let scene = square(folder.path());
-    let glsl = shaders(folder.path());
-    let still = [scene, "--set", "stages.gi=off", "--set", "stages.shadows=off", "--set", "stages.ao=off"];
-    let mut running = Running::start(
-        display.name(),
-        folder.path(),
-        &[&still[..], &["--shaders", "glsl", "--check", "--verbose"]].concat(),
-    );
-    running.wait_for("gi = \"off\"");
-    // The sky is in the corner: blue, and without any red once the shader takes it away.
-    let red = |display: &Display| display.shown([8, 8]).iter().map(|[r, _, _]| usize::from(*r)).sum::<usize>();
-    let wait = |wanted: bool| {
-        let begun = Instant::now();
-        while (red(&display) == 0) != wanted {
-            assert!(begun.elapsed() < Duration::from_secs(20), "it is not seen");
-            thread::sleep(Duration::from_millis(5));
-        }
-        begun.elapsed()
-    };
-    wait(false);
-    let file = glsl.join("post/tone_map.comp");
-    let text = fs::read_to_string(&file).unwrap();
-    let store = text.lines().find(|line| line.trim_start().starts_with("store(")).unwrap();
-    let edited = text.replace(store, &format!("    display.r = 0.0;\n{store}"));
-    fs::write(&file, &edited).unwrap();
-    let first = wait(true);
-    fs::write(&file, text.replace(store, &format!("    nonsense;\n{store}"))).unwrap();
-    thread::sleep(Duration::from_millis(700));
-    assert_eq!(red(&display), 0, "the shader of before the mistake does not run any more");
-    fs::write(&file, text.replace("local_size_x = 8", "local_size_x = 16")).unwrap();
-    thread::sleep(Duration::from_millis(700));
-    assert_eq!(red(&display), 0, "the shader of before the mistake does not run any more");
-    fs::write(&file, &text).unwrap();
-    let last = wait(false);
-    for took in [first, last] {
-        // Twice what is promised: the machine may be busy with other tests.
-        assert!(took < Duration::from_secs(2), "{took:?}");
-    }
-    let number = running.program.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &number]).status().unwrap().success());
-    let output = running.end();
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(130), "{message}");
-    let line = 1 + text.lines().position(|line| line == store).unwrap();
-    assert!(message.contains(&format!("post/tone_map.comp:{line}: 'nonsense'")), "{message}");
-    assert!(message.contains("8 x 8 x 1 and is 16 x 8 x 1"), "{message}");
-    assert_eq!(message.lines().filter(|line| line.starts_with("error")).count(), 1, "{message}");
-}
-
-/// A scene that is written anew is shown as it is now, and one with a mistake is not.
-#[test]
-fn edits_of_the_scene_are_seen() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let scene = square(folder.path());
-    let mut running = Running::start(display.name(), folder.path(), &[scene]);
-    running.wait_for("gi = \"surfels\"");
-    let seen = |most: usize| {
-        let begun = Instant::now();
-        loop {
-            let shown = display.shown([400, 300]);
-            let count = |at: usize| {
-                let clear = |pixel: &&[u8; 3]| (0..3).all(|c| c == at || pixel[at] > 60 && pixel[at] > 2 * pixel[c]);
-                shown.iter().filter(clear).count()
-            };
-            if count(most) > 5_000 {
-                return;
-            }
-            assert!(begun.elapsed() < Duration::from_secs(30), "{most} is not seen");
-            thread::sleep(Duration::from_millis(20));
-        }
-    };
-    seen(0);
-    let path = folder.path().join(scene);
-    let text = fs::read_to_string(&path).unwrap();
-    assert!(text.contains("[0.8,0.02,0.02,1.0]"), "{text}");
-    fs::write(&path, "{").unwrap();
-    thread::sleep(Duration::from_millis(600));
-    seen(0);
-    fs::write(&path, text.replace("[0.8,0.02,0.02,1.0]", "[0.02,0.8,0.02,1.0]")).unwrap();
-    seen(1);
-    let number = running.program.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &number]).status().unwrap().success());
-    assert_eq!(running.end().status.code(), Some(130));
 }
 
 /// The reference gathers samples behind a camera that stands still, and tells configurations apart.
@@ -600,6 +322,43 @@ fn the_display_shows_the_window() {
     assert_eq!(differ, 0, "pixels of {}", wanted.len());
 }
 
+/// On a display with 10 bits of each colour, those of 16-bit display values are seen, and those of 8-bit ones as they are.
+#[test]
+fn ten_bits_are_shown_where_the_display_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = square(folder.path());
+    // Levels of the sky's gradient that no 8-bit value has.
+    let between = |bits: &str| {
+        let display = display_of("30")?;
+        let still = [scene, "--set", "stages.gi=off", "--set", "stages.shadows=off", "--set", "stages.ao=off"];
+        let setting = format!("post.bits={bits}");
+        let mut running =
+            Running::start(display.name(), folder.path(), &[&still[..], &["--set", &setting, "--check"]].concat());
+        running.wait_for(&format!("bits = {bits}"));
+        let begun = Instant::now();
+        let shown = loop {
+            let shown = display.shown_10([400, 300]);
+            if shown.iter().filter(|[_, _, blue]| *blue > 200).count() > 10_000 {
+                break shown;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(30), "no sky is seen");
+            thread::sleep(Duration::from_millis(50));
+        };
+        fs::remove_file(folder.path().join("now.toml")).unwrap();
+        running.program.kill().unwrap();
+        running.end();
+        let is_of_8_bits = |level: u32| {
+            let nearest = (f64::from(level) * 255.0 / 1023.0).round();
+            (nearest * 1023.0 / 255.0).round() as u32 == level
+        };
+        let levels: BTreeSet<u32> = shown.iter().flatten().copied().filter(|level| !is_of_8_bits(*level)).collect();
+        Some(levels.len())
+    };
+    let (Some(eight), Some(sixteen)) = (between("8"), between("16")) else { return };
+    assert_eq!(eight, 0);
+    assert!(sixteen > 20, "{sixteen} levels");
+}
+
 /// The example of a window in few lines shows a scene of one's own.
 #[test]
 fn the_smallest_viewer_shows_a_scene() {
@@ -629,74 +388,4 @@ fn the_smallest_viewer_shows_a_scene() {
     program.kill().unwrap();
     let output = program.wait_with_output().unwrap();
     assert!(is_seen, "{}", String::from_utf8_lossy(&output.stderr));
-}
-
-/// Writes a scene of a red square that stands upright, without light or camera.
-fn square(folder: &Path) -> &'static str {
-    let floats: [f32; 12] = [-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0];
-    let bytes: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
-    let indices: Vec<u8> = [0_u16, 1, 2, 0, 2, 3].iter().flat_map(|x| x.to_le_bytes()).collect();
-    let scene = json!({
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}],
-        "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.02, 0.02, 1.0], "metallicFactor": 0.0}}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]},
-            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
-        ],
-        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
-        "buffers": [{"uri": "square.bin", "byteLength": 60}],
-    });
-    fs::write(folder.join("square.bin"), [bytes, indices].concat()).unwrap();
-    fs::write(folder.join("square.gltf"), scene.to_string()).unwrap();
-    "square.gltf"
-}
-
-/// A display that goes away ends it with a message.
-#[test]
-fn a_lost_display_is_said() {
-    let Some(display) = display() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let mut running = Running::start(display.name(), folder.path(), &["builtin:cornell"]);
-    running.wait_for("gi = \"surfels\"");
-    drop(display);
-    let output = running.end();
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(1), "{message}");
-    assert!(!message.is_empty() && !message.contains("panicked"), "{message}");
-}
-
-/// Without a display there is one sentence, and what to do instead.
-#[test]
-fn without_a_display_there_is_a_hint() {
-    let folder = tempfile::tempdir().unwrap();
-    for arguments in [&["builtin:cornell"][..], &["builtin:cornell", "--frames", "3"]] {
-        let output = view(None, folder.path(), arguments);
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(3), "{message}");
-        assert!(message.contains("no display") && message.contains("magpie render"), "{message}");
-        assert!(message.lines().count() == 1 && !message.contains(".rs"), "{message}");
-    }
-}
-
-/// Mistakes in what is given end it before a window opens.
-#[test]
-fn mistakes_are_found_before_the_window_opens() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("bad.json"), "[{\"frame\": 1, \"do\": \"dance\"}]").unwrap();
-    for (arguments, wanted) in [
-        (&["builtin:nowhere"][..], "nowhere"),
-        (&["builtin:cornell", "--actions", "bad.json"], "dance"),
-        (&["builtin:cornell", "--set", "stages.gi=nothing"], "nothing"),
-        (&["builtin:cornell", "--screenshot", "a.png"], "--frames"),
-        (&["builtin:cornell", "--frames", "2", "--screenshot", "a.bmp"], ".png"),
-        (&["builtin:cornell", "--frames", "2", "--screenshot", "no_folder/a.png"], "no_folder"),
-    ] {
-        let output = view(None, folder.path(), arguments);
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-        assert!(message.contains(wanted), "{arguments:?}: {message}");
-    }
-    let left: Vec<PathBuf> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert_eq!(left.len(), 1, "{left:?}");
 }

@@ -11,8 +11,8 @@ use std::{
 
 use serde_json::{Value, json};
 
-mod xvfb;
-use xvfb::{Display, display};
+mod window;
+use window::{Display, display};
 
 /// PCG hash (Jarzynski and Olano 2020) of a counter: the events of a seed are the same everywhere.
 struct Random(u32);

@@ -38,6 +38,10 @@ impl Pixels {
             Format::R16Unorm => [unorm16(0), 0.0, 0.0, 1.0],
             Format::Rg16Unorm => [unorm16(0), unorm16(1), 0.0, 1.0],
             Format::Rgba16Unorm => [unorm16(0), unorm16(1), unorm16(2), unorm16(3)],
+            Format::A2Rgb10Unorm => {
+                let bits = |shift: u32| ((word(0) >> shift) & 0x3ff) as f32 / 1023.0;
+                [bits(20), bits(10), bits(0), (word(0) >> 30) as f32 / 3.0]
+            }
             Format::Rg16Snorm => [snorm(0), snorm(1), 0.0, 1.0],
             Format::Rgba16Snorm => [snorm(0), snorm(1), snorm(2), snorm(3)],
             Format::R16Float => [half(0), 0.0, 0.0, 1.0],
@@ -74,9 +78,11 @@ impl Pixels {
                         [v[0], v[1], v[2]].map(|x| srgb_encode(x / (1.0 + x.max(0.0))))
                     }
                     Format::R32Float => [srgb_encode(v[0] / (1.0 + v[0].max(0.0))); 3],
-                    Format::Rg8Unorm | Format::Rgba8Unorm | Format::Rg16Unorm | Format::Rgba16Unorm => {
-                        [v[0], v[1], v[2]]
-                    }
+                    Format::Rg8Unorm
+                    | Format::Rgba8Unorm
+                    | Format::Rg16Unorm
+                    | Format::Rgba16Unorm
+                    | Format::A2Rgb10Unorm => [v[0], v[1], v[2]],
                 };
                 let [r, g, b] = rgb.map(|x| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
                 [r, g, b, 255]
@@ -117,6 +123,10 @@ mod tests {
         assert_eq!(one(Format::R8Unorm, &[255]), [1.0, 0.0, 0.0, 1.0]);
         assert_eq!(one(Format::Rgba8Unorm, &[0, 51, 102, 255]), [0.0, 0.2, 0.4, 1.0]);
         assert!((one(Format::Rgba8Srgb, &[188, 0, 0, 0])[0] - 0.5).abs() < 4e-3);
+        assert_eq!(
+            one(Format::A2Rgb10Unorm, &(3 << 30 | 1023 << 10 | 341_u32).to_le_bytes()),
+            [0.0, 1.0, 341.0 / 1023.0, 1.0]
+        );
         assert_eq!(one(Format::Rgba16Snorm, &[0xff, 0x7f, 0, 0x80, 1, 0x80, 0, 0]), [1.0, -1.0, -1.0, 0.0]);
         assert_eq!(one(Format::R16Float, &[0, 0x3a]), [0.75, 0.0, 0.0, 1.0]);
         assert_eq!(one(Format::Rg16Float, &[0, 0x3c, 0, 0xc0]), [1.0, -2.0, 0.0, 1.0]);

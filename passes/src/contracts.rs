@@ -4,7 +4,7 @@
 //! than its contract allows, the frame is refused with an error that names the slot, the implementation and both formats or sizes.
 mod gbuffer;
 
-use crate::outputs::{DIRECTION, DISTANCE, Gives, RADIANCE, SCALAR, VISIBILITY};
+use crate::outputs::{DIRECTION, DISPLAY, DISTANCE, Gives, RADIANCE, SCALAR, VISIBILITY};
 pub use gbuffer::{Channel, GBuffer, GBufferToken, GEOMETRY, RAY_START};
 use magpie::frame::View;
 use magpie::graph::execute::Imports;
@@ -351,13 +351,13 @@ pub struct Seen {
 pub struct PostOut {
     /// Linear radiance before exposure and tone curve, RGBA32F or RGBA16F.
     pub radiance: Handle<Image>,
-    /// Display values, RGBA8, sRGB-encoded.
+    /// Display values, RGBA8 or RGBA16, sRGB-encoded.
     pub display: Handle<Image>,
 }
 
 impl Gives for PostOut {
     fn images(&self) -> Vec<(&'static str, Handle<Image>, &'static [Format])> {
-        vec![("radiance", self.radiance, RADIANCE), ("display", self.display, &[Format::Rgba8Unorm])]
+        vec![("radiance", self.radiance, RADIANCE), ("display", self.display, &DISPLAY)]
     }
 
     fn shown(&self) -> Option<Handle<Image>> {

@@ -11,7 +11,7 @@ use magpie::slot::Needs;
 pub struct FrameOut {
     /// Linear radiance before exposure and tone curve, RGBA32F or RGBA16F.
     pub radiance: Handle<Image>,
-    /// Display values, RGBA8, sRGB-encoded.
+    /// Display values, RGBA8 or RGBA16, sRGB-encoded.
     pub display: Handle<Image>,
     /// Reversed depth, D32F, in the size of the frame.
     pub depth: Handle<Image>,

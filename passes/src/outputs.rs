@@ -27,6 +27,8 @@ pub const VISIBILITY: &[Format] = &[
     Format::Rgba32Float,
 ];
 pub const COLOUR: &[Format] = &[Format::Rgba8Srgb, Format::Rgba8Unorm, Format::Rgba16Float, Format::Rgba32Float];
+/// Formats of display values.
+pub const DISPLAY: [Format; 2] = [Format::Rgba8Unorm, Format::Rgba16Unorm];
 pub const NORMAL: &[Format] = &[Format::Rg16Snorm, Format::Rg16Float, Format::Rg32Float];
 pub const DIRECTION: &[Format] = &[Format::Rg16Float, Format::Rg32Float];
 pub const DISTANCE: &[Format] = &[Format::R16Float, Format::R32Float];

@@ -1,7 +1,7 @@
 //! The user interface over a picture: `overlay.draw` blends as it says, and changes nothing else.
 use anyhow::{Context, Result, ensure};
 use magpie::gpu::{Gpu, Image, ImageUse};
-use magpie::graph::Extent;
+use magpie::graph::{Extent, Format};
 use magpie::pixels::Pixels;
 use magpie::prelude::{Handle, Rays};
 use magpie::slot::Build;
@@ -36,7 +36,7 @@ impl Window {
         let scene = builtin("cornell")?;
         let renderer = Renderer::new(gpu, &scene, &Slots::default(), &config(&["stages.gi=off"])?, options)?;
         let usage = ImageUse { attachment: true, ..ImageUse::default() };
-        let target = Image::new(gpu, "window", Overlay::FORMAT, Extent::new(width, height), 1, usage)?;
+        let target = Image::new(gpu, "window", Format::Rgba8Unorm, Extent::new(width, height), 1, usage)?;
         let overlay = Overlay::new(gpu, &Build::new(gpu, Rays::default()))?;
         Ok(Self { renderer, overlay, target: Arc::new(target) })
     }
@@ -173,7 +173,7 @@ fn another_renderer_is_shown_beside() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let (mut left, mut right) = (Window::open(&gpu, 2)?, Window::open(&gpu, 2)?);
     let usage = ImageUse { sampled: true, attachment: true, ..ImageUse::default() };
-    let shared = Arc::new(Image::new(&gpu, "shared", Overlay::FORMAT, Extent::new(SIZE[0], SIZE[1]), 1, usage)?);
+    let shared = Arc::new(Image::new(&gpu, "shared", Format::Rgba8Unorm, Extent::new(SIZE[0], SIZE[1]), 1, usage)?);
     right.target = shared.clone();
     for frame in 0..4_u8 {
         let colour = [60 * frame, 20, 90, 255];

@@ -31,8 +31,8 @@ pub struct ViewArguments {
     /// Write the times of every pass, of all frames of --frames
     #[arg(long, value_name = "F.json|F.csv", requires = "frames")]
     pub timings: Option<PathBuf>,
-    /// Do what a file says, frame by frame, as if it were done by hand
-    #[arg(long, value_name = "F.json")]
+    /// Do what a file says, frame by frame, as if it were done by hand; with `-`, what the lines of standard input say, as they come
+    #[arg(long, value_name = "F.json|-", allow_hyphen_values = true)]
     pub actions: Option<PathBuf>,
     /// Show the picture without panels; F2 brings them
     #[arg(long)]

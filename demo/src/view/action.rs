@@ -1,6 +1,10 @@
 //! What is done to the viewer, by hand or by a file.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::mpsc::{Receiver, channel},
+    thread,
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -139,6 +143,25 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Step>, Failure> {
     })?;
     steps.sort_by_key(|step| step.frame);
     Ok(steps)
+}
+
+/// Actions that come while the viewer runs: one per line of standard input, such as `{"set": "stages.gi=off"}`, done before the next frame.
+pub(crate) fn of_standard_input() -> Result<Receiver<Result<Action, Failure>>, Failure> {
+    let (sender, actions) = channel();
+    let read = move || {
+        for line in std::io::stdin().lines() {
+            let action = line.map_err(Failure::input).and_then(|line| {
+                serde_json::from_str(&line).map_err(|error| {
+                    Failure::bad(format!("{line}: wanted an action such as {{\"set\": \"stages.gi=off\"}}: {error}"))
+                })
+            });
+            if sender.send(action.map_err(|failure| failure.context("--actions"))).is_err() {
+                return;
+            }
+        }
+    };
+    thread::Builder::new().name("actions".to_owned()).spawn(read).map_err(Failure::running)?;
+    Ok(actions)
 }
 
 const EXAMPLE: &str = r#"{"frame": 3, "do": {"set": "stages.gi=off"}}"#;

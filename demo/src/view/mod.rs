@@ -16,7 +16,10 @@ mod truth;
 mod watch;
 mod window;
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use winit::event_loop::EventLoop;
 
@@ -52,7 +55,7 @@ struct Outputs {
 /// # Errors
 /// [`Failure`] of the kind that gives the right exit status.
 pub fn view(arguments: &ViewArguments) -> Result<(), Failure> {
-    let plan = |argument, path: &Option<std::path::PathBuf>, endings: &[&str]| {
+    let plan = |argument, path: &Option<PathBuf>, endings: &[&str]| {
         path.as_deref().map(|path| Output::plan(argument, path, endings)).transpose()
     };
     let outputs = Outputs {
@@ -66,10 +69,12 @@ pub fn view(arguments: &ViewArguments) -> Result<(), Failure> {
         ("configuration", &arguments.frame.config),
         ("actions", &arguments.actions),
     ];
+    let from_input = arguments.actions.as_deref().is_some_and(|path| path == Path::new("-"));
     let named = inputs.iter().filter_map(|(what, path)| Some((*what, path.as_deref()?)));
+    let named = named.filter(|(_, path)| *path != Path::new("-"));
     let inputs: Vec<_> = named.chain([("scene", arguments.scene.as_path())]).collect();
     keep_apart(&all, &inputs)?;
-    let steps = arguments.actions.as_deref().map(action::read).transpose();
+    let steps = arguments.actions.as_deref().filter(|_| !from_input).map(action::read).transpose();
     let steps = steps.map_err(|failure| failure.context("--actions"))?.unwrap_or_default();
     let config = input::configure(&session::catalogue(), arguments.frame.config.as_deref(), &arguments.frame.set)?;
     let scene =
@@ -84,6 +89,9 @@ pub fn view(arguments: &ViewArguments) -> Result<(), Failure> {
     }
     let event_loop = EventLoop::new().map_err(no_display)?;
     let mut app = window::App::new(arguments, scene, &camera, config, steps, remembered);
+    if from_input {
+        app.commands = Some(action::of_standard_input()?);
+    }
     event_loop.run_app(&mut app).map_err(no_display)?;
     let findings = app.end(&outputs)?;
     for finding in findings.iter().take(FINDINGS_SHOWN) {

@@ -9,8 +9,8 @@ use std::{
 use egui::{ClippedPrimitive, TexturesDelta};
 use magpie::{
     config::Config,
-    gpu::{Gpu, GpuOptions, Image, ImageUse, PipelineSet, PresentMode, Surface},
-    graph::Extent,
+    gpu::{Gpu, GpuError, GpuOptions, Image, ImageUse, PipelineSet, PresentMode, Surface},
+    graph::{Extent, Format},
     pixels::Pixels,
     prelude::Rays,
     scene::{Camera, Scene},
@@ -214,19 +214,20 @@ impl Screen {
                 meshes::set_texture(&mut self.overlay, id, delta)?;
             }
         }
-        let target = target_of(&self.gpu, &mut self.target, window)?;
         self.options = RenderOptions { width: picture.width, height: picture.height, ..self.options };
         self.renderer.resize(picture.width, picture.height);
         let request = FrameRequest { camera, time, view: None, read_back: false };
         let beside = match &mut self.other {
-            Some(other) => Some(other.draw(&self.gpu, request, picture)?),
+            Some(other) => other.draw(&self.gpu, request, picture)?,
             None => None,
         };
-        let overlay = &mut self.overlay;
+        let (gpu, overlay, target, surface) = (&self.gpu, &mut self.overlay, &mut self.target, &mut self.surface);
         let mut overlay_time = Duration::ZERO;
         let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
             let begun = Instant::now();
             let meshes = meshes::meshes(interface, pixels_per_point, made.display, beside.as_ref());
+            let format = surface.set_bits(if g.desc(made.display).format == Format::Rgba16Unorm { 10 } else { 8 });
+            let target = target_of(gpu, target, window, format)?;
             let shown = overlay.add(g, imports, &meshes, &target)?;
             overlay_time = begun.elapsed();
             for wanted in wanted {
@@ -249,7 +250,9 @@ impl Screen {
                 self.overlay.remove_texture(number);
             }
         }
-        self.surface.present(&target, window)?;
+        if let Some(target) = &self.target {
+            self.surface.present(target, window)?;
+        }
         Ok(Drawn { frame, overlay_time })
     }
 
@@ -273,7 +276,7 @@ impl Screen {
         gpu.wait_idle()?;
         match gpu.check_validation() {
             Ok(()) => {}
-            Err(magpie::gpu::GpuError::Validation { messages }) => findings.extend(messages),
+            Err(GpuError::Validation { messages }) => findings.extend(messages),
             Err(error) => return Err(error.into()),
         }
         Ok(findings)
@@ -282,26 +285,28 @@ impl Screen {
 
 impl Other {
     /// Submits a frame whose picture is left in the image that it returns.
-    fn draw(&mut self, gpu: &Gpu, request: FrameRequest<'_>, picture: Extent) -> Result<Arc<Image>, Failure> {
-        let target = target_of(gpu, &mut self.target, picture)?;
+    fn draw(&mut self, gpu: &Gpu, request: FrameRequest<'_>, picture: Extent) -> Result<Option<Arc<Image>>, Failure> {
         self.renderer.resize(picture.width, picture.height);
-        let overlay = &mut self.overlay;
+        let (overlay, target) = (&mut self.overlay, &mut self.target);
         let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
+            let is_deep = g.desc(made.display).format == Format::Rgba16Unorm;
+            let target = target_of(gpu, target, picture, Overlay::FORMATS[usize::from(is_deep)])?;
             overlay.add(g, imports, &[meshes::whole(made.display, picture)], &target)?;
             Ok(())
         });
         drop(submitted.map_err(failure)?);
-        Ok(target)
+        Ok(self.target.clone())
     }
 }
 
-/// An image of this size to draw into: the one that is there, if it has it.
-fn target_of(gpu: &Gpu, kept: &mut Option<Arc<Image>>, extent: Extent) -> Result<Arc<Image>, Failure> {
-    if let Some(target) = kept.as_ref().filter(|target| target.extent() == extent) {
+/// An image of this size and format to draw into: the one that is there, if it suits.
+fn target_of(gpu: &Gpu, kept: &mut Option<Arc<Image>>, extent: Extent, format: Format) -> Result<Arc<Image>, GpuError> {
+    let suits = |target: &&Arc<Image>| target.extent() == extent && target.format() == format;
+    if let Some(target) = kept.as_ref().filter(suits) {
         return Ok(target.clone());
     }
     let usage = ImageUse { sampled: true, attachment: true, ..ImageUse::default() };
-    let target = Arc::new(Image::new(gpu, "window", Overlay::FORMAT, extent, 1, usage)?);
+    let target = Arc::new(Image::new(gpu, "window", format, extent, 1, usage)?);
     *kept = Some(target.clone());
     Ok(target)
 }

@@ -132,7 +132,10 @@ impl Pair {
         let reference = Picture { pixels, ..test };
         measured.relmse = relmse(&Picture::from_pixels(&radiance)?, &reference)?;
         measured.relmse_of_reference = noise(&estimate);
-        let map = flip_ldr_map(&Picture::from_pixels(&display)?, &Picture::from_pixels(&truth)?)?;
+        let shown = |pixels: &Pixels| {
+            Picture::from_pixels(&Pixels { format: Format::Rgba8Unorm, bytes: pixels.presentable(), ..*pixels })
+        };
+        let map = flip_ldr_map(&shown(&display)?, &shown(&truth)?)?;
         measured.flip = map.mean();
         let bytes = magma(&map).as_chunks::<3>().0.iter().flat_map(|&[r, g, b]| [r, g, b, 255]).collect();
         let map = Pixels { extent: truth.extent, format: Format::Rgba8Unorm, bytes };
@@ -234,7 +237,8 @@ impl App<'_> {
         let is_due = repeats || truth.compared.is_none_or(|then| then.elapsed() >= PAUSE);
         if samples > truth.state.samples && is_due && !truth.awaits && truth.comparison.is_none() {
             let shown = truth.reference.display(&Slots::default(), &self.config).map_err(failure)?;
-            open.screen.set_picture(TRUTH, &shown)?;
+            let texture = Pixels { format: Format::Rgba8Unorm, bytes: shown.presentable(), ..shown };
+            open.screen.set_picture(TRUTH, &texture)?;
             (truth.state.samples, truth.compared, truth.awaits) = (samples, Some(Instant::now()), true);
             let asked = Asked { shown, config: Config::default(), seen: truth.seen.clone() };
             self.wishes.extend([Wish::TruthRadiance, Wish::TruthDisplay(Box::new(asked))]);

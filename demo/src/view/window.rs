@@ -1,6 +1,10 @@
 //! The window: its events, what is done by hand or by a file, and one frame after the other.
 
-use std::{collections::VecDeque, sync::Arc, time::Instant};
+use std::{
+    collections::VecDeque,
+    sync::{Arc, mpsc::Receiver},
+    time::Instant,
+};
 
 use egui_winit::State;
 use magpie::{
@@ -75,6 +79,8 @@ pub(super) struct App<'a> {
     pub(super) shaders: Option<ShaderWatch>,
     pub(super) background: Background,
     steps: VecDeque<Step>,
+    /// Actions that come from outside.
+    pub(super) commands: Option<Receiver<Result<Action, Failure>>>,
     /// `None` before the window opens.
     pub(super) open: Option<Open>,
     /// Why it ends, if not because it was closed.
@@ -184,6 +190,7 @@ impl<'a> App<'a> {
             shaders: None,
             background: Background::default(),
             steps: steps.into(),
+            commands: None,
             open: None,
             failure: None,
             frame: 0,
@@ -282,6 +289,13 @@ impl<'a> App<'a> {
         let mut actions = self.actions_due();
         actions.extend(self.take_edits());
         self.act(actions, event_loop)?;
+        let commands: Vec<_> = self.commands.iter().flat_map(Receiver::try_iter).collect();
+        for command in commands {
+            match command {
+                Ok(action) => self.act(vec![action], event_loop)?,
+                Err(failure) => self.show_mistake(Err(failure))?,
+            }
+        }
         let done = self.take_background();
         self.show_mistake(done)?;
         let seconds = self.last.elapsed().as_secs_f64();

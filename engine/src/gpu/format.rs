@@ -39,6 +39,7 @@ pub(super) fn vulkan(format: Format) -> vk::Format {
         Format::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
         Format::Rgba8Srgb => vk::Format::R8G8B8A8_SRGB,
         Format::Rg16Snorm => vk::Format::R16G16_SNORM,
+        Format::A2Rgb10Unorm => vk::Format::A2R10G10B10_UNORM_PACK32,
         Format::Rgba16Snorm => vk::Format::R16G16B16A16_SNORM,
         Format::R16Unorm => vk::Format::R16_UNORM,
         Format::Rg16Unorm => vk::Format::R16G16_UNORM,

@@ -1,8 +1,8 @@
 //! The surface of a window, and the swapchain through which pictures reach it.
 use super::device::lock;
 use super::instance::Instance;
-use super::{CommandEncoder, Gpu, GpuError, GpuOptions, Image, Submission};
-use crate::graph::{Extent, Queue};
+use super::{CommandEncoder, Gpu, GpuError, GpuOptions, Image, Submission, format};
+use crate::graph::{Extent, Format, Queue};
 use ash::{khr, vk};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle, RawWindowHandle};
 use std::any::Any;
@@ -65,6 +65,19 @@ pub struct Surface {
     _handles: Arc<dyn Any + Send + Sync>,
     gpu: Gpu,
     mode: PresentMode,
+    /// Bits of each colour, if the display offers that.
+    bits: u32,
+    offered: Vec<Offered>,
+}
+
+/// A format that the display offers.
+#[derive(Clone, Copy)]
+struct Offered {
+    format: vk::Format,
+    /// Bits of each colour.
+    bits: u32,
+    /// Whether pictures of any format and size can be scaled into it. Otherwise they are copied, and must have the same.
+    scales: bool,
 }
 
 /// What one picture on its way to the display needs.
@@ -93,6 +106,7 @@ struct Swapchain {
     raw: vk::SwapchainKHR,
     extent: Extent,
     mode: PresentMode,
+    format: Offered,
     images: Vec<vk::Image>,
     /// Size of its images.
     pixels: Extent,
@@ -122,6 +136,33 @@ impl WindowSurface {
     pub fn is_supported(&self, device: vk::PhysicalDevice, family: u32) -> bool {
         // SAFETY: device and surface are of the same instance, and the family exists.
         unsafe { self.calls.get_physical_device_surface_support(device, family, self.raw) }.unwrap_or(false)
+    }
+
+    /// The formats that pictures can be copied to, those of 8 bits first.
+    fn formats(&self, gpu: &Gpu) -> Result<Vec<Offered>, GpuError> {
+        // SAFETY: device and surface are of the same instance.
+        let offered = unsafe { self.calls.get_physical_device_surface_formats(gpu.physical(), self.raw) }
+            .map_err(surface_error("vkGetPhysicalDeviceSurfaceFormatsKHR"))?;
+        let is_offered = |format: vk::Format| {
+            // Pictures hold display values, which must not go through the sRGB curve again.
+            let is_it =
+                |f: &vk::SurfaceFormatKHR| f.format == format && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR;
+            offered.iter().any(is_it)
+        };
+        let known = [
+            (vk::Format::B8G8R8A8_UNORM, 8),
+            (vk::Format::R8G8B8A8_UNORM, 8),
+            (vk::Format::A2B10G10R10_UNORM_PACK32, 10),
+            (vk::Format::A2R10G10B10_UNORM_PACK32, 10),
+        ];
+        let of = |(format, bits)| {
+            let scales = gpu.format_features(format).contains(vk::FormatFeatureFlags::BLIT_DST);
+            Offered { format, bits, scales }
+        };
+        let suits = |offered: &Offered| {
+            is_offered(offered.format) && (offered.scales || offered.format == format::vulkan(Format::A2Rgb10Unorm))
+        };
+        Ok(known.into_iter().map(of).filter(suits).collect())
     }
 }
 
@@ -168,14 +209,17 @@ impl Gpu {
         };
         let (gpu, surface) = Self::open(options, Some(handles))?;
         let none = || GpuError::NoDisplay { reason: "the window has no surface".to_owned() };
+        let surface = surface.ok_or_else(none)?;
         let surface = Surface {
             swapchain: None,
             turns: Vec::new(),
             next: 0,
-            window: surface.ok_or_else(none)?,
+            offered: surface.formats(&gpu)?,
+            window: surface,
             _handles: window,
             gpu: gpu.clone(),
             mode: PresentMode::default(),
+            bits: 8,
         };
         Ok((gpu, surface))
     }
@@ -206,6 +250,21 @@ impl Surface {
         self.mode = mode;
     }
 
+    /// Sets how many bits each colour has from the next picture on: 8, or 10 for display values that have more. Where the display does not offer
+    /// that, it gets what it offers. Returns the format in which pictures can then be shown, in the size of the window.
+    pub fn set_bits(&mut self, bits: u32) -> Format {
+        self.bits = bits;
+        match self.offer(bits) {
+            Some(Offered { bits: 10, .. }) if self.gpu.blends(Format::A2Rgb10Unorm) => Format::A2Rgb10Unorm,
+            _ => Format::Rgba8Unorm,
+        }
+    }
+
+    /// The format that is taken where so many bits are wanted.
+    fn offer(&self, bits: u32) -> Option<Offered> {
+        self.offered.iter().find(|offered| offered.bits == bits).or(self.offered.first()).copied()
+    }
+
     /// Shows an image in the window, scaled to it. The image holds display values, and a frame has left it to be copied from
     /// ([`Access::CopyRead`](crate::graph::Access::CopyRead)). The device does it after all work submitted so far.
     ///
@@ -219,7 +278,8 @@ impl Surface {
         }
         // The window may change its size at any moment, so the swapchain may be outdated as soon as it was made.
         for _ in 0..3 {
-            let fits = |s: &Swapchain| (s.extent, s.mode) == (size, self.mode);
+            let format = self.offer(self.bits).map(|offered| offered.format);
+            let fits = |s: &Swapchain| (s.extent, s.mode, Some(s.format.format)) == (size, self.mode, format);
             if !self.swapchain.as_ref().is_some_and(fits) && !self.renew(size)? {
                 return Ok(Presented::Hidden);
             }
@@ -242,9 +302,11 @@ impl Surface {
     fn renew(&mut self, size: Extent) -> Result<bool, GpuError> {
         self.gpu.wait_for_presentation()?;
         let old = self.swapchain.take();
+        let none = || GpuError::NoDisplay { reason: "it has no format of 8 or 10 bits that copies reach".to_owned() };
+        let format = self.offer(self.bits).ok_or_else(none)?;
         let modes = self.modes()?;
         self.mode = if modes.contains(&self.mode) { self.mode } else { PresentMode::Vsync };
-        self.swapchain = Swapchain::new(&self.gpu, &self.window, size, self.mode, old.as_ref())?;
+        self.swapchain = Swapchain::new(&self.gpu, &self.window, size, (self.mode, format), old.as_ref())?;
         let Some(swapchain) = &self.swapchain else { return Ok(false) };
         while self.turns.len() < swapchain.images.len() {
             let acquired = Semaphore::new(&self.gpu)?;
@@ -272,11 +334,15 @@ impl Surface {
             Err(error) => return Err(surface_error("vkAcquireNextImageKHR")(error)),
         };
         self.next += 1;
+        if !swapchain.format.scales && image.format() != Format::A2Rgb10Unorm {
+            let reason = "its format of 10 bits takes only pictures of that format".to_owned();
+            return Err(GpuError::NoDisplay { reason });
+        }
         turn.encoder.begin()?;
         swapchain.copy(&turn.encoder, image, index);
         turn.encoder.finish()?;
         let ready = &swapchain.ready[index as usize];
-        let wait = turn.acquired.at(vk::PipelineStageFlags2::BLIT);
+        let wait = turn.acquired.at(COPIES);
         let signal = ready.at(vk::PipelineStageFlags2::ALL_COMMANDS);
         turn.last = Some(self.gpu.submit_for_display(&turn.encoder, wait, signal)?);
         let shown = swapchain.show(index)?;
@@ -301,22 +367,14 @@ impl Swapchain {
         gpu: &Gpu,
         window: &WindowSurface,
         size: Extent,
-        mode: PresentMode,
+        (mode, format): (PresentMode, Offered),
         old: Option<&Self>,
     ) -> Result<Option<Self>, GpuError> {
         let WindowSurface { calls: of_surface, raw: surface } = window;
         let physical = gpu.physical();
         // SAFETY: device and surface are of the same instance.
-        let (capabilities, formats) = unsafe {
-            (
-                of_surface
-                    .get_physical_device_surface_capabilities(physical, *surface)
-                    .map_err(surface_error("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?,
-                of_surface
-                    .get_physical_device_surface_formats(physical, *surface)
-                    .map_err(surface_error("vkGetPhysicalDeviceSurfaceFormatsKHR"))?,
-            )
-        };
+        let capabilities = unsafe { of_surface.get_physical_device_surface_capabilities(physical, *surface) }
+            .map_err(surface_error("vkGetPhysicalDeviceSurfaceCapabilitiesKHR"))?;
         // Where the window's size follows from the swapchain's, as under Wayland, it is not given.
         let given = capabilities.current_extent;
         let (least, most) = (capabilities.min_image_extent, capabilities.max_image_extent);
@@ -331,17 +389,6 @@ impl Swapchain {
         if extent.width == 0 || extent.height == 0 {
             return Ok(None);
         }
-        // Pictures hold display values, which must not go through the sRGB curve again.
-        let wanted = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM, vk::Format::A2B10G10R10_UNORM_PACK32];
-        let suits = |format: &&vk::Format| {
-            let is_it =
-                |f: &vk::SurfaceFormatKHR| f.format == **format && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR;
-            formats.iter().any(is_it) && gpu.format_features(**format).contains(vk::FormatFeatureFlags::BLIT_DST)
-        };
-        let Some(format) = wanted.iter().find(suits) else {
-            let reason = "the display has no 8-bit format that copies reach".to_owned();
-            return Err(GpuError::NoDisplay { reason });
-        };
         let most_images = if capabilities.max_image_count == 0 { u32::MAX } else { capabilities.max_image_count };
         let opaque = vk::CompositeAlphaFlagsKHR::OPAQUE;
         let alpha = if capabilities.supported_composite_alpha.contains(opaque) {
@@ -352,7 +399,7 @@ impl Swapchain {
         let info = vk::SwapchainCreateInfoKHR::default()
             .surface(*surface)
             .min_image_count((capabilities.min_image_count + 1).min(most_images))
-            .image_format(*format)
+            .image_format(format.format)
             .image_color_space(vk::ColorSpaceKHR::SRGB_NONLINEAR)
             .image_extent(extent)
             .image_array_layers(1)
@@ -372,6 +419,7 @@ impl Swapchain {
             raw,
             // The size that was asked for, so that it is not made anew where the window has another.
             extent: size,
+            format,
             pixels: Extent::new(extent.width, extent.height),
             mode,
             images: Vec::new(),
@@ -398,7 +446,7 @@ impl Swapchain {
             .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .image(target)
             .subresource_range(range);
-        let (copies, everything) = (vk::PipelineStageFlags2::BLIT, vk::PipelineStageFlags2::ALL_COMMANDS);
+        let (copies, everything) = (COPIES, vk::PipelineStageFlags2::ALL_COMMANDS);
         // The semaphore of the display is waited for by copies, so that this must be too.
         let before = [of_target
             .src_stage_mask(copies)
@@ -438,13 +486,30 @@ impl Swapchain {
             .dst_image_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
             .regions(&regions)
             .filter(if image.extent() == self.pixels { vk::Filter::NEAREST } else { vk::Filter::LINEAR });
+        let whole = [vk::ImageCopy2::default().src_subresource(layer).dst_subresource(layer).extent(vk::Extent3D {
+            width: self.pixels.width.min(image.extent().width),
+            height: self.pixels.height.min(image.extent().height),
+            depth: 1,
+        })];
+        let copy = vk::CopyImageInfo2::default()
+            .src_image(image.raw)
+            .src_image_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)
+            .dst_image(target)
+            .dst_image_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+            .regions(&whole);
         let (before, after) = (
             vk::DependencyInfo::default().memory_barriers(&drawn).image_memory_barriers(&before),
             vk::DependencyInfo::default().memory_barriers(&read).image_memory_barriers(&after),
         );
         encoder.depend(&before);
         // SAFETY: the command buffer is recording; both images are alive, in these layouts, and have these sizes.
-        unsafe { device.cmd_blit_image2(encoder.raw(), &blit) };
+        unsafe {
+            if self.format.scales {
+                device.cmd_blit_image2(encoder.raw(), &blit);
+            } else {
+                device.cmd_copy_image2(encoder.raw(), &copy);
+            }
+        }
         encoder.depend(&after);
     }
 
@@ -468,6 +533,10 @@ impl Drop for Swapchain {
         unsafe { self.calls.destroy_swapchain(self.raw, None) };
     }
 }
+
+/// The stages that bring a picture to the display.
+const COPIES: vk::PipelineStageFlags2 =
+    vk::PipelineStageFlags2::from_raw(vk::PipelineStageFlags2::BLIT.as_raw() | vk::PipelineStageFlags2::COPY.as_raw());
 
 fn surface_error(call: &'static str) -> impl Fn(vk::Result) -> GpuError {
     move |result| match result {

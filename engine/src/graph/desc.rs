@@ -21,6 +21,8 @@ pub enum Format {
     Rg16Unorm,
     /// Four channels, 0 to 1, 16 bits each.
     Rgba16Unorm,
+    /// Four channels, 0 to 1: from the highest bit down 2 of alpha, and 10 each of red, green and blue. For pictures that go to a display.
+    A2Rgb10Unorm,
     /// Two channels, -1 to 1, 16 bits each.
     Rg16Snorm,
     /// Four channels, -1 to 1, 16 bits each.
@@ -52,7 +54,7 @@ impl Format {
             Self::R8Unorm => 1,
             Self::Rg8Unorm | Self::R16Unorm | Self::R16Float => 2,
             Self::Rgba8Unorm | Self::Rgba8Srgb | Self::Rg16Unorm | Self::Rg16Snorm | Self::Rg16Float => 4,
-            Self::R32Float | Self::R32Uint | Self::D32Float => 4,
+            Self::R32Float | Self::R32Uint | Self::D32Float | Self::A2Rgb10Unorm => 4,
             Self::Rgba16Unorm | Self::Rgba16Snorm | Self::Rgba16Float | Self::Rg32Float | Self::Rg32Uint => 8,
             Self::Rgba32Float => 16,
         }
@@ -68,6 +70,7 @@ impl Format {
             Self::Rgba8Unorm
             | Self::Rgba8Srgb
             | Self::Rgba16Unorm
+            | Self::A2Rgb10Unorm
             | Self::Rgba16Snorm
             | Self::Rgba16Float
             | Self::Rgba32Float => 4,
@@ -91,6 +94,7 @@ impl Format {
             | Self::R16Unorm
             | Self::Rg16Unorm
             | Self::Rgba16Unorm
+            | Self::A2Rgb10Unorm
             | Self::Rg16Snorm
             | Self::Rgba16Snorm
             | Self::R32Uint
@@ -117,9 +121,9 @@ impl Format {
         matches!(self, Self::R32Uint | Self::Rg32Uint)
     }
 
-    /// Whether it can be a storage image. Depth formats cannot, nor can sRGB, since stores do not apply the curve.
+    /// Whether it can be a storage image. Depth formats cannot, nor can sRGB, since stores do not apply the curve, nor what goes to a display.
     pub fn is_storable(self) -> bool {
-        !self.is_depth() && self != Self::Rgba8Srgb
+        !self.is_depth() && !matches!(self, Self::Rgba8Srgb | Self::A2Rgb10Unorm)
     }
 }
 

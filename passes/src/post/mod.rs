@@ -70,6 +70,13 @@ pub fn slot() -> Slot<PostIn, PostOut> {
             0.0,
             0.0..=1.0,
         ),
+        SettingSpec::among(
+            "bits",
+            "bits",
+            "Bits of each colour of display values. `16`: for windows with more than 8, where shallow gradients show no steps.",
+            8,
+            &[8, 16],
+        ),
     ];
     Slot::new("post")
         .about("Linear radiance to display values.")
@@ -90,6 +97,8 @@ struct Standard {
     curve: u32,
     /// Factor before the tone curve.
     exposure: f32,
+    /// Format of display values.
+    display: Format,
 }
 
 impl Standard {
@@ -110,14 +119,15 @@ impl Standard {
             tone_map: build.kernel(&POST_TONE_MAP_COMP)?,
             curve,
             exposure,
+            display: if settings.i64("bits")? == 16 { Format::Rgba16Unorm } else { Format::Rgba8Unorm },
         })
     }
 
     fn tone_map(&self, g: &mut FrameGraph, radiance: Handle<Image>) -> Handle<Image> {
-        let (kernel, curve, exposure) = (self.tone_map, self.curve, self.exposure);
+        let (kernel, curve, exposure, format) = (self.tone_map, self.curve, self.exposure, self.display);
         g.pass("post.tone_map", Queue::Graphics, |p| {
             let colour = p.sample(radiance);
-            let (display, target) = p.create("display", ImageDesc::like(Format::Rgba8Unorm, radiance));
+            let (display, target) = p.create("display", ImageDesc::like(format, radiance));
             let extent = p.extent(radiance);
             (display.read(), move |c: &mut Record<'_>| {
                 let params = ToneMapParams {

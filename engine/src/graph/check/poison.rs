@@ -121,6 +121,7 @@ impl PoisonValue {
             | Format::R16Unorm
             | Format::Rg16Unorm
             | Format::Rgba16Unorm
+            | Format::A2Rgb10Unorm
             | Format::Rg8Unorm
             | Format::Rgba8Unorm
             | Format::Rgba8Srgb

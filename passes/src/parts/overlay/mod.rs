@@ -44,7 +44,8 @@ pub enum MeshImage {
 /// Draws a user interface.
 pub struct Overlay {
     gpu: Gpu,
-    kernel: RasterKernel,
+    /// For targets in each of the formats.
+    kernels: [RasterKernel; 2],
     filtered: SamplerId,
     vertices: Staging,
     indices: Staging,
@@ -52,27 +53,29 @@ pub struct Overlay {
 }
 
 impl Overlay {
-    /// Format of the image that is drawn into.
-    pub const FORMAT: Format = Format::Rgba8Unorm;
+    /// Formats of images that can be drawn into.
+    pub const FORMATS: [Format; 2] = [Format::Rgba8Unorm, Format::A2Rgb10Unorm];
 
     /// Describes the pipeline.
     ///
     /// # Errors
     /// [`SlotError`] if the device cannot blend, or has no sampler left.
     pub fn new(gpu: &Gpu, build: &Build<'_>) -> Result<Self, SlotError> {
-        let kernel = build.raster_kernel(&RasterDesc {
-            name: "overlay.draw",
-            vertex: &OVERLAY_DRAW_VERT,
-            fragment: &OVERLAY_DRAW_FRAG,
-            constants: &[],
-            colours: &[Self::FORMAT],
-            blend: Blend::PremultipliedOver,
-            depth: None,
-        })?;
+        let kernel = |format: Format| {
+            build.raster_kernel(&RasterDesc {
+                name: "overlay.draw",
+                vertex: &OVERLAY_DRAW_VERT,
+                fragment: &OVERLAY_DRAW_FRAG,
+                constants: &[],
+                colours: &[format],
+                blend: Blend::PremultipliedOver,
+                depth: None,
+            })
+        };
         let clamped = Sampler { wrap: [Wrap::Clamp; 2], linear_mips: false, mips: false, ..Sampler::default() };
         Ok(Self {
             gpu: gpu.clone(),
-            kernel,
+            kernels: [kernel(Self::FORMATS[0])?, kernel(Self::FORMATS[1])?],
             filtered: gpu.sampler(clamped).map_err(SlotError::other)?,
             vertices: Staging::new(gpu, "overlay.vertices"),
             indices: Staging::with_use(gpu, "overlay.indices", BufferUse::Index),
@@ -98,7 +101,7 @@ impl Overlay {
         self.textures.remove(&number);
     }
 
-    /// Adds `overlay.draw`, which draws the meshes over black into `target`, and leaves that to be
+    /// Adds `overlay.draw`, which draws the meshes over black into `target`, which has one of the [`FORMATS`](Self::FORMATS), and leaves that to be
     /// [presented](magpie::gpu::Surface::present). It returns the result. Textures that have changed are uploaded before, by `overlay.upload_N`.
     ///
     /// # Errors
@@ -155,9 +158,10 @@ impl Overlay {
         let indices = bring(g, "overlay.indices", &mut self.indices, index_bytes, Access::Index)?;
 
         let extent = target.extent();
-        let desc = ImageDesc::fixed(Self::FORMAT, extent);
+        let desc = ImageDesc::fixed(target.format(), extent);
         let window = g.import_image("overlay.window", desc, ImageState::UNDEFINED, imports.image(target));
-        let (kernel, filtered) = (self.kernel, self.filtered);
+        let kernel = self.kernels[usize::from(target.format() == Self::FORMATS[1])];
+        let filtered = self.filtered;
         let window = g.pass("overlay.draw", Queue::Graphics, |p| {
             let mut tokens = BTreeMap::new();
             let draws: Vec<_> = std::iter::zip(&meshes, draws)
