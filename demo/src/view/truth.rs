@@ -91,15 +91,20 @@ struct Seen {
 pub(super) struct Asked {
     /// Display values of the reference.
     shown: Pixels,
-    /// The configuration of the frame.
+    /// The configuration of the frame, and the median GPU time of frames with it, milliseconds.
     config: Config,
+    gpu_ms: Option<f64>,
     seen: Seen,
 }
 
 impl Asked {
-    /// Notes the configuration of the frame that is about to be submitted; false if that frame shows something else.
-    pub(super) fn suits(&mut self, camera: &Camera, time: f64, extent: Extent, config: &Config) -> bool {
-        self.config = config.clone();
+    /// Notes the configuration of the frame that is about to be submitted, and what frames with it take.
+    pub(super) fn note(&mut self, config: &Config, gpu_ms: Option<f64>) {
+        (self.config, self.gpu_ms) = (config.clone(), gpu_ms);
+    }
+
+    /// Whether a frame shows what the reference does.
+    pub(super) fn suits(&self, camera: &Camera, time: f64, extent: Extent) -> bool {
         (&self.seen.camera, self.seen.time, self.seen.extent) == (camera, time, extent)
     }
 }
@@ -240,7 +245,7 @@ impl App<'_> {
             let texture = Pixels { format: Format::Rgba8Unorm, bytes: shown.presentable(), ..shown };
             open.screen.set_picture(TRUTH, &texture)?;
             (truth.state.samples, truth.compared, truth.awaits) = (samples, Some(Instant::now()), true);
-            let asked = Asked { shown, config: Config::default(), seen: truth.seen.clone() };
+            let asked = Asked { shown, config: Config::default(), gpu_ms: None, seen: truth.seen.clone() };
             self.wishes.extend([Wish::TruthRadiance, Wish::TruthDisplay(Box::new(asked))]);
         }
         self.truth = Some(truth);
@@ -277,9 +282,8 @@ impl App<'_> {
 
     /// Takes the display values of the same frame, and begins to compare it with the reference.
     pub(super) fn take_display(&mut self, display: Pixels, asked: Asked) -> Result<(), Failure> {
-        let gpu_ms = self.steady_gpu_ms();
         let Some(truth) = &mut self.truth else { return Ok(()) };
-        let Asked { shown, config, seen } = asked;
+        let Asked { shown, config, gpu_ms, seen } = asked;
         let radiance = truth.radiance.take();
         // The camera may have moved since that frame was submitted.
         if seen != truth.seen {
@@ -309,8 +313,10 @@ impl App<'_> {
     }
 
     /// Median GPU time of the frames with the present configuration.
-    fn steady_gpu_ms(&self) -> Option<f64> {
-        let frames = self.recorder.frames().iter().rev().take(self.steady);
+    pub(super) fn steady_gpu_ms(&self) -> Option<f64> {
+        // Those that were in flight when it was set had another.
+        let steady = self.steady.saturating_sub(self.arguments.frames_in_flight as usize);
+        let frames = self.recorder.frames().iter().rev().take(steady);
         let mut times: Vec<u64> = frames.filter_map(|frame| frame.gpu_ns).collect();
         times.sort_unstable();
         times.get(times.len() / 2).map(|ns| *ns as f64 / 1e6)

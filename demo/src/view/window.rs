@@ -304,6 +304,7 @@ impl<'a> App<'a> {
         self.evaluate();
         let statistics_time = evaluated.elapsed();
 
+        let gpu_ms = self.steady_gpu_ms();
         let Some(open) = &mut self.open else { return Ok(()) };
         let mut actions = Vec::new();
         let size = open.window.inner_size();
@@ -369,7 +370,10 @@ impl<'a> App<'a> {
             let aspect = f64::from(picture.width) / f64::from(picture.height);
             let camera = self.navigation.camera();
             self.wishes.retain_mut(|wish| match wish {
-                Wish::TruthDisplay(asked) => asked.suits(camera, self.time, picture, &self.config),
+                Wish::TruthDisplay(asked) => {
+                    asked.note(&self.config, gpu_ms);
+                    asked.suits(camera, self.time, picture)
+                }
                 Wish::Depth { seen, .. } => {
                     *seen = Some((camera.clone(), aspect));
                     true

@@ -121,11 +121,11 @@ impl Effect for Metrics {
     }
 }
 
-/// `READ_*` of a format, as `Picture::from_pixels` of the library reads images on the host: images of one channel are grey, and RGBA8 and RGBA16 without
-/// an sRGB format hold sRGB-encoded display values.
+/// `READ_*` of a format, as `Picture::from_pixels` of the library reads images on the host: images of one channel are grey, and RGBA8 without
+/// an sRGB format holds sRGB-encoded display values.
 fn read_mode(format: Format) -> u32 {
     match (format, format.channels()) {
-        (Format::Rgba8Unorm | Format::Rgba16Unorm, _) => READ_DISPLAY,
+        (Format::Rgba8Unorm, _) => READ_DISPLAY,
         (_, 1) => READ_GREY,
         _ => READ_COLOUR,
     }
