@@ -123,6 +123,7 @@ impl From<GpuError> for Failure {
             | GpuError::MissingLayer { .. }
             | GpuError::MissingExtension { .. }
             | GpuError::NoDisplay { .. }
+            | GpuError::Unsuited { .. }
             | GpuError::Rays { .. } => Self::NoDevice(anyhow::Error::new(error)),
             other => Self::running(other),
         }

@@ -3,7 +3,7 @@ use crate::picture::NamedCopies;
 use crate::read_back::Copies;
 use crate::renderer::{FrameResult, ReadBack, RenderError, Renderer};
 use crate::slots::Slots;
-use magpie::gpu::GpuError;
+use magpie::gpu::{GpuError, SemaphoreValue};
 use magpie::graph::check::Scanned;
 use magpie::graph::execute::{ExecuteError, Executed, InFlight};
 use magpie::measure::FrameSample;
@@ -16,6 +16,7 @@ use std::rc::Rc;
 #[must_use]
 pub struct FrameTicket {
     pub(crate) frame: u32,
+    pub(crate) done: SemaphoreValue,
     pub(crate) result: Outcome,
 }
 
@@ -26,6 +27,12 @@ impl FrameTicket {
     /// Number of the frame, from 0.
     pub fn frame(&self) -> u32 {
         self.frame
+    }
+
+    /// The semaphore value that the device reaches when the frame is done: other work on the device can wait for it. The semaphore is destroyed
+    /// with the last clone of the [`Gpu`](magpie::gpu::Gpu); what waits for it must be done by then.
+    pub fn done(&self) -> SemaphoreValue {
+        self.done
     }
 }
 
@@ -172,6 +179,7 @@ pub(crate) fn is_loss(error: &RenderError) -> bool {
         | RenderError::Config(_)
         | RenderError::Scene(_)
         | RenderError::View(_)
+        | RenderError::Target { .. }
         | RenderError::Ticket { .. } => false,
     }
 }

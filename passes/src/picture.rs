@@ -17,6 +17,8 @@ pub struct Picture {
     /// Depth, reversed: the distance of the near plane over that of what is seen, both along the line of sight; 0 where it is the sky. It has the
     /// size of the frame, which may be smaller than the picture.
     pub depth: Handle<Image>,
+    /// What effects get beside their inputs.
+    pub view: View,
     pub(crate) read: NamedCopies,
 }
 
@@ -34,6 +36,34 @@ impl Picture {
     pub fn read_back(&mut self, g: &mut FrameGraph, imports: &mut Imports, name: &str, image: Handle<Image>) {
         self.read.copies.copy_with(g, imports, &format!("read_back.{name}"), image);
         self.read.names.push(name.to_owned());
+    }
+
+    /// Copies the display values to an image that outlives the frame, in a pass `NAME.copy`. Its size and format are those of the display
+    /// values. What it held is lost. The frame leaves it ready for `access`.
+    ///
+    /// # Errors
+    /// [`RenderError::Target`] if size or format differ.
+    pub fn copy_into(
+        &self,
+        g: &mut FrameGraph,
+        imports: &mut Imports,
+        name: &str,
+        image: &Arc<gpu::Image>,
+        access: Access,
+    ) -> Result<(), RenderError> {
+        let (found, wanted) = ((image.format(), image.extent()), (g.desc(self.display).format, g.extent(self.display)));
+        if found != wanted {
+            return Err(RenderError::Target { name: name.to_owned(), found, wanted });
+        }
+        let desc = ImageDesc::fixed(image.format(), image.extent());
+        let target = g.import_image(&format!("{name}.image"), desc, ImageState::UNDEFINED, imports.image(image));
+        let target = g.pass(&format!("{name}.copy"), Queue::Graphics, |p| {
+            let from = p.copy_from(self.display);
+            let (target, to) = p.copy_to(target);
+            (target, move |c: &mut Record<'_>| c.copy_image(from, 0, to, 0))
+        });
+        g.leave(target.read(), access, Domain::Raster);
+        Ok(())
     }
 }
 
@@ -65,15 +95,7 @@ impl Renderer {
         };
         self.shown = Some(image.clone());
         let ticket = self.submit_with(request, &mut |g, imports, made| {
-            let desc = ImageDesc::fixed(DISPLAY, size);
-            let window = g.import_image("present.window", desc, ImageState::UNDEFINED, imports.image(&image));
-            let window = g.pass("present.copy", Queue::Graphics, |p| {
-                let from = p.copy_from(made.display);
-                let (window, to) = p.copy_to(window);
-                (window, move |c: &mut Record<'_>| c.copy_image(from, 0, to, 0))
-            });
-            g.leave(window.read(), Access::CopyRead, Domain::Copy);
-            Ok(())
+            made.copy_into(g, imports, "present", &image, Access::CopyRead)
         })?;
         drop(ticket);
         Ok(surface.present(&image, size)?)

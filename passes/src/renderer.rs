@@ -11,7 +11,7 @@ use magpie::frame::{PreviousView, ViewDesc};
 use magpie::gpu::{Gpu, GpuError, PipelineSet};
 use magpie::graph::check::{Finding, FindingTracker, Poison, Scan};
 use magpie::graph::execute::{ExecuteError, ExecuteOptions, Executor, Imports};
-use magpie::graph::{Declaration, Extent, GraphError, Observer, Plan, Switches};
+use magpie::graph::{Declaration, Extent, Format, GraphError, Observer, Plan, Switches};
 use magpie::measure::{FrameSample, SlotReport, slot_reports};
 use magpie::pixels::Pixels;
 use magpie::scene::{
@@ -125,6 +125,16 @@ pub enum RenderError {
     /// The device reported an error.
     #[error(transparent)]
     Gpu(#[from] GpuError),
+    /// The image of [`Picture::copy_into`] does not fit the picture.
+    #[error("the image of {name} is {:?} of {}, the picture {:?} of {}", found.0, found.1, wanted.0, wanted.1)]
+    Target {
+        /// Name of the copy.
+        name: String,
+        /// Format and size of the image.
+        found: (Format, Extent),
+        /// Format and size of the picture.
+        wanted: (Format, Extent),
+    },
     /// The ticket of a frame that this renderer has not submitted.
     #[error("frame {frame} was submitted by another renderer")]
     Ticket {
@@ -502,7 +512,7 @@ impl Renderer {
         }
         let mut read = NamedCopies { copies: Copies::new(&self.gpu, &imports), names: Vec::new() };
         if let Some(add) = add {
-            let mut picture = Picture { radiance: out.radiance, display: out.display, depth: out.depth, read };
+            let mut picture = Picture { radiance: out.radiance, display: out.display, depth: out.depth, view, read };
             add(&mut g, &mut imports.borrow_mut(), &mut picture)?;
             read = picture.read;
         }
@@ -527,7 +537,7 @@ impl Renderer {
             declaration: work.declaration.clone(),
             plan: work.plan.clone(),
         };
-        let ticket = FrameTicket { frame: self.frame, result: Outcome::default() };
+        let ticket = FrameTicket { frame: self.frame, done: work.done(), result: Outcome::default() };
         let outcome = ticket.result.clone();
         self.pending.push_back(Pending { work, known, scan, copies, read, slots: slot_copies, outcome });
         self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });

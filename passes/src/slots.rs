@@ -17,11 +17,14 @@ macro_rules! slots {
         #[derive(Clone, Debug)]
         pub struct Slots {
             $($(#[$about])* pub $name: Slot<contracts::$In, contracts::$Out>,)*
+            /// Slots of the application, which adds their effects to frames itself: with them here, one configuration names the
+            /// implementations of all.
+            pub others: Vec<SlotInfo>,
         }
 
         impl Default for Slots {
             fn default() -> Self {
-                Self { $($name: crate::$name::slot(),)* }
+                Self { $($name: crate::$name::slot(),)* others: Vec::new() }
             }
         }
 
@@ -34,7 +37,9 @@ macro_rules! slots {
 
             /// Describes every slot, in the order of the frame.
             pub fn infos(&self) -> Vec<SlotInfo> {
-                vec![$(self.$name.info().clone(),)*]
+                let mut infos = vec![$(self.$name.info().clone(),)*];
+                infos.extend_from_slice(&self.others);
+                infos
             }
         }
 

@@ -1,5 +1,4 @@
 //! An opened device, and everything that lives as long as it does.
-use super::GpuError;
 use super::bindless::Bindless;
 use super::buffer::Buffer;
 use super::device_selection::{self, DeviceReport};
@@ -8,16 +7,16 @@ use super::pipeline::{Pipelines, pipeline_layout};
 use super::pipeline_cache;
 use super::placeholder;
 use super::ray_pipeline::RayTables;
-use super::rays::{RayCalls, RayFeatures, RaySupport, with_rays_or_without};
+use super::rays::{RayCalls, RaySupport, with_rays_or_without};
 use super::submit::{Lane, Timeline};
 use super::surface::{Handles, WindowSurface};
+use super::{DeviceSetup, GpuError, Owner};
 use crate::graph::Queue;
 use ash::{amd, ext, khr, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use magpie_shaders::Rays;
 use std::collections::HashMap;
-use std::ffi::CStr;
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -82,19 +81,32 @@ pub(super) struct Inner {
     report: DeviceReport,
     validation: bool,
     without_float_filter: bool,
-    logical: Logical,
+    pub logical: Logical,
 }
 
 /// The logical device and its instance. Dropped last, and also if opening fails half-way.
-struct Logical {
+pub(super) struct Logical {
     raw: ash::Device,
-    instance: Instance,
+    pub instance: Instance,
+    /// Whether it is destroyed when this is dropped.
+    is_own: bool,
+    /// Dropped after what was made from the instance.
+    _owner: Option<Owner>,
+}
+
+impl Logical {
+    /// A device of an application, which is not destroyed here.
+    pub fn adopt(raw: &ash::Device, instance: Instance, owner: Option<Owner>) -> Self {
+        Self { raw: raw.clone(), instance, is_own: false, _owner: owner }
+    }
 }
 
 impl Drop for Logical {
     fn drop(&mut self) {
-        // SAFETY: everything made from the device was destroyed before.
-        unsafe { self.raw.destroy_device(None) };
+        if self.is_own {
+            // SAFETY: everything made from the device was destroyed before.
+            unsafe { self.raw.destroy_device(None) };
+        }
     }
 }
 
@@ -108,6 +120,8 @@ pub(super) enum Garbage {
         storage: Vec<u32>,
         /// `None` if it is in a heap, which owns the memory.
         memory: Option<Allocation>,
+        /// Kept for the views of an image of the application, whose handle is then null here.
+        owner: Option<Owner>,
     },
     PlacedBuffer(vk::Buffer),
     Accel(vk::AccelerationStructureKHR),
@@ -137,24 +151,45 @@ impl Gpu {
     ) -> Result<(Self, Option<WindowSurface>), GpuError> {
         let instance = Instance::new(options.validation, window.map(|handles| handles.display))?;
         let surface = window.map(|handles| WindowSurface::new(&instance, handles)).transpose()?;
-        let (physical, mut report) = device_selection::choose(&instance, options.device.as_deref(), surface.as_ref())?;
+        let (physical, report) = device_selection::choose(&instance, options.device.as_deref(), surface.as_ref())?;
+        let mut setup = DeviceSetup::wanted(&instance.raw, physical, options);
+        if surface.is_some() {
+            setup.enable(khr::swapchain::NAME);
+        }
+        let create = |support: RaySupport| {
+            let setup = if support.accel { setup.clone() } else { setup.without_rays() };
+            let raw = setup.with_create_info(|info| {
+                // SAFETY: features and extensions were checked when the device was chosen.
+                unsafe { instance.raw.create_device(physical, &info, None) }
+            });
+            Ok::<_, GpuError>((raw.map_err(GpuError::call("vkCreateDevice"))?, setup))
+        };
+        let ((raw, setup), _) = with_rays_or_without(setup.rays(&instance.raw, physical), create, |error| {
+            log::warn!("{}: {error} with ray tracing turned on; going on without", report.name);
+        })?;
+        let logical = Logical { raw, instance, is_own: true, _owner: None };
+        Ok((Self::on(logical, physical, report, &setup, options)?, surface))
+    }
+
+    /// Makes all that lives as long as a device, which was made with this setup.
+    pub(super) fn on(
+        logical: Logical,
+        physical: vk::PhysicalDevice,
+        mut report: DeviceReport,
+        setup: &DeviceSetup,
+        options: &GpuOptions,
+    ) -> Result<Self, GpuError> {
+        let (raw, instance) = (logical.raw.clone(), &logical.instance);
         // SAFETY: the handle comes from this instance.
         let (families, properties) = unsafe {
             (
-                instance.raw.get_physical_device_queue_family_properties(physical),
+                setup.made(&instance.raw.get_physical_device_queue_family_properties(physical)),
                 instance.raw.get_physical_device_properties(physical),
             )
         };
         let family = device_selection::graphics_family(&families)
             .ok_or_else(|| GpuError::NoDevice { refusals: report.refusals.clone() })?;
-
-        // Create the logical device.
-        let available = device_selection::extensions(&instance, physical);
-        let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
-        let welcome = [ext::calibrated_timestamps::NAME, amd::buffer_marker::NAME];
-        let shows = surface.as_ref().map(|_| khr::swapchain::NAME);
-        let extensions: Vec<_> = welcome.into_iter().filter(|name| has(name)).chain(shows).map(CStr::as_ptr).collect();
-        let support = RaySupport::of(&instance, physical, &available).without(&options.without_rays);
+        let support = setup.rays(&instance.raw, physical).without(&options.without_rays);
         report.rays = support.ways().into_iter().map(Rays::name).collect();
         let lane_families = Queue::ALL.map(|queue| device_selection::family_for(queue, &families).unwrap_or(family));
         let bits_of = |f: u32| families[f as usize].timestamp_valid_bits;
@@ -162,38 +197,9 @@ impl Gpu {
         let mut distinct = lane_families.to_vec();
         distinct.sort_unstable();
         distinct.dedup();
-        let queue_of = |f: &u32| vk::DeviceQueueCreateInfo::default().queue_family_index(*f).queue_priorities(&[1.0]);
-        let queues: Vec<_> = distinct.iter().map(queue_of).collect();
-        let mut wanted = device_selection::needed();
-        // SAFETY: the handle comes from this instance.
-        let optional = unsafe { instance.raw.get_physical_device_features(physical) };
-        wanted.core.sampler_anisotropy = optional.sampler_anisotropy;
-        wanted.core.multi_draw_indirect = optional.multi_draw_indirect;
-        wanted.core.draw_indirect_first_instance = optional.draw_indirect_first_instance;
-        wanted.core.pipeline_statistics_query = optional.pipeline_statistics_query;
-        let open = |support: RaySupport| {
-            let names: Vec<_> =
-                extensions.iter().copied().chain(support.extensions().iter().map(|n| n.as_ptr())).collect();
-            let mut features = RayFeatures::new(support);
-            let info = vk::DeviceCreateInfo::default()
-                .queue_create_infos(&queues)
-                .enabled_extension_names(&names)
-                .enabled_features(&wanted.core)
-                .push_next(&mut wanted.v12)
-                .push_next(&mut wanted.v13);
-            let info = features.ask(support, info);
-            // SAFETY: features and extensions were checked when the device was chosen; all pointers outlive the call.
-            unsafe { instance.raw.create_device(physical, &info, None) }.map_err(GpuError::call("vkCreateDevice"))
-        };
-        let (raw, support) = with_rays_or_without(support, open, |error| {
-            log::warn!("{}: {error} with ray tracing turned on; going on without", report.name);
-            report.rays = vec![Rays::Software.name()];
-        })?;
-        let logical = Logical { raw: raw.clone(), instance };
-        let instance = &logical.instance;
-        // SAFETY: each family was asked for with one queue.
-        let held: Vec<_> =
-            distinct.iter().map(|f| Arc::new(Mutex::new(unsafe { raw.get_device_queue(*f, 0) }))).collect();
+        // SAFETY: the device was made with these queues.
+        let queue_of = |family: &u32| unsafe { raw.get_device_queue(*family, setup.queue_index(*family)) };
+        let held: Vec<_> = distinct.iter().map(|family| Arc::new(Mutex::new(queue_of(family)))).collect();
         // SAFETY: the handle comes from this instance.
         let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
         let memory_types = memory.memory_types_as_slice().iter().map(|t| t.property_flags).collect();
@@ -209,7 +215,7 @@ impl Gpu {
         })
         .map_err(|e| GpuError::Call { call: "Allocator::new", code: e.to_string() })?;
         let anisotropy =
-            if optional.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
+            if setup.core.sampler_anisotropy == vk::TRUE { properties.limits.max_sampler_anisotropy } else { 0.0 };
         let bindless = Bindless::new(&raw, anisotropy)?;
         let (cache, cache_file) = pipeline_cache::open(&raw, &properties)?;
         let pipeline_layout = pipeline_layout(&raw, bindless.layout)?;
@@ -218,9 +224,10 @@ impl Gpu {
             Ok::<_, GpuError>(Lane { queue, family: lane_families[at], timeline: Timeline::new(&raw)? })
         };
         let lanes = [lane(0)?, lane(1)?, lane(2)?];
-        let calibrated =
-            has(ext::calibrated_timestamps::NAME).then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
-        let markers = has(amd::buffer_marker::NAME).then(|| amd::buffer_marker::Device::new(&instance.raw, &raw));
+        let calibrated = setup
+            .has(ext::calibrated_timestamps::NAME)
+            .then(|| ext::calibrated_timestamps::Device::new(&instance.raw, &raw));
+        let markers = setup.has(amd::buffer_marker::NAME).then(|| amd::buffer_marker::Device::new(&instance.raw, &raw));
         let labels = instance.debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &raw));
         log::info!("device: {} ({})", report.name, report.driver);
         let gpu = Self(Arc::new(Inner {
@@ -242,10 +249,10 @@ impl Gpu {
             placeholders: Mutex::default(),
             cache,
             cache_file,
-            multi_draw_indirect: optional.multi_draw_indirect == vk::TRUE,
+            multi_draw_indirect: setup.core.multi_draw_indirect == vk::TRUE,
             timestamp_period: f64::from(properties.limits.timestamp_period),
             timestamp_bits,
-            pipeline_statistics: optional.pipeline_statistics_query == vk::TRUE,
+            pipeline_statistics: setup.core.pipeline_statistics_query == vk::TRUE,
             calibrated,
             markers,
             labels,
@@ -258,7 +265,7 @@ impl Gpu {
         }));
         let placeholders = placeholder::images(&gpu)?;
         *lock(&gpu.0.placeholders) = placeholders;
-        Ok((gpu, surface))
+        Ok(gpu)
     }
 
     /// Properties of the device.
@@ -432,7 +439,7 @@ impl Inner {
                 unsafe { self.raw.destroy_pipeline(pipeline, None) };
                 None
             }
-            Garbage::Image { image, views, sampled, storage, memory } => {
+            Garbage::Image { image, views, sampled, storage, memory, owner } => {
                 self.bindless.release(&sampled, &storage);
                 // SAFETY: as above.
                 unsafe {
@@ -441,6 +448,7 @@ impl Inner {
                     }
                     self.raw.destroy_image(image, None);
                 }
+                drop(owner);
                 memory
             }
         };
@@ -454,8 +462,11 @@ impl Inner {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        // SAFETY: the last clone is gone, so nothing records or submits any more.
-        let _ = unsafe { self.raw.device_wait_idle() };
+        // The last clone is gone, so nothing records or submits any more. Other queues of the device are not Magpie's to wait for. If it
+        // fails, the device is lost and runs nothing.
+        for lane in &self.lanes {
+            let _ = lane.timeline.wait(&self.raw, lane.timeline.last());
+        }
         for (_, what) in std::mem::take(&mut *lock(&self.garbage)) {
             self.free(what);
         }

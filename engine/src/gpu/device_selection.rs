@@ -37,6 +37,13 @@ pub struct DeviceReport {
     pub limits: BTreeMap<&'static str, u64>,
 }
 
+impl DeviceReport {
+    /// Its name and all that it lacks, as one line.
+    pub(super) fn refusal(&self) -> String {
+        format!("{}: {}", self.name, self.refusals.join(", "))
+    }
+}
+
 /// A queue family of a device.
 #[derive(Clone, Debug, Serialize)]
 pub struct QueueFamilyReport {
@@ -56,13 +63,13 @@ pub struct QueueFamilyReport {
 /// [`GpuError::NoLoader`] and failed Vulkan calls.
 pub fn devices() -> Result<Vec<DeviceReport>, GpuError> {
     let instance = Instance::new(false, None)?;
-    let physical = enumerate(&instance)?;
-    Ok(physical.iter().enumerate().map(|(i, p)| report(&instance, *p, i)).collect())
+    let physical = enumerate(&instance.raw)?;
+    Ok(physical.iter().enumerate().map(|(i, p)| report(&instance.raw, *p, i)).collect())
 }
 
-fn enumerate(instance: &Instance) -> Result<Vec<vk::PhysicalDevice>, GpuError> {
+pub(super) fn enumerate(instance: &ash::Instance) -> Result<Vec<vk::PhysicalDevice>, GpuError> {
     // SAFETY: the instance is alive.
-    unsafe { instance.raw.enumerate_physical_devices() }.map_err(GpuError::call("vkEnumeratePhysicalDevices"))
+    unsafe { instance.enumerate_physical_devices() }.map_err(GpuError::call("vkEnumeratePhysicalDevices"))
 }
 
 /// The device that `wanted` selects by index or by a part of its name, or else the best accepted one. With a surface, devices that cannot show
@@ -72,17 +79,16 @@ pub(super) fn choose(
     wanted: Option<&str>,
     surface: Option<&WindowSurface>,
 ) -> Result<(vk::PhysicalDevice, DeviceReport), GpuError> {
-    let physical = enumerate(instance)?;
+    let physical = enumerate(&instance.raw)?;
     let with_surface = |(index, device): (usize, &vk::PhysicalDevice)| {
-        let mut report = report(instance, *device, index);
-        if surface.is_some_and(|surface| !shows_on(instance, *device, surface)) {
+        let mut report = report(&instance.raw, *device, index);
+        if surface.is_some_and(|surface| !shows_on(&instance.raw, *device, surface)) {
             report.refusals.push("it cannot show pictures in the window".to_owned());
             report.accepted = false;
         }
         report
     };
     let reports: Vec<_> = physical.iter().enumerate().map(with_surface).collect();
-    let refusal = |r: &DeviceReport| format!("{}: {}", r.name, r.refusals.join(", "));
     let chosen = match wanted {
         Some(text) => {
             let named = reports.iter().find(|r| {
@@ -94,7 +100,7 @@ pub(super) fn choose(
                 return Err(GpuError::UnknownDevice { wanted: text.to_owned(), known });
             };
             if !found.accepted {
-                return Err(GpuError::NoDevice { refusals: vec![refusal(found)] });
+                return Err(GpuError::NoDevice { refusals: vec![found.refusal()] });
             }
             found
         }
@@ -102,29 +108,29 @@ pub(super) fn choose(
             let rank =
                 |kind: &str| ["discrete", "integrated", "virtual", "cpu"].iter().position(|k| *k == kind).unwrap_or(4);
             let best = reports.iter().filter(|r| r.accepted).min_by_key(|r| (rank(r.kind), r.index));
-            best.ok_or_else(|| GpuError::NoDevice { refusals: reports.iter().map(refusal).collect() })?
+            best.ok_or_else(|| GpuError::NoDevice { refusals: reports.iter().map(DeviceReport::refusal).collect() })?
         }
     };
     Ok((physical[chosen.index], chosen.clone()))
 }
 
 /// Whether the device's graphics queue can show pictures on a surface.
-fn shows_on(instance: &Instance, device: vk::PhysicalDevice, surface: &WindowSurface) -> bool {
+fn shows_on(instance: &ash::Instance, device: vk::PhysicalDevice, surface: &WindowSurface) -> bool {
     // SAFETY: the handle comes from this instance.
-    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(device) };
+    let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
     let has_swapchains = extensions(instance, device).iter().any(|e| e.as_bytes() == khr::swapchain::NAME.to_bytes());
     has_swapchains && graphics_family(&families).is_some_and(|family| surface.is_supported(device, family))
 }
 
 /// Names of a device's extensions.
-pub(super) fn extensions(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
+pub(super) fn extensions(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec<String> {
     // SAFETY: the handle comes from this instance.
-    let list = unsafe { instance.raw.enumerate_device_extension_properties(device) }.unwrap_or_default();
+    let list = unsafe { instance.enumerate_device_extension_properties(device) }.unwrap_or_default();
     list.iter().filter_map(|e| e.extension_name_as_c_str().ok()?.to_str().ok().map(str::to_owned)).collect()
 }
 
-fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> DeviceReport {
-    let raw = &instance.raw;
+/// Describes a device of the instance; `index` is its position in the loader's list.
+pub(super) fn report(raw: &ash::Instance, device: vk::PhysicalDevice, index: usize) -> DeviceReport {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
     let mut sizes = vk::PhysicalDeviceMaintenance4Properties::default();
@@ -154,13 +160,14 @@ fn report(instance: &Instance, device: vk::PhysicalDevice, index: usize) -> Devi
             QueueFamilyReport { family, count: f.queue_count, can, timestamp_bits: f.timestamp_valid_bits }
         })
         .collect();
-    let available = extensions(instance, device);
-    let rays = RaySupport::of(instance, device, &available).ways().into_iter().map(Rays::name).collect();
+    let available = extensions(raw, device);
+    let has = |name: &CStr| available.iter().any(|e| e.as_bytes() == name.to_bytes());
+    let rays = RaySupport::of(raw, device, has).ways().into_iter().map(Rays::name).collect();
     let mut refusals = Vec::new();
     if properties.api_version < vk::API_VERSION_1_3 {
         refusals.push(format!("it has Vulkan {}, 1.3 is needed", version(properties.api_version)));
     } else {
-        refusals.extend(missing_features(instance, device));
+        refusals.extend(missing_features(raw, device));
     }
     if !subgroup.supported_operations.contains(vk::SubgroupFeatureFlags::ARITHMETIC) {
         refusals.push("subgroup arithmetic is missing".to_owned());
@@ -300,31 +307,37 @@ pub(super) fn needed() -> Features {
     }
 }
 
-/// Names of the required features that the device lacks.
-fn missing_features(instance: &Instance, device: vk::PhysicalDevice) -> Vec<String> {
+/// The required features that the device lacks, one sentence each.
+fn missing_features(instance: &ash::Instance, device: vk::PhysicalDevice) -> Vec<String> {
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
     let mut found = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
     // SAFETY: the device speaks Vulkan 1.3, in which all three structs are core.
-    unsafe { instance.raw.get_physical_device_features2(device, &mut found) };
-    let core = found.features;
-    let wanted = needed();
-    let mut missing = Vec::new();
-    macro_rules! compare {
-        ($wanted:expr, $found:expr, $($field:ident)*) => {
-            $(if $wanted.$field == vk::TRUE && $found.$field != vk::TRUE {
-                missing.push(format!("the feature {} is missing", stringify!($field)));
-            })*
-        };
+    unsafe { instance.get_physical_device_features2(device, &mut found) };
+    let found = Features { core: found.features, v12, v13 };
+    found.missing().into_iter().map(|name| format!("the feature {name} is missing")).collect()
+}
+
+impl Features {
+    /// Names of the required features that are not among these.
+    pub fn missing(&self) -> Vec<&'static str> {
+        let wanted = needed();
+        let mut missing = Vec::new();
+        macro_rules! compare {
+            ($group:ident: $($field:ident)*) => {
+                $(if wanted.$group.$field == vk::TRUE && self.$group.$field != vk::TRUE {
+                    missing.push(stringify!($field));
+                })*
+            };
+        }
+        compare!(core: shader_storage_image_read_without_format shader_storage_image_write_without_format
+            shader_sampled_image_array_dynamic_indexing shader_storage_image_array_dynamic_indexing
+            fragment_stores_and_atomics vertex_pipeline_stores_and_atomics full_draw_index_uint32 geometry_shader);
+        compare!(v12: descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound
+            descriptor_binding_update_unused_while_pending descriptor_binding_sampled_image_update_after_bind
+            descriptor_binding_storage_image_update_after_bind shader_sampled_image_array_non_uniform_indexing
+            buffer_device_address timeline_semaphore scalar_block_layout host_query_reset);
+        compare!(v13: dynamic_rendering synchronization2 maintenance4 shader_demote_to_helper_invocation);
+        missing
     }
-    compare!(wanted.core, core, shader_storage_image_read_without_format shader_storage_image_write_without_format
-        shader_sampled_image_array_dynamic_indexing shader_storage_image_array_dynamic_indexing
-        fragment_stores_and_atomics vertex_pipeline_stores_and_atomics full_draw_index_uint32 geometry_shader);
-    compare!(wanted.v12, v12, descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound
-        descriptor_binding_update_unused_while_pending descriptor_binding_sampled_image_update_after_bind
-        descriptor_binding_storage_image_update_after_bind shader_sampled_image_array_non_uniform_indexing
-        buffer_device_address timeline_semaphore scalar_block_layout host_query_reset);
-    compare!(wanted.v13, v13, dynamic_rendering synchronization2 maintenance4
-        shader_demote_to_helper_invocation);
-    missing
 }

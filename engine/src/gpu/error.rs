@@ -26,6 +26,14 @@ pub enum GpuError {
         /// Index and name of each device.
         known: Vec<String>,
     },
+    /// An application's device or image does not have what Magpie needs of it.
+    #[error("{what} cannot be used: {}", .lacks.join("; "))]
+    Unsuited {
+        /// The object, as `the device NAME`.
+        what: String,
+        /// What it lacks, one sentence each.
+        lacks: Vec<String>,
+    },
     /// There is no window to show pictures in, or no device can show them there.
     #[error("no display to show a window on: {reason}")]
     NoDisplay {

@@ -2,8 +2,8 @@
 use super::bindless::place;
 use super::device::Garbage;
 use super::heap::Heap;
-use super::{Gpu, GpuError, access, format};
-use crate::graph::{Extent, Format, Layout, Part};
+use super::{Gpu, GpuError, Owner, access, format};
+use crate::graph::{Access, Extent, Format, Layout, Part};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
@@ -49,6 +49,10 @@ pub struct Image {
     views: RwLock<Vec<vk::ImageView>>,
     memory: Option<Allocation>,
     _heap: Option<Arc<Heap>>,
+    /// Whether it is destroyed with its memory.
+    is_own: bool,
+    /// Kept until it is freed.
+    owner: Option<Owner>,
     info: ImageInfo,
     bytes: u64,
 }
@@ -123,11 +127,49 @@ impl Image {
         Self::bind(gpu, name, info, raw, memory)
     }
 
+    /// An image of the application, which made it with `info`. It is not destroyed here. What a frame leaves in it has the layout
+    /// [`Image::layout_after`].
+    ///
+    /// It has two dimensions, one sample, optimal tiling, one of the graph's formats, and a usage with `TRANSFER_SRC` and `TRANSFER_DST`; the
+    /// rest of its usage says what else frames can do with it.
+    ///
+    /// # Safety
+    /// - `raw` was made from `info` on the device of `gpu`, and has memory.
+    /// - It lives until Magpie is done with it: `owner` is dropped then. Without an owner, that is when the image was dropped, all frames that use
+    ///   it were finished, and [`Gpu::wait_idle`] was called.
+    /// - Nobody else uses it while a frame that imports it runs. A frame begins after the semaphores of
+    ///   [`Imports::wait_for`](crate::graph::execute::Imports::wait_for), and is done when the ticket's semaphore value is reached.
+    /// - If it is exclusive to a queue family, that is the family of Magpie's graphics queue ([`Gpu::family`]), and only passes on that queue use it.
+    ///
+    /// # Errors
+    /// [`GpuError::Unsuited`] with a sentence for each thing that is not so, [`GpuError::Limit`] if the bindless set is full.
+    pub unsafe fn adopt(
+        gpu: &Gpu,
+        name: &str,
+        raw: vk::Image,
+        info: &vk::ImageCreateInfo<'_>,
+        owner: Option<Owner>,
+    ) -> Result<Self, GpuError> {
+        let unsuited = |lacks| GpuError::Unsuited { what: format!("the image {name}"), lacks };
+        let info = ImageInfo::of(info).map_err(unsuited)?;
+        // SAFETY: by this function's contract.
+        let bytes = unsafe { gpu.raw().get_image_memory_requirements(raw) }.size;
+        let memory = ImageMemory { raw: vk::DeviceMemory::null(), offset: 0, allocation: None, heap: None, bytes };
+        let mut made = Self::without_views(gpu, info, raw, memory);
+        (made.is_own, made.owner) = (false, owner);
+        made.with_views(name)
+    }
+
     fn bind(gpu: &Gpu, name: &str, info: ImageInfo, raw: vk::Image, memory: ImageMemory) -> Result<Self, GpuError> {
-        let device = gpu.raw();
         // SAFETY: the memory was made for such images and is bound once.
-        let bound = unsafe { device.bind_image_memory(raw, memory.raw, memory.offset) };
-        let mut made = Self {
+        let bound = unsafe { gpu.raw().bind_image_memory(raw, memory.raw, memory.offset) };
+        let made = Self::without_views(gpu, info, raw, memory);
+        bound.map_err(GpuError::call("vkBindImageMemory"))?;
+        made.with_views(name)
+    }
+
+    fn without_views(gpu: &Gpu, info: ImageInfo, raw: vk::Image, memory: ImageMemory) -> Self {
+        Self {
             gpu: gpu.clone(),
             raw,
             view: vk::ImageView::null(),
@@ -139,24 +181,35 @@ impl Image {
             views: RwLock::default(),
             memory: memory.allocation,
             _heap: memory.heap,
+            is_own: true,
+            owner: None,
             info,
             bytes: memory.bytes,
-        };
-        bound.map_err(GpuError::call("vkBindImageMemory"))?;
+        }
+    }
+
+    /// Adds the views and bindless indices that its usage asks for.
+    fn with_views(mut self, name: &str) -> Result<Self, GpuError> {
+        let info = self.info;
+        let gpu = self.gpu.clone();
+        let (device, bindless) = (gpu.raw(), &gpu.0.bindless);
         let whole = Part::ALL.of(info.mips, info.layers);
-        made.view = made.make_view(whole)?;
-        made.target = if whole == FIRST || !info.usage.attachment { made.view } else { made.make_view(FIRST)? };
         let ImageUse { sampled, storage, attachment } = info.usage;
+        // An image that is only copied cannot have views.
+        if sampled || storage || attachment {
+            self.view = self.make_view(whole)?;
+            self.target = if whole == FIRST || !attachment { self.view } else { self.make_view(FIRST)? };
+        }
         if sampled {
-            let (layout, texture) = (made.read_layout(), !storage && !attachment);
-            made.sampled = Some(gpu.0.bindless.add_sampled(device, made.view, layout, texture)?);
+            let (layout, texture) = (self.read_layout(), !storage && !attachment);
+            self.sampled = Some(bindless.add_sampled(device, self.view, layout, texture)?);
         }
         if storage {
-            let view = if info.mips == 1 { made.view } else { made.make_view(Part { mips: 1, ..whole })? };
-            made.storage = Some(gpu.0.bindless.add_storage(device, view)?);
+            let view = if info.mips == 1 { self.view } else { self.make_view(Part { mips: 1, ..whole })? };
+            self.storage = Some(bindless.add_storage(device, view)?);
         }
-        gpu.name_object(raw, name);
-        Ok(made)
+        gpu.name_object(self.raw, name);
+        Ok(self)
     }
 
     fn make_view(&self, part: Part) -> Result<vk::ImageView, GpuError> {
@@ -176,6 +229,11 @@ impl Image {
     /// The layout in which it is sampled.
     fn read_layout(&self) -> vk::ImageLayout {
         access::layout(Layout::ReadOnly, self.info.format)
+    }
+
+    /// The Vulkan layout of the image after a frame that left it for this access ([`FrameGraph::leave`](crate::graph::FrameGraph::leave)).
+    pub fn layout_after(&self, access: Access) -> vk::ImageLayout {
+        access::layout(access.layout(), self.info.format)
     }
 
     /// The subresource range of a part.
@@ -285,6 +343,45 @@ impl Image {
 }
 
 impl ImageInfo {
+    /// The image that an application makes with this info, or why Magpie cannot use it, one sentence each.
+    fn of(info: &vk::ImageCreateInfo<'_>) -> Result<Self, Vec<String>> {
+        let mut lacks = Vec::new();
+        let mut want = |holds: bool, sentence: String| {
+            if !holds {
+                lacks.push(sentence);
+            }
+        };
+        let usage = info.usage;
+        let copies = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        let format = Format::ALL.into_iter().find(|format| format::vulkan(*format) == info.format);
+        want(format.is_some(), format!("{:?} is not a format of the graph", info.format));
+        want(usage.contains(copies), format!("its usage lacks {:?}", copies & !usage));
+        want(
+            info.image_type == vk::ImageType::TYPE_2D && info.extent.depth == 1,
+            format!("it is of {:?} with a depth of {}, not of two dimensions", info.image_type, info.extent.depth),
+        );
+        want(info.samples == vk::SampleCountFlags::TYPE_1, format!("it has {:?} samples, not one", info.samples));
+        want(info.tiling == vk::ImageTiling::OPTIMAL, format!("its tiling is {:?}, not OPTIMAL", info.tiling));
+        let (Some(format), true) = (format, lacks.is_empty()) else { return Err(lacks) };
+        let attachment = if format.is_depth() {
+            vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT
+        } else {
+            vk::ImageUsageFlags::COLOR_ATTACHMENT
+        };
+        Ok(Self {
+            format,
+            extent: Extent::new(info.extent.width, info.extent.height),
+            mips: info.mip_levels,
+            layers: info.array_layers,
+            usage: ImageUse {
+                sampled: usage.contains(vk::ImageUsageFlags::SAMPLED),
+                storage: usage.contains(vk::ImageUsageFlags::STORAGE),
+                attachment: usage.contains(attachment),
+            },
+            exclusive: info.sharing_mode == vk::SharingMode::EXCLUSIVE,
+        })
+    }
+
     fn vulkan(&self) -> vk::ImageCreateInfo<'static> {
         let ImageUse { sampled, storage, attachment } = self.usage;
         let mut flags = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
@@ -358,8 +455,9 @@ impl Image {
             own.chain(whole).collect::<Vec<u32>>()
         };
         let (sampled, storage) = (places(false, self.sampled), places(true, self.storage));
-        let (image, memory) = (std::mem::take(&mut self.raw), self.memory.take());
-        Garbage::Image { image, views, sampled, storage, memory }
+        let (raw, memory, owner) = (std::mem::take(&mut self.raw), self.memory.take(), self.owner.take());
+        let image = if self.is_own { raw } else { vk::Image::null() };
+        Garbage::Image { image, views, sampled, storage, memory, owner }
     }
 }
 
@@ -369,6 +467,38 @@ impl Drop for Image {
         if self.raw != vk::Image::null() {
             let parts = self.parts();
             self.gpu.0.discard(parts);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_of_the_application_is_described_by_what_it_was_made_with() {
+        let usage = ImageUse { storage: true, attachment: true, ..ImageUse::default() };
+        let (extent, exclusive) = (Extent::new(64, 36), true);
+        for format in Format::ALL {
+            let info = ImageInfo { format, extent, mips: 3, layers: 2, usage, exclusive };
+            assert_eq!(ImageInfo::of(&info.vulkan()), Ok(info));
+        }
+    }
+
+    #[test]
+    fn each_thing_that_an_image_of_the_application_lacks_is_a_sentence() {
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_3D)
+            .format(vk::Format::B8G8R8A8_UNORM)
+            .extent(vk::Extent3D { width: 8, height: 8, depth: 4 })
+            .samples(vk::SampleCountFlags::TYPE_4)
+            .tiling(vk::ImageTiling::LINEAR)
+            .usage(vk::ImageUsageFlags::TRANSFER_SRC);
+        let lacks = ImageInfo::of(&info).err().unwrap_or_default();
+        let wanted = ["B8G8R8A8_UNORM", "TRANSFER_DST", "TYPE_3D", "TYPE_4", "LINEAR"];
+        assert_eq!(lacks.len(), wanted.len(), "{lacks:?}");
+        for (sentence, word) in lacks.iter().zip(wanted) {
+            assert!(sentence.contains(word), "{sentence:?} does not name {word}");
         }
     }
 }

@@ -24,6 +24,8 @@ pub(super) struct Instance {
     pub debug_utils: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub messages: Box<Messages>,
+    /// Whether it is destroyed when this is dropped.
+    is_own: bool,
 }
 
 impl Instance {
@@ -98,17 +100,28 @@ impl Instance {
             other => GpuError::call("vkCreateInstance")(other),
         })?;
 
-        let messages = Box::<Messages>::default();
-        let messenger = validation.then(|| listen(&entry, &raw, &messages)).transpose();
-        let messenger = match messenger {
-            Ok(m) => m,
-            Err(e) => {
-                // SAFETY: the instance was made above and has no children.
-                unsafe { raw.destroy_instance(None) };
-                return Err(e);
-            }
-        };
-        Ok(Self { entry, raw, debug_utils, messenger, messages })
+        // From here on it is destroyed if anything fails.
+        let mut made = Self { entry, raw, debug_utils, messenger: None, messages: Box::default(), is_own: true };
+        made.listen_if(validation)?;
+        Ok(made)
+    }
+
+    /// The instance of an application, which is not destroyed here.
+    pub fn adopt(
+        entry: &ash::Entry,
+        raw: &ash::Instance,
+        debug_utils: bool,
+        validation: bool,
+    ) -> Result<Self, GpuError> {
+        let (entry, raw) = (entry.clone(), raw.clone());
+        let mut made = Self { entry, raw, debug_utils, messenger: None, messages: Box::default(), is_own: false };
+        made.listen_if(validation)?;
+        Ok(made)
+    }
+
+    fn listen_if(&mut self, validation: bool) -> Result<(), GpuError> {
+        self.messenger = validation.then(|| listen(&self.entry, &self.raw, &self.messages)).transpose()?;
+        Ok(())
     }
 
     /// The functions of the loader.
@@ -124,7 +137,9 @@ impl Drop for Instance {
             if let Some((api, messenger)) = &self.messenger {
                 api.destroy_debug_utils_messenger(*messenger, None);
             }
-            self.raw.destroy_instance(None);
+            if self.is_own {
+                self.raw.destroy_instance(None);
+            }
         }
     }
 }

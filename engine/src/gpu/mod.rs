@@ -6,11 +6,13 @@
 
 mod accel;
 mod access;
+mod adopt;
 mod bindless;
 mod blend;
 mod buffer;
 mod device;
 mod device_selection;
+mod device_setup;
 mod encoder;
 mod error;
 mod format;
@@ -32,11 +34,15 @@ mod submit;
 mod surface;
 
 pub use accel::{Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, CompactedSizes};
+pub use adopt::{AppDevice, Owner, SemaphoreValue};
+/// The Vulkan bindings whose types describe what an application and Magpie share.
+pub use ash;
 pub(crate) use bindless::PassSet;
 pub use blend::Blend;
 pub use buffer::{Buffer, BufferMemory, BufferUse};
 pub use device::{Gpu, GpuOptions};
 pub use device_selection::{DeviceReport, QueueFamilyReport, devices};
+pub use device_setup::{DeviceSetup, QueueSetup};
 pub use encoder::Cull;
 pub(crate) use encoder::{
     BufferAt, CommandEncoder, DrawRange, DrawsAt, ImageBarrier, ImageRegion, MemoryBarrier, Transition,

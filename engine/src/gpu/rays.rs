@@ -1,6 +1,5 @@
 //! Ray tracing support of a device, and how it is enabled.
 use super::Gpu;
-use super::instance::Instance;
 use ash::{khr, vk};
 use magpie_shaders::Rays;
 use std::ffi::CStr;
@@ -27,9 +26,8 @@ pub(super) struct RaySupport {
 }
 
 impl RaySupport {
-    /// The support of a device with these extensions.
-    pub fn of(instance: &Instance, device: vk::PhysicalDevice, extensions: &[String]) -> Self {
-        let has = |name: &CStr| extensions.iter().any(|e| e.as_bytes() == name.to_bytes());
+    /// The support of a device where it has extensions.
+    pub fn of(instance: &ash::Instance, device: vk::PhysicalDevice, has: impl Fn(&CStr) -> bool) -> Self {
         if !has(khr::acceleration_structure::NAME) || !has(khr::deferred_host_operations::NAME) {
             return Self::default();
         }
@@ -45,7 +43,7 @@ impl RaySupport {
             features = features.push_next(&mut pipeline);
         }
         // SAFETY: the handle comes from this instance, and the device has the extensions of these structs.
-        unsafe { instance.raw.get_physical_device_features2(device, &mut features) };
+        unsafe { instance.get_physical_device_features2(device, &mut features) };
         if accel.acceleration_structure != vk::TRUE {
             return Self::default();
         }
@@ -56,7 +54,7 @@ impl RaySupport {
             properties = properties.push_next(&mut pipelines);
         }
         // SAFETY: as above.
-        unsafe { instance.raw.get_physical_device_properties2(device, &mut properties) };
+        unsafe { instance.get_physical_device_properties2(device, &mut properties) };
         let query = has_query && query.ray_query == vk::TRUE;
         let traces = has_pipeline && pipeline.ray_tracing_pipeline == vk::TRUE;
         Self {
@@ -112,40 +110,6 @@ impl RaySupport {
             usage |= vk::BufferUsageFlags::SHADER_BINDING_TABLE_KHR;
         }
         usage
-    }
-}
-
-/// The feature structs of a [`RaySupport`], for opening a device.
-#[derive(Default)]
-pub(super) struct RayFeatures {
-    accel: vk::PhysicalDeviceAccelerationStructureFeaturesKHR<'static>,
-    query: vk::PhysicalDeviceRayQueryFeaturesKHR<'static>,
-    pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR<'static>,
-}
-
-impl RayFeatures {
-    pub fn new(support: RaySupport) -> Self {
-        Self {
-            accel: vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(support.accel),
-            query: vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(support.query),
-            pipeline: vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default()
-                .ray_tracing_pipeline(support.pipeline)
-                .ray_tracing_pipeline_trace_rays_indirect(support.indirect),
-        }
-    }
-
-    /// Chains the supported features into the creation of a device.
-    pub fn ask<'a>(&'a mut self, support: RaySupport, mut info: vk::DeviceCreateInfo<'a>) -> vk::DeviceCreateInfo<'a> {
-        if support.accel {
-            info = info.push_next(&mut self.accel);
-        }
-        if support.query {
-            info = info.push_next(&mut self.query);
-        }
-        if support.pipeline {
-            info = info.push_next(&mut self.pipeline);
-        }
-        info
     }
 }
 

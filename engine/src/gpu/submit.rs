@@ -1,6 +1,6 @@
 //! Submission to up to three queues. A timeline semaphore per queue counts its submissions.
 use super::device::lock;
-use super::{CommandEncoder, Gpu, GpuError};
+use super::{CommandEncoder, Gpu, GpuError, SemaphoreValue};
 use crate::graph::{Queue, Queues};
 use ash::vk;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -53,11 +53,8 @@ impl Timeline {
         unsafe { device.wait_semaphores(&info, u64::MAX) }.map_err(GpuError::call("vkWaitSemaphores"))
     }
 
-    fn at(&self, value: u64) -> vk::SemaphoreSubmitInfo<'static> {
-        vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.semaphore)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+    pub fn at(&self, value: u64) -> SemaphoreValue {
+        SemaphoreValue { semaphore: self.semaphore, value }
     }
 
     /// # Safety
@@ -76,7 +73,7 @@ impl Gpu {
     }
 
     /// Queue family of a queue; that of the graphics queue if the device has no other.
-    pub(crate) fn family(&self, queue: Queue) -> u32 {
+    pub fn family(&self, queue: Queue) -> u32 {
         self.0.lanes[queue.index()].family
     }
 
@@ -87,8 +84,24 @@ impl Gpu {
         encoders: impl IntoIterator<Item = &'e CommandEncoder>,
         waits: &[Submission],
     ) -> Result<Submission, GpuError> {
-        let waits: Vec<_> = waits.iter().map(|w| self.0.lanes[w.queue.index()].timeline.at(w.value)).collect();
+        let waits: Vec<_> = waits.iter().map(|w| self.signal_of(*w).submit_info()).collect();
         self.submit_with(queue, encoders, &waits, None)
+    }
+
+    /// The same after semaphores of the application.
+    pub(crate) fn submit_after<'e>(
+        &self,
+        queue: Queue,
+        encoders: impl IntoIterator<Item = &'e CommandEncoder>,
+        waits: &[SemaphoreValue],
+    ) -> Result<Submission, GpuError> {
+        let waits: Vec<_> = waits.iter().map(|wait| wait.submit_info()).collect();
+        self.submit_with(queue, encoders, &waits, None)
+    }
+
+    /// The semaphore value that the device reaches when `submission` is done.
+    pub(crate) fn signal_of(&self, submission: Submission) -> SemaphoreValue {
+        self.0.lanes[submission.queue.index()].timeline.at(submission.value)
     }
 
     /// Submits the copy of a picture to the display, on the graphics queue: it waits for the first semaphore and signals the second.
@@ -113,7 +126,7 @@ impl Gpu {
             encoders.into_iter().map(|e| vk::CommandBufferSubmitInfo::default().command_buffer(e.raw())).collect();
         let held = lock(&lane.queue);
         let value = lane.timeline.last() + 1;
-        let signals: Vec<_> = signal.into_iter().chain([lane.timeline.at(value)]).collect();
+        let signals: Vec<_> = signal.into_iter().chain([lane.timeline.at(value).submit_info()]).collect();
         let info = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
             .wait_semaphore_infos(waits)

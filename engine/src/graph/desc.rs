@@ -48,6 +48,28 @@ pub enum Format {
 }
 
 impl Format {
+    /// Every format.
+    pub const ALL: [Self; 18] = [
+        Self::R8Unorm,
+        Self::Rg8Unorm,
+        Self::Rgba8Unorm,
+        Self::Rgba8Srgb,
+        Self::R16Unorm,
+        Self::Rg16Unorm,
+        Self::Rgba16Unorm,
+        Self::Rg16Snorm,
+        Self::Rgba16Snorm,
+        Self::R16Float,
+        Self::Rg16Float,
+        Self::Rgba16Float,
+        Self::R32Float,
+        Self::Rg32Float,
+        Self::Rgba32Float,
+        Self::R32Uint,
+        Self::Rg32Uint,
+        Self::D32Float,
+    ];
+
     /// Bytes that one pixel takes.
     pub fn bytes_per_pixel(self) -> u32 {
         match self {

@@ -219,7 +219,7 @@ impl Pool {
         }
         for &(resource, key) in &bound.imports {
             let object = match key {
-                ImportKey::Caller(at) => imports.0.get(at as usize).cloned(),
+                ImportKey::Caller(at) => imports.objects.get(at as usize).cloned(),
                 ImportKey::Previous(_) | ImportKey::Next(_) | ImportKey::Kept(_) => persistent.object(key),
             };
             bound.physical[resource as usize] = object.unwrap_or(Physical::Unused);

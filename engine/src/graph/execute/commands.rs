@@ -23,7 +23,7 @@ use super::{
     time::Clock,
 };
 use crate::{
-    gpu::{Attachment, CommandEncoder, Gpu, GpuError, PassSet, Submission},
+    gpu::{Attachment, CommandEncoder, Gpu, GpuError, PassSet, SemaphoreValue, Submission},
     measure::PassTime,
 };
 
@@ -51,6 +51,8 @@ pub(super) struct Frame<'a> {
     /// For tests: recording stops at the beginning of this position, as if the device were lost there.
     pub stop: Option<usize>,
     pub begun: Instant,
+    /// Semaphores of the application that the frame waits for before it begins.
+    pub waits: &'a [SemaphoreValue],
 }
 
 /// A frame that was submitted.
@@ -108,7 +110,7 @@ impl Commands {
             units.iter_mut().try_for_each(|unit| unit.record(frame, clock))
         };
         let submit_start = Instant::now();
-        let submitted = recorded.and_then(|()| self.submit_units(plan, &units));
+        let submitted = recorded.and_then(|()| self.submit_units(plan, frame.waits, &units));
         let submit_ns = nanoseconds(submit_start);
         let mut held = Held { encoders: Vec::with_capacity(units.len()), _sets: Vec::new() };
         let mut passes = Vec::new();
@@ -192,16 +194,16 @@ impl Commands {
         Ok(Unit { encoder, queue, positions, records, opens_frame: false, closes_frame: false, passes, sets })
     }
 
-    fn submit_units(&self, plan: &Plan, units: &[Unit<'_>]) -> Result<Submission, GpuError> {
+    fn submit_units(&self, plan: &Plan, before: &[SemaphoreValue], units: &[Unit<'_>]) -> Result<Submission, GpuError> {
         let several_queues = plan.batches.iter().any(|b| b.queue != Queue::Graphics);
         if !several_queues {
-            return self.gpu.submit(Queue::Graphics, units.iter().map(|u| &u.encoder), &[]);
+            return self.gpu.submit_after(Queue::Graphics, units.iter().map(|u| &u.encoder), before);
         }
         // The first unit opens the frame and the last closes it; the others belong to batches.
         let [first, middle @ .., last] = units else {
             return Err(GpuError::Call { call: "submit", code: format!("{} command buffers", units.len()) });
         };
-        let opened = self.gpu.submit(Queue::Graphics, [&first.encoder], &[])?;
+        let opened = self.gpu.submit_after(Queue::Graphics, [&first.encoder], before)?;
         let mut newest: [Option<Submission>; Queue::ALL.len()] = [None; Queue::ALL.len()];
         let mut submissions: Vec<Submission> = Vec::with_capacity(plan.batches.len());
         let mut next = 0;

@@ -10,7 +10,7 @@ use super::{
     time::Clock,
 };
 use crate::{
-    gpu::{Gpu, GpuError, Submission},
+    gpu::{Gpu, GpuError, SemaphoreValue, Submission},
     measure::FrameSample,
 };
 
@@ -79,5 +79,10 @@ impl InFlight {
     /// Whether the device is done with it, so that finishing it takes no time.
     pub fn is_done(&self) -> bool {
         self.end.gpu.is_done(self.end.last)
+    }
+
+    /// The semaphore value that the device reaches when the frame is done.
+    pub fn done(&self) -> SemaphoreValue {
+        self.end.gpu.signal_of(self.end.last)
     }
 }

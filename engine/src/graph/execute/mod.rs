@@ -36,7 +36,7 @@ use super::{
     switches::Switches,
 };
 use crate::{
-    gpu::{self, Gpu, GpuError},
+    gpu::{self, Gpu, GpuError, SemaphoreValue},
     measure::{FrameSample, Memory},
 };
 
@@ -74,9 +74,12 @@ pub enum ExecuteError {
     Gpu(#[from] GpuError),
 }
 
-/// The device objects behind a frame's imported resources.
+/// The device objects behind a frame's imported resources, and what the frame waits for.
 #[derive(Clone, Default)]
-pub struct Imports(Vec<Physical>);
+pub struct Imports {
+    objects: Vec<Physical>,
+    waits: Vec<SemaphoreValue>,
+}
 
 impl Imports {
     /// Adds an image; the key is for [`FrameGraph::import_image`].
@@ -102,20 +105,26 @@ impl Imports {
         self.add(Physical::Buffer(BufferRange::whole(buffer.clone())))
     }
 
+    /// The device begins the frame once this semaphore of the application is signalled. A frame that fails before it is submitted does not wait.
+    pub fn wait_for(&mut self, semaphore: SemaphoreValue) {
+        self.waits.push(semaphore);
+    }
+
     /// Whether it is an image with sampled usage.
     pub fn is_sampled(&self, key: ImportKey) -> bool {
         let ImportKey::Caller(at) = key else { return false };
-        matches!(self.0.get(at as usize), Some(Physical::Image(image)) if image.sampled().is_some())
+        matches!(self.objects.get(at as usize), Some(Physical::Image(image)) if image.sampled().is_some())
     }
 
-    /// Removes all objects and keeps the capacity of the list.
+    /// Removes all objects and semaphores, and keeps the capacity of the lists.
     pub fn clear(&mut self) {
-        self.0.clear();
+        self.objects.clear();
+        self.waits.clear();
     }
 
     fn add(&mut self, object: Physical) -> ImportKey {
-        self.0.push(object);
-        ImportKey::Caller(self.0.len() as u32 - 1)
+        self.objects.push(object);
+        ImportKey::Caller(self.objects.len() as u32 - 1)
     }
 }
 
@@ -333,6 +342,7 @@ impl Executor {
                 breadcrumbs: writes_breadcrumbs.then_some(&instruments.breadcrumbs),
                 stop,
                 begun: start,
+                waits: &imports.waits,
             },
             &mut records,
             self.options.measure.then_some(&instruments.clock),
