@@ -1,4 +1,5 @@
 //! Frames that were submitted: their tickets, and what is done once the device has run them.
+use crate::parts::inspect::Inspecting;
 use crate::picture::NamedCopies;
 use crate::read_back::Copies;
 use crate::renderer::{FrameResult, ReadBack, RenderError, Renderer};
@@ -44,6 +45,8 @@ pub(crate) struct Pending {
     pub(crate) scan: Option<Scanned>,
     pub(crate) copies: Copies,
     pub(crate) read: NamedCopies,
+    /// The image of [`Renderer::inspect`].
+    pub(crate) inspecting: Option<Inspecting>,
     /// Copies of [`Renderer::read_slots`].
     pub(crate) slots: Option<SlotCopies>,
     pub(crate) outcome: Outcome,
@@ -124,7 +127,7 @@ impl Renderer {
     }
 
     fn try_complete(&mut self, frame: Pending) -> Result<FrameResult, RenderError> {
-        let Pending { work, mut known, scan, copies, read, slots, outcome: _ } = frame;
+        let Pending { work, mut known, scan, copies, read, inspecting, slots, outcome: _ } = frame;
         let Executed { sample, .. } = self.executor.finish(work)?;
         if sample.passes.iter().any(|p| p.not_finite > 0) {
             // Data derived from the scene, such as deformed meshes, is updated only where the scene moves, so it could keep values that are not
@@ -149,6 +152,7 @@ impl Renderer {
             known.slots = in_order(&requested, &has_image.borrow(), copies.finish()?);
         }
         known.copied = read.finish()?;
+        known.inspected = inspecting.map(Inspecting::finish);
         let mut images = copies.finish()?.into_iter();
         known.images = images.next().map(|linear| ReadBack { linear, display: images.next() });
         Ok(known)

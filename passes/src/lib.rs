@@ -34,6 +34,7 @@ pub mod frame;
 mod gbuffer;
 mod gi;
 mod in_flight;
+mod inspection;
 pub mod metrics;
 mod outputs;
 pub mod parts;

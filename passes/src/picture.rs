@@ -19,6 +19,8 @@ pub struct Picture {
     pub depth: Handle<Image>,
     /// What effects get beside their inputs.
     pub view: View,
+    /// The image of [`Renderer::inspect`] as display values in the size of the picture, RGBA8; `None` if the frame does not make it.
+    pub inspected: Option<Handle<Image>>,
     pub(crate) read: NamedCopies,
 }
 

@@ -1,7 +1,8 @@
 //! Renders a scene frame by frame: declares each frame, submits it, and reads images back.
 use crate::contracts::AccelerationIn;
-use crate::frame::frame;
+use crate::frame::{FrameOut, frame};
 use crate::in_flight::{FrameTicket, Outcome, Pending, SlotCopies, is_loss};
+use crate::parts::inspect::{Inspected, Inspection, Inspector, Lookout};
 use crate::picture::{AddPasses, NamedCopies, Picture};
 use crate::read_back::Copies;
 use crate::sampling::Sampling;
@@ -86,6 +87,8 @@ pub struct FrameResult {
     pub slots: Vec<(String, Option<Pixels>)>,
     /// Images of [`Picture::read_back`], in the order of its calls.
     pub copied: Vec<(String, Pixels)>,
+    /// What was found in the image of [`Renderer::inspect`], if the frame made it.
+    pub inspected: Option<Inspected>,
     /// Values that are not finite, as the scan found them.
     pub findings: Vec<Finding>,
     /// The needs of the implementations.
@@ -156,6 +159,9 @@ pub struct Renderer {
     pub(crate) tracker: FindingTracker,
     poisons: Vec<Poison>,
     read_slots: Vec<String>,
+    /// Made when it is first needed.
+    pub(crate) inspector: Option<Inspector>,
+    pub(crate) inspection: Option<Inspection>,
     pub(crate) options: RenderOptions,
     frame: u32,
     previous: Option<Previous>,
@@ -218,6 +224,8 @@ impl Renderer {
             tracker: FindingTracker::default(),
             poisons: Vec::new(),
             read_slots: Vec::new(),
+            inspector: None,
+            inspection: None,
             options,
             frame: 0,
             previous: None,
@@ -451,8 +459,10 @@ impl Renderer {
 
         self.poisons.drain(..).for_each(|poison| g.poison(poison));
         request.view.into_iter().for_each(|(pass, output)| g.watch(pass, output));
+        self.inspection.iter().for_each(|inspection| g.watch(&inspection.pass, &inspection.output));
 
-        // Observers run after each pass is declared, before later passes overwrite its outputs: the scan, and the copy for `request.view`.
+        // Observers run after each pass is declared, before later passes overwrite its outputs: the scan, the copy for `request.view`, and the
+        // inspection.
         let mut scan = None;
         let mut scanner: Option<Observer> = None;
         if let Some(pipelines) = self.scan {
@@ -463,9 +473,14 @@ impl Renderer {
         let copies = Copies::new(&self.gpu, &imports);
         let mut requested = request.view.filter(|_| request.read_back).map(|(p, o)| (p.to_owned(), o.to_owned()));
         let viewer = copies.clone();
+        let lookout = self.lookout(output, &imports);
+        let looking = lookout.clone();
         g.observe_passes(move |g, pass| {
             if let Some(scanner) = &mut scanner {
                 scanner(g, pass);
+            }
+            if let Some(lookout) = &looking {
+                lookout.see(g, pass);
             }
             if requested.is_some() {
                 let found = g
@@ -496,6 +511,7 @@ impl Renderer {
         }
 
         let out = frame(&mut self.implementations, &mut g, &view, &all, scene)?;
+        let inspecting = lookout.as_ref().map(Lookout::end).transpose()?.flatten();
         match request.view {
             Some((pass, output)) => {
                 let image = g.find(pass, output)?;
@@ -507,12 +523,15 @@ impl Renderer {
                 copies.copy(&mut g, "read_back.radiance", out.radiance);
                 copies.copy(&mut g, "read_back.display", out.display);
             }
-            None if add.is_none() => g.output(out.display),
+            // The rest of the frame runs also where the picture makes way for an inspected image.
+            None if add.is_none() || inspecting.is_some() => g.output(out.display),
             None => {}
         }
         let mut read = NamedCopies { copies: Copies::new(&self.gpu, &imports), names: Vec::new() };
         if let Some(add) = add {
-            let mut picture = Picture { radiance: out.radiance, display: out.display, depth: out.depth, view, read };
+            let inspected = inspecting.as_ref().map(|inspecting| inspecting.image);
+            let FrameOut { radiance, display, depth } = out;
+            let mut picture = Picture { radiance, display, depth, view, inspected, read };
             add(&mut g, &mut imports.borrow_mut(), &mut picture)?;
             read = picture.read;
         }
@@ -532,6 +551,7 @@ impl Renderer {
             images: None,
             slots: Vec::new(),
             copied: Vec::new(),
+            inspected: None,
             findings: Vec::new(),
             needs,
             declaration: work.declaration.clone(),
@@ -539,7 +559,7 @@ impl Renderer {
         };
         let ticket = FrameTicket { frame: self.frame, done: work.done(), result: Outcome::default() };
         let outcome = ticket.result.clone();
-        self.pending.push_back(Pending { work, known, scan, copies, read, slots: slot_copies, outcome });
+        self.pending.push_back(Pending { work, known, scan, copies, read, inspecting, slots: slot_copies, outcome });
         self.previous = Some(Previous { camera: request.camera.clone(), extent, output, jitter });
         self.frame += 1;
         Ok(Some(ticket))

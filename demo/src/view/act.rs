@@ -15,6 +15,7 @@ use winit::{dpi::PhysicalSize, event_loop::ActiveEventLoop};
 use super::{
     action::{self, Action},
     background::Wanted,
+    interface::format_of,
     navigation::Navigation,
     shaders::{Outcome, ShaderWatch},
     tour::{Recording, Replay},
@@ -182,6 +183,14 @@ impl App<'_> {
                     open.screen.lose_device_in(&pass);
                 }
             }
+            Action::Inspect(pass, output) => {
+                let planned = self.planned.as_ref();
+                let format = planned.and_then(|(declaration, _)| format_of(declaration, &pass, &output));
+                self.interface.inspector.choose(pass, output, format);
+            }
+            Action::InspectNothing => self.interface.inspector.close(),
+            Action::InspectAs(change) => self.interface.inspector.change(&change)?,
+            Action::Pick(pixel) => self.interface.inspector.pin(pixel),
             Action::Close => event_loop.exit(),
         }
         Ok(())

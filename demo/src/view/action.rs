@@ -9,6 +9,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use super::input_events::Input;
+use super::look::LookChange;
 use crate::{exit::Failure, input};
 
 /// One thing that is done.
@@ -77,6 +78,14 @@ pub(crate) enum Action {
     Input(Input),
     /// The next frame behaves as if the device were lost in this pass.
     LoseDevice(String),
+    /// Shows an output of a pass in place of the picture: names of both.
+    Inspect(String, String),
+    /// Shows the picture again.
+    InspectNothing,
+    /// Changes how the inspected image is shown.
+    InspectAs(LookChange),
+    /// Shows the values of this pixel of the inspected image, or with `null` of the one under the pointer.
+    Pick(Option<[u32; 2]>),
     /// Closes the window.
     Close,
 }

@@ -6,6 +6,7 @@ mod background;
 mod costs;
 mod input_events;
 mod interface;
+mod look;
 mod meshes;
 mod navigation;
 mod remembered;

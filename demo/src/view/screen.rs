@@ -16,7 +16,10 @@ use magpie::{
     scene::{Camera, Scene},
     slot::Build,
 };
-use magpie_passes::{FrameRequest, FrameResult, FrameTicket, RenderOptions, Renderer, Slots, parts::overlay::Overlay};
+use magpie_passes::{
+    FrameRequest, FrameResult, FrameTicket, RenderOptions, Renderer, Slots,
+    parts::{inspect::Inspection, overlay::Overlay},
+};
 use winit::window::Window;
 
 use super::meshes;
@@ -87,6 +90,8 @@ pub(super) struct Drawing<'a> {
     pub pixels_per_point: f32,
     /// What is copied to the host.
     pub wanted: &'a [Wanted],
+    /// What is shown in place of the picture, if the frame makes it.
+    pub inspection: Option<&'a Inspection>,
 }
 
 /// What became of a frame.
@@ -184,6 +189,7 @@ impl Screen {
         let results = self.finish(0)?;
         if let Some(other) = &mut self.other {
             std::mem::swap(&mut self.renderer, &mut other.renderer);
+            other.renderer.inspect(None).map_err(failure)?;
         }
         Ok(results)
     }
@@ -208,7 +214,8 @@ impl Screen {
 
     /// Submits a frame, and hands the one that it makes to the display.
     pub(super) fn draw(&mut self, drawing: Drawing<'_>) -> Result<Drawn, Failure> {
-        let Drawing { camera, time, window, picture, interface, mut textures, pixels_per_point, wanted } = drawing;
+        let Drawing { camera, time, window, picture, interface, mut textures, pixels_per_point, wanted, inspection } =
+            drawing;
         for (id, deltas) in textures.set.drain() {
             for delta in &deltas {
                 meshes::set_texture(&mut self.overlay, id, delta)?;
@@ -216,6 +223,7 @@ impl Screen {
         }
         self.options = RenderOptions { width: picture.width, height: picture.height, ..self.options };
         self.renderer.resize(picture.width, picture.height);
+        self.renderer.inspect(inspection.cloned()).map_err(failure)?;
         let request = FrameRequest { camera, time, view: None, read_back: false };
         let beside = match &mut self.other {
             Some(other) => other.draw(&self.gpu, request, picture)?,
@@ -225,7 +233,8 @@ impl Screen {
         let mut overlay_time = Duration::ZERO;
         let submitted = self.renderer.submit_with(request, &mut |g, imports, made| {
             let begun = Instant::now();
-            let meshes = meshes::meshes(interface, pixels_per_point, made.display, beside.as_ref());
+            let meshes =
+                meshes::meshes(interface, pixels_per_point, made.inspected.unwrap_or(made.display), beside.as_ref());
             let format = surface.set_bits(if g.desc(made.display).format == Format::Rgba16Unorm { 10 } else { 8 });
             let target = target_of(gpu, target, window, format)?;
             let shown = overlay.add(g, imports, &meshes, &target)?;

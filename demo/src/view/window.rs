@@ -96,7 +96,7 @@ pub(super) struct App<'a> {
     all: Option<Recorder>,
     pub(super) slots: Vec<SlotReport>,
     /// The newest finished frame as it was planned.
-    planned: Option<(Arc<Declaration>, Arc<Plan>)>,
+    pub(super) planned: Option<(Arc<Declaration>, Arc<Plan>)>,
     report: Option<Report>,
     evaluated: Option<Instant>,
     pub(super) message: Option<String>,
@@ -392,6 +392,7 @@ impl<'a> App<'a> {
                 textures: output.textures_delta,
                 pixels_per_point: scale,
                 wanted: &wanted,
+                inspection: self.interface.inspector.inspection(),
             })?;
             self.awaited.extend(self.wishes.drain(..).map(|wish| (drawn.frame, wish)));
             self.costs.add(egui_time, drawn.overlay_time + statistics_time);
@@ -437,6 +438,7 @@ impl<'a> App<'a> {
             }
         }
         self.slots = result.what_runs();
+        self.interface.inspector.take(result.inspected.take());
         self.planned = Some((result.declaration.clone(), result.plan.clone()));
         if let Some(all) = &mut self.all {
             all.push(result.sample.clone());

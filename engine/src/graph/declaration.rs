@@ -176,6 +176,18 @@ impl Declaration {
         written().map(named).collect()
     }
 
+    /// The images that a pass writes, by the names that `--view` knows: the new half of a history has that of the history.
+    pub fn images_of(&self, pass: u32) -> Vec<NamedOutput> {
+        let mut images = self.outputs_of(pass);
+        images.retain(|output| self.resources[output.resource as usize].shape.is_image());
+        for output in &mut images {
+            if let Some(history) = output.name.strip_suffix(".next") {
+                output.name = history.to_owned();
+            }
+        }
+        images
+    }
+
     /// The pass that wrote each version of each resource.
     pub fn writers(&self) -> Writers {
         Writers::of(self)

@@ -45,9 +45,10 @@ impl FrameGraph {
         self.poisons.push(poison);
     }
 
-    /// Says that this output of this pass will be looked at, for [`PassBuilder::is_watched`]. It does not keep the output alive.
+    /// Says that this output of this pass will be looked at, for [`PassBuilder::is_watched`], as others may be. It does not keep the
+    /// output alive.
     pub fn watch(&mut self, pass: &str, output: &str) {
-        self.watched = Some((pass.to_owned(), output.to_owned()));
+        self.watched.push((pass.to_owned(), output.to_owned()));
     }
 }
 
@@ -57,6 +58,6 @@ impl PassBuilder<'_> {
     #[must_use]
     pub fn is_watched(&self, output: &str) -> bool {
         let pass = self.graph.declaration.pass_name(self.pass);
-        self.graph.watched.as_ref().is_some_and(|(p, o)| p == pass && o == output)
+        self.graph.watched.iter().any(|(p, o)| p == pass && o == output)
     }
 }

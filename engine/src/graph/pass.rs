@@ -60,8 +60,8 @@ pub struct FrameGraph {
     pub(super) records: Vec<Option<RecordFn>>,
     pub(super) observer: Option<Observer>,
     pub(super) slot_observer: Option<SlotObserver>,
-    /// Pass and output that somebody looks at.
-    pub(super) watched: Option<(String, String)>,
+    /// Passes and outputs that somebody looks at.
+    pub(super) watched: Vec<(String, String)>,
     /// Outputs that tests overwrite with NaN or infinity.
     pub(super) poisons: Vec<Poison>,
     /// What outlives the frame.
@@ -101,7 +101,7 @@ impl FrameGraph {
             records,
             observer: None,
             slot_observer: None,
-            watched: None,
+            watched: Vec::new(),
             poisons: Vec::new(),
             histories,
             number,
@@ -418,12 +418,12 @@ impl FrameGraph {
     }
 
     fn produced_by(&self, pass: u32) -> impl Iterator<Item = Produced> {
-        let outputs = self.declaration.outputs_of(pass).into_iter();
-        outputs.filter_map(move |output| match self.declaration.resources[output.resource as usize].shape {
+        let images = self.declaration.images_of(pass).into_iter();
+        images.filter_map(move |output| match self.declaration.resources[output.resource as usize].shape {
             Shape::Image { format, extent, .. } => Some(Produced {
                 pass: self.declaration.pass_name(pass).to_owned(),
                 pass_index: pass,
-                output: output.name.strip_suffix(".next").map(str::to_owned).unwrap_or(output.name),
+                output: output.name,
                 image: Handle::new(output.resource, output.version, self.number),
                 format,
                 extent,

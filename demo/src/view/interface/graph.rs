@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use egui::{Align2, Color32, FontId, Rect, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 use magpie::graph::{Declaration, Plan, Queue, plan::Transient};
 
-use super::{Model, profiler::stage_colours};
+use super::{Action, Model, inspect::click, profiler::stage_colours};
 
 /// Least width of a pass, points.
 const COLUMN: f32 = 14.0;
@@ -21,7 +21,8 @@ pub(in super::super) struct Planned<'a> {
     pub plan: &'a Plan,
 }
 
-pub(super) fn show(ui: &mut Ui, model: &Model<'_>) {
+/// Shows the plan, and adds what a click on a pass of `inspected` or another one does.
+pub(super) fn show(ui: &mut Ui, model: &Model<'_>, inspected: Option<&str>, actions: &mut Vec<Action>) {
     let Some(planned) = model.planned else {
         ui.weak("no frame has been planned yet");
         return;
@@ -37,10 +38,11 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>) {
         mebibytes(plan.memory.unaliased),
         mebibytes(plan.memory.lower_bound),
     ));
+    let mut clicked = None;
     ScrollArea::both().auto_shrink(false).show(ui, |ui| {
         let step = (ui.available_width() / plan.order.len().max(1) as f32).max(COLUMN);
         for queue in Queue::ALL {
-            lane(ui, planned, queue, step);
+            clicked = lane(ui, planned, queue, step).or(clicked);
         }
         let all: u64 = plan.heaps.iter().map(|heap| heap.bytes).sum();
         for (heap, size) in plan.heaps.iter().enumerate() {
@@ -49,7 +51,11 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>) {
         }
         ui.add_space(6.0);
         for culled in &plan.culled {
-            ui.weak(format!("{}: {}", declaration.pass_name(culled.pass), culled.reason));
+            let name = declaration.pass_name(culled.pass);
+            let text = egui::RichText::new(format!("{name}: {}", culled.reason)).weak();
+            if ui.selectable_label(inspected == Some(name), text).clicked() {
+                clicked = Some(name);
+            }
         }
         for report in model.slots.iter().filter(|report| !report.runs) {
             ui.weak(format!(
@@ -60,14 +66,16 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>) {
             ));
         }
     });
+    actions.extend(clicked.map(|pass| click(model, inspected, pass)));
 }
 
-/// The passes of one queue, each in the column of its place in the plan.
-fn lane(ui: &mut Ui, Planned { declaration, plan }: Planned<'_>, queue: Queue, step: f32) {
+/// The passes of one queue, each in the column of its place in the plan. Returns one that was clicked.
+fn lane<'a>(ui: &mut Ui, Planned { declaration, plan }: Planned<'a>, queue: Queue, step: f32) -> Option<&'a str> {
     if !plan.batches.iter().any(|batch| batch.queue == queue) {
-        return;
+        return None;
     }
-    let (rect, response) = ui.allocate_exact_size(vec2(step * plan.order.len() as f32, LANE), Sense::hover());
+    let (rect, response) = ui.allocate_exact_size(vec2(step * plan.order.len() as f32, LANE), Sense::click());
+    let mut clicked = None;
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
     for batch in plan.batches.iter().filter(|batch| batch.queue == queue) {
@@ -87,9 +95,13 @@ fn lane(ui: &mut Ui, Planned { declaration, plan }: Planned<'_>, queue: Queue, s
             );
             if response.hover_pos().is_some_and(|at| cell.contains(at)) {
                 response.clone().on_hover_text(about_pass(declaration, pass, queue));
+                if response.clicked() {
+                    clicked = Some(name);
+                }
             }
         }
     }
+    clicked
 }
 
 /// What a pass reads and writes.

@@ -1,6 +1,7 @@
 //! What is seen of the viewer: the picture, and panels about it. It reads the [`Model`] and says what to do by [`Action`]s.
 
 mod graph;
+mod inspect;
 mod profiler;
 mod stages;
 mod truth;
@@ -16,6 +17,7 @@ use magpie::{
 };
 
 pub(super) use graph::Planned;
+pub(super) use inspect::format_of;
 
 use super::{
     action::{Action, Panel, TruthView},
@@ -85,6 +87,8 @@ pub(super) struct Interface {
     pub panels: bool,
     /// How much of the picture shows the configuration that is edited, where there is a second one: 0 to 1, from the left.
     pub split: f32,
+    /// What is shown in place of the picture.
+    pub inspector: inspect::Inspector,
     frozen: Option<profiler::Frozen>,
 }
 
@@ -126,6 +130,7 @@ impl Interface {
             truth_view: TruthView::default(),
             panels,
             split: 0.5,
+            inspector: inspect::Inspector::default(),
             frozen: None,
         }
     }
@@ -160,7 +165,7 @@ impl Interface {
             Side::top("bar").show(ui, |ui| self.bar(ui, model, navigation.speed(), actions));
             if self.profiler {
                 Side::bottom("profiler").resizable(true).default_size(220.0).show(ui, |ui| {
-                    profiler::show(ui, model, &mut self.frozen, actions);
+                    profiler::show(ui, model, &mut self.frozen, self.inspector.pass(), actions);
                 });
             }
             if self.graph {
@@ -168,7 +173,7 @@ impl Interface {
                     .resizable(true)
                     .default_size(280.0)
                     .min_size(240.0)
-                    .show(ui, |ui| graph::show(ui, model));
+                    .show(ui, |ui| graph::show(ui, model, self.inspector.pass(), actions));
             }
             if self.truth {
                 Side::right("truth").resizable(true).default_size(300.0).show(ui, |ui| {
@@ -180,6 +185,11 @@ impl Interface {
                     stages::show(ui, model, actions);
                 });
             }
+            if self.inspector.inspection().is_some() {
+                Side::right("inspect").resizable(true).default_size(330.0).show(ui, |ui| {
+                    inspect::show(ui, model, &mut self.inspector, actions);
+                });
+            }
         }
         let truth = model.truth.filter(|truth| truth.samples > 0);
         let beside = match (truth, self.truth_view) {
@@ -189,9 +199,9 @@ impl Interface {
         };
         let has_map = self.truth_view == TruthView::Error && truth.is_some_and(|truth| truth.has_map);
         let shown = if has_map { ERROR } else { PICTURE };
-        let split = &mut self.split;
         let place = CentralPanel::default().frame(Frame::NONE);
-        let place = place.show(ui, |ui| picture(ui, shown, beside, split, navigation, seconds, actions));
+        let shown = Shown { image: shown, beside, split: &mut self.split };
+        let place = place.show(ui, |ui| picture(ui, shown, &mut self.inspector, navigation, seconds, actions));
         if self.panels {
             notes(ui, place.inner.rect, model);
         }
@@ -337,6 +347,14 @@ struct Beside {
     names: [&'static str; 2],
 }
 
+/// What is shown where the picture is.
+struct Shown<'a> {
+    image: egui::TextureId,
+    beside: Option<Beside>,
+    /// The place of the line: 0 to 1, from the left.
+    split: &'a mut f32,
+}
+
 /// What went wrong and what goes on, over the picture, so that its size does not change.
 fn notes(ui: &Ui, rect: egui::Rect, model: &Model<'_>) {
     if model.message.is_none() && model.progress.is_none() {
@@ -382,18 +400,17 @@ fn show_beside(ui: &mut Ui, rect: egui::Rect, beside: Beside, split: &mut f32) {
 /// The picture, and the camera that is moved in it.
 fn picture(
     ui: &mut Ui,
-    shown: egui::TextureId,
-    beside: Option<Beside>,
-    split: &mut f32,
+    shown: Shown<'_>,
+    inspector: &mut inspect::Inspector,
     navigation: &mut Navigation,
     seconds: f64,
     actions: &mut Vec<Action>,
 ) -> Place {
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
-    ui.painter().image(shown, rect, whole, Color32::WHITE);
-    if let Some(beside) = beside {
-        show_beside(ui, rect, beside, split);
+    ui.painter().image(shown.image, rect, whole, Color32::WHITE);
+    if let Some(beside) = shown.beside {
+        show_beside(ui, rect, beside, shown.split);
     }
     let scale = f64::from(ui.ctx().pixels_per_point());
     let drag = response.drag_delta();
@@ -405,7 +422,9 @@ fn picture(
     } else if response.dragged_by(PointerButton::Middle) {
         navigation.pan(drag, f64::from(rect.height()) * scale);
     }
+    let is_inspected = inspector.follow(ui, rect, &response, actions);
     if response.clicked()
+        && !is_inspected
         && let Some(at) = response.interact_pointer_pos()
     {
         let at = (at - rect.min) / rect.size();

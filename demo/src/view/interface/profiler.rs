@@ -5,7 +5,7 @@ use std::path::Path;
 use egui::{Align2, Color32, FontId, Grid, Rect, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 use magpie::measure::{FrameSample, PassReport, Report, Spread};
 
-use super::{Action, Model};
+use super::{Action, Model, inspect::click};
 use crate::view::action::free_names;
 
 /// Frames and statistics that are kept while the panel is frozen.
@@ -20,7 +20,13 @@ const BUDGET_MS: f32 = 1000.0 / 60.0;
 /// Height of a bar, points.
 const BAR: f32 = 18.0;
 
-pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>, actions: &mut Vec<Action>) {
+pub(super) fn show(
+    ui: &mut Ui,
+    model: &Model<'_>,
+    frozen: &mut Option<Frozen>,
+    inspected: Option<&str>,
+    actions: &mut Vec<Action>,
+) {
     let held = frozen.clone();
     let (frames, report) = match (&held, model.report) {
         (Some(held), _) => (held.frames.as_slice(), &held.report),
@@ -70,7 +76,11 @@ pub(super) fn show(ui: &mut Ui, model: &Model<'_>, frozen: &mut Option<Frozen>, 
     if let Some(last) = frames.last() {
         queues(ui, last);
     }
-    ScrollArea::both().auto_shrink(false).show(ui, |ui| passes(ui, frames, report));
+    ScrollArea::both().auto_shrink(false).show(ui, |ui| {
+        if let Some(pass) = passes(ui, frames, report, inspected) {
+            actions.push(click(model, inspected, &pass));
+        }
+    });
 }
 
 /// The GPU time of each frame as a line.
@@ -152,21 +162,26 @@ pub(super) fn stage_colours(stage: &str) -> (Color32, Color32) {
 /// Heads of the table.
 const HEADS: [&str; 8] = ["pass", "now ms", "median", "99 %", "share", "rays", "draws", "KiB"];
 
-/// The table: what each pass takes now, and over the frames.
-fn passes(ui: &mut Ui, frames: &[FrameSample], report: &Report) {
+/// The table: what each pass takes now, and over the frames. Returns a pass that was clicked.
+fn passes(ui: &mut Ui, frames: &[FrameSample], report: &Report, inspected: Option<&str>) -> Option<String> {
+    let mut clicked = None;
     Grid::new("passes").striped(true).num_columns(HEADS.len()).show(ui, |ui| {
         for head in HEADS {
             ui.strong(head);
         }
         ui.end_row();
         for [name, numbers @ ..] in rows(frames, report) {
-            ui.label(name);
+            let label = ui.selectable_label(inspected == Some(&*name), &name);
+            if label.on_hover_text("Shows its output images").clicked() {
+                clicked = Some(name);
+            }
             for number in numbers {
                 ui.monospace(number);
             }
             ui.end_row();
         }
     });
+    clicked
 }
 
 /// The cells of the table, as they are shown. The numbers are those of the report, which `--timings` writes.
