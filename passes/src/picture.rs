@@ -87,22 +87,25 @@ impl Renderer {
         if size.width == 0 || size.height == 0 {
             return Ok(Presented::Hidden);
         }
-        let image = match self.shown.take().filter(|image| image.extent() == size) {
-            Some(image) => image,
-            None => {
-                // Vulkan wants a view of it.
-                let usage = ImageUse { attachment: true, ..ImageUse::default() };
-                Arc::new(gpu::Image::new(&self.gpu, "window", DISPLAY, size, 1, usage)?)
-            }
-        };
-        self.shown = Some(image.clone());
+        let (gpu, mut shown) = (self.gpu.clone(), self.shown.take());
         let ticket = self.submit_with(request, &mut |g, imports, made| {
+            let format = g.desc(made.display).format;
+            let image = match shown.take().filter(|image| (image.extent(), image.format()) == (size, format)) {
+                Some(image) => image,
+                None => {
+                    // Vulkan wants a view of it.
+                    let usage = ImageUse { attachment: true, ..ImageUse::default() };
+                    Arc::new(gpu::Image::new(&gpu, "window", format, size, 1, usage)?)
+                }
+            };
+            shown = Some(image.clone());
             made.copy_into(g, imports, "present", &image, Access::CopyRead)
         })?;
         drop(ticket);
-        Ok(surface.present(&image, size)?)
+        let Some(image) = shown else { return Ok(Presented::Hidden) };
+        surface.set_bits(if image.format() == Format::Rgba16Unorm { 10 } else { 8 });
+        let presented = surface.present(&image, size)?;
+        self.shown = Some(image);
+        Ok(presented)
     }
 }
-
-/// Format of display values, as the contract of `post` has it.
-const DISPLAY: Format = Format::Rgba8Unorm;
