@@ -9,7 +9,7 @@ use super::window::SHOWN;
 pub(super) struct Costs(VecDeque<[Duration; 2]>);
 
 impl Costs {
-    /// Adds a frame: the time of `egui`, and that of the rest.
+    /// Adds a frame: the time of `egui`, and that of the rest, from meshes to statistics.
     pub(super) fn add(&mut self, egui: Duration, rest: Duration) {
         self.0.push_back([egui, rest]);
         if self.0.len() > SHOWN {

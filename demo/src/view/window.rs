@@ -53,7 +53,7 @@ pub(super) const SHOWN: usize = 120;
 /// Size of the first window, pixels.
 const FIRST_SIZE: crate::args::Extent = crate::args::Extent { width: 1280, height: 720 };
 /// Seconds between two evaluations of them.
-const REFRESH: f64 = 0.25;
+const REFRESH: f64 = 0.5;
 /// Distance that is turned about before anything was clicked, metres.
 pub(super) const DISTANCE: f64 = 5.0;
 
@@ -395,10 +395,11 @@ impl<'a> App<'a> {
                 inspection: self.interface.inspector.inspection(),
             })?;
             self.awaited.extend(self.wishes.drain(..).map(|wish| (drawn.frame, wish)));
-            self.costs.add(egui_time, drawn.overlay_time + statistics_time);
             let most = self.arguments.frames_in_flight as usize - 1;
             let results = open.screen.finish(if is_last { 0 } else { most })?;
+            let begun = Instant::now();
             results.into_iter().try_for_each(|result| self.take(result))?;
+            self.costs.add(egui_time, drawn.overlay_time + statistics_time + begun.elapsed());
             self.advance_truth(picture)?;
         }
         let step = self.arguments.time_step.map_or(seconds, f64::from);

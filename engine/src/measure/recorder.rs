@@ -1,6 +1,6 @@
 //! Collects frames and reduces them to a report.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::{
     FrameSample, PassTime, Statistics,
@@ -152,11 +152,15 @@ impl Recorder {
     fn columns(&self) -> Vec<Column<'_>> {
         let mut columns: Vec<Column<'_>> = Vec::new();
         for frame in &self.frames {
-            let mut after = 0;
-            for (at, pass) in frame.passes.iter().enumerate() {
-                let occurrence = frame.passes[..at].iter().filter(|p| p.name == pass.name).count();
-                let place = columns.iter().position(|c| c.samples[0].name == pass.name && c.occurrence == occurrence);
-                let place = place.unwrap_or_else(|| {
+            let (mut after, mut seen) = (0, HashMap::<&str, usize>::new());
+            for pass in &frame.passes {
+                let count = seen.entry(&pass.name).or_default();
+                let occurrence = *count;
+                *count += 1;
+                let is_it = |c: &Column<'_>| c.occurrence == occurrence && c.samples[0].name == pass.name;
+                // Nearly always it follows the one before, as in other frames.
+                let place = Some(after).filter(|place| columns.get(*place).is_some_and(is_it));
+                let place = place.or_else(|| columns.iter().position(is_it)).unwrap_or_else(|| {
                     columns.insert(after, Column { occurrence, samples: vec![] });
                     after
                 });

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use egui::{
-    Color32, ComboBox, DragValue, FontId, Grid, Rect, Response, RichText, ScrollArea, Slider, Stroke, StrokeKind, Ui,
-    pos2, vec2,
+    Color32, ComboBox, DragValue, FontId, Grid, Painter, Rect, Response, RichText, ScrollArea, Slider, Stroke,
+    StrokeKind, Ui, pos2, vec2,
 };
 use magpie::graph::{Declaration, Format, Shape};
 use magpie_passes::parts::inspect::{Channel, Colours, Inspected, Inspection, Look, Pick, PixelValue};
@@ -98,18 +98,11 @@ impl Inspector {
             zoom_about(chosen, found, [at.x, at.y], zoom);
         }
         let Some(pixel) = found.pixel else { return true };
-        let place = texel(found, pixel.at, rect);
+        let place = texel(chosen, found, pixel.at, rect);
         let painter = ui.painter_at(rect);
-        painter.rect_stroke(place.expand(1.0), 0.0, Stroke::new(1.0, Color32::BLACK), StrokeKind::Outside);
-        painter.rect_stroke(place, 0.0, Stroke::new(1.0, Color32::WHITE), StrokeKind::Outside);
-        let text = format!("{}, {}: {}", pixel.at[0], pixel.at[1], values(found.format, &pixel).join("  "));
-        let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), Color32::WHITE);
-        // Below the pixel on the right, as far as there is room.
-        let most = rect.max - galley.size() - vec2(4.0, 4.0);
-        let at = place.right_bottom() + vec2(6.0, 6.0);
-        let label = Rect::from_min_size(pos2(at.x.min(most.x), at.y.min(most.y)).max(rect.min), galley.size());
-        painter.rect_filled(label.expand(3.0), 2.0, Color32::from_black_alpha(200));
-        painter.galley(label.min, galley, Color32::WHITE);
+        if rect.intersects(place) {
+            mark(&painter, place, found.format, &pixel);
+        }
         if response.clicked() {
             actions.push(Action::Pick((self.pinned != Some(pixel.at)).then_some(pixel.at)));
         }
@@ -117,10 +110,24 @@ impl Inspector {
     }
 }
 
+/// Frames a pixel, and writes its values below it on the right, as far as there is room.
+fn mark(painter: &Painter, place: Rect, format: Format, pixel: &PixelValue) {
+    painter.rect_stroke(place.expand(1.0), 0.0, Stroke::new(1.0, Color32::BLACK), StrokeKind::Outside);
+    painter.rect_stroke(place, 0.0, Stroke::new(1.0, Color32::WHITE), StrokeKind::Outside);
+    let text = format!("{}, {}: {}", pixel.at[0], pixel.at[1], values(format, pixel).join("  "));
+    let galley = painter.layout_no_wrap(text, FontId::monospace(12.0), Color32::WHITE);
+    let rect = painter.clip_rect();
+    let most = rect.max - galley.size() - vec2(4.0, 4.0);
+    let at = place.right_bottom() + vec2(6.0, 6.0);
+    let label = Rect::from_min_size(pos2(at.x.min(most.x), at.y.min(most.y)).max(rect.min), galley.size());
+    painter.rect_filled(label.expand(3.0), 2.0, Color32::from_black_alpha(200));
+    painter.galley(label.min, galley, Color32::WHITE);
+}
+
 /// Changes the zoom so that what is under the pointer stays there.
 fn zoom_about(chosen: &mut Inspection, found: &Inspected, at: [f32; 2], factor: f32) {
     let zoom = (chosen.zoom * factor).clamp(1.0, MOST_ZOOM);
-    let [left, top, width, height] = found.place;
+    let [left, top, width, height] = chosen.place(found.extent, found.picture);
     let picture = [found.picture.width as f32, found.picture.height as f32];
     for (axis, (start, side)) in [(left, width), (top, height)].into_iter().enumerate() {
         let under = (at[axis] * picture[axis] - start) / side;
@@ -131,8 +138,8 @@ fn zoom_about(chosen: &mut Inspection, found: &Inspected, at: [f32; 2], factor: 
 }
 
 /// Where a pixel of the image lies, in points.
-fn texel(found: &Inspected, [x, y]: [u32; 2], rect: Rect) -> Rect {
-    let [left, top, width, height] = found.place;
+fn texel(chosen: &Inspection, found: &Inspected, [x, y]: [u32; 2], rect: Rect) -> Rect {
+    let [left, top, width, height] = chosen.place(found.extent, found.picture);
     let point = |x: u32, y: u32| {
         let across = (left + width * x as f32 / found.extent.width as f32) / found.picture.width as f32;
         let down = (top + height * y as f32 / found.extent.height as f32) / found.picture.height as f32;
@@ -162,6 +169,11 @@ fn number(value: f64) -> String {
         }
         _ => format!("{value:.5e}"),
     }
+}
+
+/// The same of a value of a format, of which integers are written in full.
+fn end_of_range(format: Format, value: f64) -> String {
+    if format.is_uint() { format!("{value:.0}") } else { number(value) }
 }
 
 /// What a click on a pass does: its first image is inspected, or if it is inspected, the picture is shown again.
@@ -325,7 +337,7 @@ fn table(ui: &mut Ui, chosen: &Inspection, found: &Inspected) {
         for (channel, range) in found.ranges.iter().enumerate() {
             ui.strong(["r", "g", "b", "a"][channel]);
             match range {
-                Some(range) => range.iter().for_each(|end| drop(ui.monospace(number(*end)))),
+                Some(range) => range.iter().for_each(|end| drop(ui.monospace(end_of_range(found.format, *end)))),
                 None => (0..2).for_each(|_| drop(ui.monospace("-"))),
             }
             let value = pixel.as_ref().map_or("", |(_, values)| values[channel].as_str());
@@ -353,6 +365,7 @@ mod tests {
         assert_eq!(texts, wanted);
         let pixel = PixelValue { at: [0; 2], bits: [255, f32::NAN.to_bits(), 0, 0] };
         assert_eq!(values(Format::R32Uint, &pixel), ["255 (0xff)"]);
+        assert_eq!(end_of_range(Format::R32Uint, 4_294_967_295.0), "4294967295");
         assert_eq!(values(Format::Rg32Float, &pixel)[1], "NaN");
     }
 
@@ -361,7 +374,7 @@ mod tests {
     fn zoom_keeps_what_is_under_the_pointer() {
         let (size, picture) = (magpie::graph::Extent::new(160, 120), magpie::graph::Extent::new(320, 240));
         let mut chosen = Inspection::of("a.b", "c", None);
-        let mut found = Inspected {
+        let found = Inspected {
             pass: "a.b".to_owned(),
             output: "c".to_owned(),
             format: Format::R32Float,
@@ -381,10 +394,9 @@ mod tests {
         let at = [0.7, 0.3];
         let under = |place: [f32; 4]| [(224.0 - place[0]) / place[2], (72.0 - place[1]) / place[3]];
         for factor in [2.0, 1.5, 4.0, 0.5] {
-            let before = under(found.place);
+            let before = under(chosen.place(size, picture));
             zoom_about(&mut chosen, &found, at, factor);
-            found.place = chosen.place(size, picture);
-            let after = under(found.place);
+            let after = under(chosen.place(size, picture));
             assert!(before.iter().zip(after).all(|(a, b)| (a - b).abs() < 1e-4), "{before:?}, {after:?}");
         }
         zoom_about(&mut chosen, &found, at, 1e-3);
