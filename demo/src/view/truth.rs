@@ -152,7 +152,7 @@ impl Pair {
 fn noise(estimate: &Estimate) -> f64 {
     let errors = estimate.standard_error();
     let of_pixel = |(error, mean): (&glam::DVec3, &glam::DVec3)| {
-        (*error * *error / (*mean * *mean + glam::DVec3::splat(f64::from(RELMSE_EPSILON)))).element_sum() / 3.0
+        (*error * *error / (*mean * *mean + glam::DVec3::splat(RELMSE_EPSILON))).element_sum() / 3.0
     };
     errors.iter().zip(&estimate.mean).map(of_pixel).sum::<f64>() / errors.len().max(1) as f64
 }

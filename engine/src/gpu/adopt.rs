@@ -64,7 +64,6 @@ impl SemaphoreValue {
     }
 
     /// For a submission that waits for this value, or signals it, with all its commands.
-    #[must_use]
     pub fn submit_info(self) -> vk::SemaphoreSubmitInfo<'static> {
         vk::SemaphoreSubmitInfo::default()
             .semaphore(self.semaphore)
