@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct OverlayVertex {
-    /// From the upper left of the target, pixels.
+    /// From the upper left of the target, in units of the mesh.
     pub position: [f32; 2],
     /// In the image of its mesh, 0 to 1.
     pub uv: [f32; 2],
@@ -30,4 +30,8 @@ pub struct OverlayParams {
     pub sampler_id: SamplerId,
     /// 1 if the alpha of that does not count, else 0.
     pub is_opaque: u32,
+    /// Where the corners of the mesh begin in the table.
+    pub first_vertex: u32,
+    /// Pixels per unit of the positions.
+    pub scale: f32,
 }

@@ -45,7 +45,7 @@ impl Window {
     fn draw(
         &mut self,
         frames: u32,
-        meshes: impl Fn(u32, Handle<magpie::graph::Image>) -> Vec<Mesh>,
+        meshes: impl Fn(u32, Handle<magpie::graph::Image>) -> Vec<Mesh<'static>>,
     ) -> Result<Vec<Seen>> {
         let scene = builtin("cornell")?;
         let (mut tickets, mut seen) = (VecDeque::new(), Vec::new());
@@ -75,15 +75,16 @@ impl Window {
 }
 
 /// A rectangle with the whole of an image.
-fn rectangle([left, top, right, bottom]: [f32; 4], colour: [u8; 4], image: MeshImage) -> Mesh {
+fn rectangle([left, top, right, bottom]: [f32; 4], colour: [u8; 4], image: MeshImage) -> Mesh<'static> {
     let corner = |x: bool, y: bool| OverlayVertex {
         position: [if x { right } else { left }, if y { bottom } else { top }],
         uv: [f32::from(u8::from(x)), f32::from(u8::from(y))],
         colour: u32::from_le_bytes(colour),
     };
     Mesh {
-        vertices: vec![corner(false, false), corner(true, false), corner(true, true), corner(false, true)],
-        indices: vec![0, 1, 2, 0, 2, 3],
+        vertices: vec![corner(false, false), corner(true, false), corner(true, true), corner(false, true)].into(),
+        indices: vec![0, 1, 2, 0, 2, 3].into(),
+        scale: 1.0,
         clip: [0.0, 0.0, SIZE[0] as f32, SIZE[1] as f32],
         image,
     }

@@ -33,25 +33,22 @@ fn number(id: TextureId) -> Option<u64> {
     }
 }
 
-/// The meshes of one frame, in pixels.
-pub(super) fn meshes(
-    primitives: &[ClippedPrimitive],
+/// The meshes of one frame.
+pub(super) fn meshes<'a>(
+    primitives: &'a [ClippedPrimitive],
     pixels_per_point: f32,
     picture: Handle<Image>,
     other: Option<&Arc<gpu::Image>>,
-) -> Vec<Mesh> {
-    let mesh = |primitive: &ClippedPrimitive| {
+) -> Vec<Mesh<'a>> {
+    let mesh = |primitive: &'a ClippedPrimitive| {
         let Primitive::Mesh(mesh) = &primitive.primitive else { return None };
-        let corner = |v: &egui::epaint::Vertex| OverlayVertex {
-            position: [v.pos.x * pixels_per_point, v.pos.y * pixels_per_point],
-            uv: [v.uv.x, v.uv.y],
-            colour: u32::from_le_bytes(v.color.to_array()),
-        };
         let clip = primitive.clip_rect;
         let edge = |points: f32| (points * pixels_per_point).round();
         Some(Mesh {
-            vertices: mesh.vertices.iter().map(corner).collect(),
-            indices: mesh.indices.clone(),
+            // The same fields in the same order.
+            vertices: bytemuck::cast_slice::<_, OverlayVertex>(&mesh.vertices).into(),
+            indices: mesh.indices.as_slice().into(),
+            scale: pixels_per_point,
             clip: [edge(clip.min.x), edge(clip.min.y), edge(clip.max.x), edge(clip.max.y)],
             image: match (mesh.texture_id, number(mesh.texture_id)) {
                 (_, Some(number)) => MeshImage::Own(number),
@@ -64,12 +61,13 @@ pub(super) fn meshes(
 }
 
 /// One image over the whole of a target.
-pub(super) fn whole(picture: Handle<Image>, target: Extent) -> Mesh {
+pub(super) fn whole(picture: Handle<Image>, target: Extent) -> Mesh<'static> {
     let (right, bottom) = (target.width as f32, target.height as f32);
     let corner = |x: f32, y: f32| OverlayVertex { position: [x * right, y * bottom], uv: [x, y], colour: u32::MAX };
     Mesh {
-        vertices: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)],
-        indices: vec![0, 1, 2, 0, 2, 3],
+        vertices: vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)].into(),
+        indices: vec![0, 1, 2, 0, 2, 3].into(),
+        scale: 1.0,
         clip: [0.0, 0.0, right, bottom],
         image: MeshImage::OfFrame(picture),
     }

@@ -143,7 +143,8 @@ mod tests {
         assert!(remembered.camera("builtin:0").is_none());
         let text = serde_json::to_string(&remembered).unwrap();
         let again: Remembered = serde_json::from_str(&text).unwrap();
-        assert_eq!(again, remembered);
+        let names = |of: &Remembered| of.cameras.keys().cloned().collect::<Vec<_>>();
+        assert_eq!((&again.recent, names(&again)), (&remembered.recent, names(&remembered)));
         let (camera, distance) = again.camera("builtin:5").unwrap();
         assert!((camera.eye().as_vec3() - Vec3::new(0.5, 1.0, 4.0)).length() < 1e-5 && distance == 3.0);
         // Fields of other versions do no harm.

@@ -438,7 +438,11 @@ impl<'a> App<'a> {
                 }
             }
         }
-        self.slots = result.what_runs();
+        // A plan is used again as long as the frame stays what it is.
+        let is_known = self.planned.as_ref().is_some_and(|(_, plan)| Arc::ptr_eq(plan, &result.plan));
+        if !is_known {
+            self.slots = result.what_runs();
+        }
         self.interface.inspector.take(result.inspected.take());
         self.planned = Some((result.declaration.clone(), result.plan.clone()));
         if let Some(all) = &mut self.all {

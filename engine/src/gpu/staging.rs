@@ -28,7 +28,15 @@ impl Staging {
     /// # Errors
     /// [`GpuError::OutOfMemory`].
     pub fn write(&mut self, bytes: &[u8]) -> Result<&Arc<Buffer>, GpuError> {
-        let wanted = bytes.len() as u64;
+        self.write_parts(&[bytes])
+    }
+
+    /// The same with several parts, one after the other.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn write_parts(&mut self, parts: &[&[u8]]) -> Result<&Arc<Buffer>, GpuError> {
+        let wanted = parts.iter().map(|part| part.len() as u64).sum();
         self.buffers.retain_mut(|buffer| buffer.bytes() >= wanted || Arc::get_mut(buffer).is_none());
         let free = self.buffers.iter_mut().position(|buffer| Arc::get_mut(buffer).is_some());
         let mut buffer = match free {
@@ -39,7 +47,11 @@ impl Staging {
             }
         };
         if let Some(buffer) = Arc::get_mut(&mut buffer) {
-            buffer.write(0, bytes)?;
+            let mut offset = 0;
+            for part in parts {
+                buffer.write(offset, part)?;
+                offset += part.len() as u64;
+            }
         }
         self.buffers.push(buffer);
         Ok(&self.buffers[self.buffers.len() - 1])

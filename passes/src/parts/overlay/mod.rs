@@ -9,6 +9,7 @@ use magpie::scene::{Sampler, Wrap};
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::overlay::OverlayParams;
 use magpie_shaders::{OVERLAY_DRAW_FRAG, OVERLAY_DRAW_VERT, SamplerId};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use texture::Texture;
@@ -16,14 +17,16 @@ use texture::Texture;
 pub use magpie_shaders::overlay::OverlayVertex;
 pub use texture::TexturePart;
 
-/// Triangles with one image, in pixels of the target.
+/// Triangles with one image.
 #[derive(Clone)]
-pub struct Mesh {
+pub struct Mesh<'a> {
     /// Corners.
-    pub vertices: Vec<OverlayVertex>,
+    pub vertices: Cow<'a, [OverlayVertex]>,
     /// Three corners per triangle.
-    pub indices: Vec<u32>,
-    /// Left, top, right and bottom of what is drawn of them.
+    pub indices: Cow<'a, [u32]>,
+    /// Pixels of the target per unit of the positions of corners.
+    pub scale: f32,
+    /// Left, top, right and bottom of what is drawn of them, pixels.
     pub clip: [f32; 4],
     /// What colours are multiplied with.
     pub image: MeshImage,
@@ -110,7 +113,7 @@ impl Overlay {
         &mut self,
         g: &mut FrameGraph,
         imports: &mut Imports,
-        meshes: &[Mesh],
+        meshes: &[Mesh<'_>],
         target: &Arc<gpu::Image>,
     ) -> Result<Handle<Image>, GpuError> {
         let textures = self
@@ -119,7 +122,7 @@ impl Overlay {
             .map(|(number, texture)| Ok((*number, texture.import(g, imports, *number)?)))
             .collect::<Result<BTreeMap<u64, Handle<Image>>, GpuError>>()?;
         let mut others = Vec::<(&Arc<gpu::Image>, Handle<Image>)>::new();
-        let mut drawn: Vec<(&Mesh, Handle<Image>, bool)> = Vec::new();
+        let mut drawn: Vec<(&Mesh<'_>, Handle<Image>, bool)> = Vec::new();
         for mesh in meshes.iter().filter(|mesh| !mesh.indices.is_empty()) {
             match &mesh.image {
                 MeshImage::Own(number) => drawn.extend(textures.get(number).map(|image| (mesh, *image, false))),
@@ -135,27 +138,27 @@ impl Overlay {
             }
         }
         let meshes = drawn;
-        let (mut vertices, mut indices, mut draws) = (Vec::new(), Vec::<u32>::new(), Vec::new());
+        // Buffers are never empty; nothing is drawn of these.
+        let (no_vertex, no_index) = ([OverlayVertex::default()], [0_u32]);
+        let (mut vertices, mut indices) = (Vec::<&[u8]>::new(), Vec::<&[u8]>::new());
+        let (mut first_vertex, mut first_index, mut draws) = (0, 0, Vec::new());
         for (mesh, _, _) in &meshes {
-            let (base, first_index, index_count) =
-                (vertices.len() as u32, indices.len() as u32, mesh.indices.len() as u32);
-            vertices.extend_from_slice(&mesh.vertices);
-            indices.extend(mesh.indices.iter().map(|index| base + index));
-            let class = DrawClass::Blended;
-            draws.push(Draw { first_index, index_count, instance: 0, cull: Cull::None, class });
+            let (class, index_count) = (DrawClass::Blended, mesh.indices.len() as u32);
+            draws.push((first_vertex, Draw { first_index, index_count, instance: 0, cull: Cull::None, class }));
+            vertices.push(bytemuck::cast_slice(&mesh.vertices));
+            indices.push(bytemuck::cast_slice(&mesh.indices));
+            (first_vertex, first_index) = (first_vertex + mesh.vertices.len() as u32, first_index + index_count);
         }
         if draws.is_empty() {
-            // Buffers are never empty; nothing is drawn of these.
-            (vertices, indices) = (vec![OverlayVertex::default()], vec![0]);
+            (vertices, indices) = (vec![bytemuck::cast_slice(&no_vertex)], vec![bytemuck::cast_slice(&no_index)]);
         }
-        let mut bring = |g: &mut FrameGraph, name, staging: &mut Staging, bytes: &[u8], access| {
-            let desc = BufferDesc::new(bytes.len() as u64);
-            Ok::<_, GpuError>(g.import_buffer(name, desc, access, imports.buffer(staging.write(bytes)?)).read())
+        let mut bring = |g: &mut FrameGraph, name, staging: &mut Staging, parts: &[&[u8]], access| {
+            let desc = BufferDesc::new(parts.iter().map(|part| part.len() as u64).sum());
+            let key = imports.buffer(staging.write_parts(parts)?);
+            Ok::<_, GpuError>(g.import_buffer(name, desc, access, key).read())
         };
-        let vertex_bytes = bytemuck::cast_slice(&vertices);
-        let vertices = bring(g, "overlay.vertices", &mut self.vertices, vertex_bytes, Access::BufferRead)?;
-        let index_bytes = bytemuck::cast_slice(&indices);
-        let indices = bring(g, "overlay.indices", &mut self.indices, index_bytes, Access::Index)?;
+        let vertices = bring(g, "overlay.vertices", &mut self.vertices, &vertices, Access::BufferRead)?;
+        let indices = bring(g, "overlay.indices", &mut self.indices, &indices, Access::Index)?;
 
         let extent = target.extent();
         let desc = ImageDesc::fixed(target.format(), extent);
@@ -167,13 +170,13 @@ impl Overlay {
             let draws: Vec<_> = std::iter::zip(&meshes, draws)
                 .map(|((mesh, image, is_opaque), draw)| {
                     let token = *tokens.entry(image.id()).or_insert_with(|| p.sample(*image));
-                    (draw, mesh.clip, token, *is_opaque)
+                    (draw, mesh.clip, mesh.scale, token, *is_opaque)
                 })
                 .collect();
             let (vertices, indices) = (p.read(vertices), p.index(indices));
             let (window, _) = p.color_over(window, [0.0, 0.0, 0.0, 1.0]);
             (window, move |c: &mut Record<'_>| {
-                for (draw, clip, image, is_opaque) in draws {
+                for ((first_vertex, draw), clip, scale, image, is_opaque) in draws {
                     let params = OverlayParams {
                         vertices: c.id(vertices),
                         size: [extent.width as f32, extent.height as f32],
@@ -181,6 +184,8 @@ impl Overlay {
                         image: c.id(image),
                         sampler_id: filtered,
                         is_opaque: is_opaque.into(),
+                        first_vertex,
+                        scale,
                     };
                     c.draw(kernel, &params, indices, &[draw]);
                 }
