@@ -251,6 +251,10 @@ fn middle(values: Vec<u64>) -> f64 {
 /// Median; `None` without values.
 fn middle_of(values: impl Iterator<Item = u64>) -> Option<f64> {
     let mut values: Vec<u64> = values.collect();
-    values.sort_unstable();
+    // Most counts are the same in every frame.
+    let first = *values.first()?;
+    if values.iter().any(|value| *value != first) {
+        values.sort_unstable();
+    }
     median(&values)
 }
