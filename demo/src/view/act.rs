@@ -199,12 +199,17 @@ impl App<'_> {
     /// Writes the numbers that the profiler shows.
     fn export(&mut self, path: &Path) -> Result<(), Failure> {
         let output = Output::plan("export", path, &["json", "csv"])?;
+        let frozen = self.interface.frozen();
         let is_trace = path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(".trace.json"));
         if is_trace {
-            return output.write_text(&chrome_trace(self.recorder.frames()).to_string());
+            let frames = frozen.map_or(self.recorder.frames(), |(frames, _)| frames);
+            return output.write_text(&chrome_trace(frames).to_string());
         }
         let none = || Failure::bad("no frame has been measured yet");
-        let report = self.recorder.report(self.run().ok_or_else(none)?).map_err(Failure::input)?;
+        let report = match frozen {
+            Some((_, report)) => report.clone(),
+            None => self.recorder.report(self.run().ok_or_else(none)?).map_err(Failure::input)?,
+        };
         let report = Report { slots: self.slots.clone(), ..report };
         let is_csv = output.ending() == "csv";
         output.write_text(&if is_csv { report.to_csv() } else { report.to_json().map_err(Failure::running)? })

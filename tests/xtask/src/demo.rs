@@ -17,7 +17,8 @@ pub fn demo(extra: &[String]) -> Result<()> {
     let magpie = place.magpie();
     // Run in the caller's folder, so that relative paths among the arguments work.
     match Invocation::new(&magpie.to_string_lossy(), &arguments).shown_as("magpie").status()? {
-        Some(0) => {}
+        // Ctrl-C ends the window.
+        Some(0 | 130) => {}
         Some(code) => bail!("magpie ended with status {code}"),
         None => bail!("magpie was ended by a signal"),
     }

@@ -140,6 +140,11 @@ impl Interface {
         Panels { stages: self.stages, profiler: self.profiler, graph: self.graph }
     }
 
+    /// The frames that the profiler holds, and their statistics.
+    pub(super) fn frozen(&self) -> Option<(&[FrameSample], &Report)> {
+        self.frozen.as_ref().map(profiler::Frozen::held)
+    }
+
     /// Shows or hides a panel.
     pub(super) fn toggle(&mut self, panel: Panel) {
         let shown = match panel {

@@ -15,6 +15,13 @@ pub(super) struct Frozen {
     report: Report,
 }
 
+impl Frozen {
+    /// The frames, and their statistics.
+    pub fn held(&self) -> (&[FrameSample], &Report) {
+        (&self.frames, &self.report)
+    }
+}
+
 /// Time of a frame at 60 frames per second, milliseconds.
 const BUDGET_MS: f32 = 1000.0 / 60.0;
 /// Height of a bar, points.
@@ -49,7 +56,7 @@ pub(super) fn show(
                 }
             }
         };
-        ui.add_enabled_ui(held.is_none(), |ui| ui.menu_button("export", export));
+        ui.menu_button("export", export);
         if let Some(gpu) = report.frame.gpu_ms {
             ui.label(format!("GPU {:.2} ms, 99 % under {:.2} ms", gpu.median, gpu.p99));
         }
