@@ -20,7 +20,7 @@ struct Layout {
 static LAYOUTS: &[Layout] = include!(concat!(env!("OUT_DIR"), "/layouts.rs"));
 
 /// Modules of `src` that hold no shared structs.
-const NOT_SHARED: [&str; 4] = ["lib", "compile", "twin", "types"];
+const NOT_SHARED: [&str; 5] = ["lib", "compile", "sources", "twin", "types"];
 
 /// Limit of push constants, bytes.
 const PUSH_LIMIT: usize = 128;
