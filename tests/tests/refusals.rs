@@ -291,8 +291,9 @@ fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()
     for (name, _, wrong) in descs {
         let found = mistakes(&gpu, &slots, &[&format!("stages.post={name}")])?;
         let said: Vec<String> = found.iter().map(ToString::to_string).collect();
-        let wanted =
-            wrong.map(|given| format!("slot `post`: \"{name}\" gives `display` {given}, wanted Rgba8Unorm of 32x18"));
+        let wanted = wrong.map(|given| {
+            format!("slot `post`: \"{name}\" gives `display` {given}, wanted Rgba8Unorm or Rgba16Unorm of 32x18")
+        });
         ensure!(said == Vec::from_iter(wanted), "{name}: {said:?}");
     }
     // All errors are reported together.
@@ -300,7 +301,7 @@ fn an_image_that_is_not_as_the_contract_says_is_refused_with_both() -> Result<()
     let said: Vec<String> = found.iter().map(ToString::to_string).collect();
     let wanted = [
         "slot `ao`: \"half\" gives `openness` as R16Float of 8x5, wanted R8Unorm or R16Unorm or R16Float or R32Float of 16x9",
-        "slot `post`: \"small\" gives `display` as Rgba8Unorm of 16x9, wanted Rgba8Unorm of 32x18",
+        "slot `post`: \"small\" gives `display` as Rgba8Unorm of 16x9, wanted Rgba8Unorm or Rgba16Unorm of 32x18",
     ];
     ensure!(said == wanted, "{said:#?}");
     Ok(())
