@@ -7,8 +7,9 @@ use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, RenderError, RenderOptions, Renderer, Slots};
 use magpie_tests::harness::builtin;
 use std::collections::VecDeque;
-use std::env;
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::{env, fs};
 
 #[path = "../../demo/examples/embed.rs"]
 #[allow(dead_code)] // its `main` is not used here
@@ -264,4 +265,19 @@ fn what_a_device_lacks_is_said() -> Result<()> {
             Ok(gpu.check_validation()?)
         },
     )
+}
+
+/// The page quotes the example, but for the first excerpt, which shows a device with a swapchain.
+#[test]
+fn the_page_shows_the_example_as_it_is() -> Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let example = fs::read_to_string(root.join("demo/examples/embed.rs"))?;
+    let page = fs::read_to_string(root.join("docs/embedding.md"))?;
+    let quoted: Vec<&str> =
+        page.split("```rust\n").skip(2).filter_map(|rest| rest.split_once("```")).map(|(code, _)| code).collect();
+    ensure!(quoted.len() == 2, "{} excerpts", quoted.len());
+    for code in quoted {
+        ensure!(example.contains(code), "the example does not hold\n{code}");
+    }
+    Ok(())
 }
