@@ -197,10 +197,12 @@ fn panels_are_cheap() {
     let log = String::from_utf8_lossy(&output.stderr);
     let line = log.lines().find(|line| line.contains("panels: egui")).unwrap_or_else(|| panic!("{log}"));
     let numbers: Vec<f64> = line.split([' ', ',', ')']).filter_map(|word| word.parse().ok()).collect();
-    let [egui, beyond, mean, passes] = numbers[..] else { panic!("{line}") };
-    assert!(egui > 0.0 && beyond > 0.0 && passes > 20.0, "{line}");
+    let [egui, overlay, overlay_mean, statistics, statistics_mean, passes] = numbers[..] else { panic!("{line}") };
+    let (beyond, mean) = (overlay + statistics, overlay_mean + statistics_mean);
+    assert!(egui > 0.0 && overlay > 0.0 && statistics > 0.0 && passes > 20.0, "{line}");
     println!("{line}");
-    // 0.3 ms for 100 passes; twice that where other tests run beside it.
+    // The overlay: 0.3 ms for 100 passes. With what the profiler keeps twice that, and more now and then.
+    assert!(overlay < 0.3 * passes / 100.0, "{line}");
     assert!(beyond < 0.6 * passes / 100.0, "{line}");
     assert!(mean < 2.0 * passes / 100.0, "{line}");
 }

@@ -399,7 +399,7 @@ impl<'a> App<'a> {
             let results = open.screen.finish(if is_last { 0 } else { most })?;
             let begun = Instant::now();
             results.into_iter().try_for_each(|result| self.take(result))?;
-            self.costs.add(egui_time, drawn.overlay_time + statistics_time + begun.elapsed());
+            self.costs.add([egui_time, drawn.overlay_time, statistics_time + begun.elapsed()]);
             self.advance_truth(picture)?;
         }
         let step = self.arguments.time_step.map_or(seconds, f64::from);

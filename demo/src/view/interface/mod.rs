@@ -65,8 +65,8 @@ pub(super) struct Model<'a> {
     pub truth: Option<TruthState>,
     /// What was measured against it from here.
     pub measured: &'a [Measured],
-    /// Median CPU time of the panels, milliseconds: of `egui`, and of the rest.
-    pub costs: [f64; 2],
+    /// Median CPU time of the panels, milliseconds: of `egui`, of the overlay, of statistics.
+    pub costs: [f64; 3],
     /// What goes on beside the frames.
     pub progress: Option<&'a str>,
     /// What went wrong last.

@@ -66,9 +66,9 @@ pub(super) fn show(
             "declare {:.0}, plan {:.0}, bind {:.0}, record {:.0}, submit {:.0}, wait {:.0} us",
             graph.declare_us, graph.plan_us, graph.bind_us, graph.record_us, graph.submit_us, graph.wait_us
         ));
-        let [egui, own] = model.costs;
-        let about = "CPU time of the panels: egui's layout and letters; what is drawn of them as a pass of the frame, and the statistics";
-        ui.label(format!("panels {egui:.2} + {own:.2} ms")).on_hover_text(about);
+        let [egui, overlay, statistics] = model.costs;
+        let about = "CPU time of the panels: egui's layout and letters; making a pass of them; keeping frames and their statistics";
+        ui.label(format!("panels {egui:.2} + {overlay:.2} + {statistics:.2} ms")).on_hover_text(about);
         let memory = &report.memory;
         let mebibytes = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         ui.label(format!(
