@@ -96,7 +96,7 @@ fn main() -> anyhow::Result<()> {
     }
     slots.catalogue().check(&config, "own_pass")?;
     let gpu = Gpu::new(&GpuOptions::default())?;
-    let scene = magpie::scene::builtin("courtyard").ok_or_else(|| anyhow::anyhow!("no such scene"))?;
+    let scene = magpie::scene::builtin("courtyard")?;
     let options = RenderOptions { width: 320, height: 180, seed: 0, check: false, ..RenderOptions::default() };
     let mut renderer = Renderer::new(&gpu, &scene, &slots, &config, options)?;
     let frame = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };

@@ -15,8 +15,8 @@ use magpie_passes::MOST_IN_FLIGHT;
 
 pub use accuracy::{AccuracyArguments, AccuracyCommand, TuneArguments};
 pub use bench::{
-    Bench, BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRays, BenchRaysArguments,
-    BenchRenderArguments, BenchSceneArguments,
+    Bench, BenchGraphArguments, BenchLightsArguments, BenchMotionArguments, BenchPairsArguments, BenchRays,
+    BenchRaysArguments, BenchRenderArguments, BenchSceneArguments,
 };
 pub use plan::PlanArguments;
 pub use reference::ReferenceArguments;
@@ -110,7 +110,7 @@ pub struct CompareArguments {
 /// Arguments of `magpie render`.
 #[derive(Args, Debug)]
 pub struct RenderArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", required_unless_present = "print_config")]
     pub scene: Option<PathBuf>,
     /// Write the picture: PNG as displayed, EXR as linear radiance before the tone map; with %d or %04d in the name, every measured frame

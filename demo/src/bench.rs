@@ -1,6 +1,7 @@
 //! `magpie bench`.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use magpie::{
     config::Config,
@@ -14,6 +15,7 @@ use magpie_accuracy::{
 };
 use magpie_bench::{
     BenchError, FrameBenchError, Options,
+    lights::{self, LightsOptions},
     motion::{self, MotionOptions, Place, Seen},
     pairs::{self, PairsOptions},
     rays::{self, RayBenchError, RayOptions},
@@ -22,8 +24,8 @@ use magpie_bench::{
 
 use crate::{
     args::{
-        BenchGraphArguments, BenchMotionArguments, BenchPairsArguments, BenchRaysArguments, BenchRenderArguments,
-        BenchSceneArguments,
+        BenchGraphArguments, BenchLightsArguments, BenchMotionArguments, BenchPairsArguments, BenchRaysArguments,
+        BenchRenderArguments, BenchSceneArguments,
     },
     console,
     exit::Failure,
@@ -233,5 +235,30 @@ pub(crate) fn pairs(arguments: &BenchPairsArguments) -> Result<(), Failure> {
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
     let report = pairs::run(&gpu, &scene, &options, |pair| log::info!("{pair}"))?;
+    print_report(json, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
+}
+
+/// `magpie bench lights`.
+pub(crate) fn lights(arguments: &BenchLightsArguments) -> Result<(), Failure> {
+    let json = json_file(arguments.json.as_ref())?;
+    arguments.charts.as_deref().map_or(Ok(()), make_folder)?;
+    let render = &arguments.render;
+    let config = input::configure(&session::catalogue(), render.config.as_deref(), &render.set)?;
+    let gpu = open_gpu(render.device.device.as_ref())?;
+    let options = LightsOptions {
+        lamps: arguments.lamps.clone(),
+        only: arguments.only.clone(),
+        size: [arguments.size.width, arguments.size.height],
+        truth_samples: arguments.samples,
+        patience: Duration::from_secs(arguments.patience.into()),
+        rays: session::choose_rays(&gpu, render.device.rays)?,
+        seed: render.seed,
+        config,
+        commit: env!("MAGPIE_COMMIT").to_owned(),
+    };
+    let report = lights::run(&gpu, &options, |what| log::info!("{what}"))?;
+    if let Some(folder) = &arguments.charts {
+        write_charts(folder, &report.charts().map_err(Failure::running)?)?;
+    }
     print_report(json, arguments.json.is_some(), &report.table(), || report.to_json().map_err(Failure::running))
 }

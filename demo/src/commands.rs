@@ -5,6 +5,7 @@ use std::fmt::Write;
 use magpie::{
     config::Catalogue,
     gpu::{DeviceReport, GpuError},
+    scene::BuiltinParameter,
     slot::{Range, SettingSpec},
 };
 use serde::Serialize;
@@ -56,7 +57,15 @@ fn describe_device(device: &DeviceReport) -> String {
 pub(crate) fn scenes() -> Result<(), Failure> {
     let scenes = session::scenes();
     let width = scenes.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
-    console::print(&scenes.iter().map(|(name, about)| format!("{name:<width$}  {about}\n")).collect::<String>())
+    let mut text = String::new();
+    for (name, about) in &scenes {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "{name:<width$}  {about}");
+        for BuiltinParameter { key, about, least, most, default } in session::scene_parameters(name) {
+            let _ = writeln!(text, "{:<width$}  {name}?{key}={default}: {about}, {least} to {most}", "");
+        }
+    }
+    console::print(&text)
 }
 
 /// `magpie stages`.

@@ -3,7 +3,12 @@
 use std::{error::Error, ffi::OsString};
 
 use clap::error::ErrorKind;
-use magpie::{config::ConfigError, gpu::GpuError, scene::SceneError, slot::SlotError};
+use magpie::{
+    config::ConfigError,
+    gpu::GpuError,
+    scene::{BuiltinError, SceneError},
+    slot::SlotError,
+};
 
 use crate::console;
 
@@ -95,6 +100,12 @@ impl From<ConfigError> for Failure {
 
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
+        Self::input(error)
+    }
+}
+
+impl From<BuiltinError> for Failure {
+    fn from(error: BuiltinError) -> Self {
         Self::input(error)
     }
 }

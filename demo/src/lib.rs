@@ -64,6 +64,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Bench { what: Bench::Rays(rays) } => bench::rays(rays),
         Command::Bench { what: Bench::Motion(motion) } => bench::motion(motion),
         Command::Bench { what: Bench::Pairs(pairs) } => bench::pairs(pairs),
+        Command::Bench { what: Bench::Lights(lights) } => bench::lights(lights),
         Command::Render(render) => render::render(render, &arguments.loudness),
         Command::View(arguments) => view(arguments),
         Command::Reference(wanted) => reference(wanted, &arguments.loudness),

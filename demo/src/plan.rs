@@ -164,8 +164,7 @@ impl Shares {
 /// What the scene is made of, in a few lines.
 fn describe(facts: &SceneFacts) -> String {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-    let kinds: Vec<String> = facts.lights.iter().map(|light| format!("{:?}", light.kind).to_lowercase()).collect();
-    let lights = if kinds.is_empty() { "none".to_owned() } else { kinds.join(", ") };
+    let lights = kinds_of_lights(facts);
     let sky = if facts.has_sky { "with sky" } else { "without sky" };
     let mut text = format!("lights: {lights}; {sky}\n");
     // Writing to a String cannot fail.
@@ -187,6 +186,23 @@ fn describe(facts: &SceneFacts) -> String {
     let shares: Vec<String> = shares.iter().map(|(name, share)| format!("{name} {}", percent(*share))).collect();
     let _ = writeln!(text, "shares: {}\n", shares.join(", "));
     text
+}
+
+/// The kinds of lights in the order in which they first occur, with their numbers where there are several.
+fn kinds_of_lights(facts: &SceneFacts) -> String {
+    let mut kinds: Vec<(String, usize)> = Vec::new();
+    for light in &facts.lights {
+        let name = format!("{:?}", light.kind).to_lowercase();
+        match kinds.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, count)) => *count += 1,
+            None => kinds.push((name, 1)),
+        }
+    }
+    if kinds.is_empty() {
+        return "none".to_owned();
+    }
+    let one = |(name, count): &(String, usize)| if *count > 1 { format!("{name} ({count})") } else { name.clone() };
+    kinds.iter().map(one).collect::<Vec<_>>().join(", ")
 }
 
 fn totals(planned: &FramePlan, pixels: u64) -> String {

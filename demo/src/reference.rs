@@ -56,6 +56,7 @@ pub fn reference(arguments: &ReferenceArguments, loudness: &Loudness) -> Result<
         ao_range: arguments.ao_range,
         time: f64::from(arguments.time),
         check: arguments.check,
+        light_tree: arguments.lights.light_tree(),
         single_scattering: single_scattering(&config),
         ..ReferenceOptions::default()
     };

@@ -8,7 +8,7 @@ use magpie::{
     gpu::{DeviceReport, Gpu, GpuOptions},
     graph::{GraphError, Switches, execute::ExecuteOptions},
     measure::Device,
-    scene::{self, BUILTIN, Camera, CameraFile, Environment, ResidentError, Scene, SceneError},
+    scene::{self, BUILTIN, BuiltinParameter, Camera, CameraFile, Environment, ResidentError, Scene, SceneError},
 };
 use magpie_passes::{FrameRequest, FrameResult, FrameTicket, RenderError, RenderOptions, Renderer, Slots};
 
@@ -35,6 +35,11 @@ pub(crate) fn scenes() -> Vec<(String, &'static str)> {
     BUILTIN.iter().map(|(name, about)| (format!("{BUILTIN_PREFIX}{name}"), *about)).collect()
 }
 
+/// The parameters of a built-in scene, by its name on the command line.
+pub(crate) fn scene_parameters(name: &str) -> &'static [BuiltinParameter] {
+    name.strip_prefix(BUILTIN_PREFIX).map_or(&[], scene::builtin_parameters)
+}
+
 /// Loads or builds a scene, replaces its sky with the environment map if one is given, and adds a camera and lights where they are missing
 /// and wanted.
 pub(crate) fn load_scene(
@@ -43,13 +48,12 @@ pub(crate) fn load_scene(
     supply: Supply,
 ) -> Result<Scene, Failure> {
     let mut scene = match name.to_str().and_then(|n| n.strip_prefix(BUILTIN_PREFIX)) {
-        Some(wanted) => {
-            let (known, _) = input::find("built-in scene", wanted, BUILTIN, |(name, _)| name)?;
-            scene::builtin(known).ok_or_else(|| Failure::bad(format!("{BUILTIN_PREFIX}{known}: cannot be made")))?
-        }
+        Some(wanted) => scene::builtin(wanted)?,
         None => scene::load(name)?,
     };
-    scene.environment = environment.map(load_environment).transpose()?.flatten();
+    if let Some(given) = environment.map(load_environment).transpose()?.flatten() {
+        scene.environment = Some(given);
+    }
     scene::supply(&mut scene, supply.wanted());
     for warning in &scene.warnings {
         log::warn!("{}: {warning}", scene.name);

@@ -22,6 +22,8 @@ use serde_json::{Value as Json, json};
 
 #[path = "bad_input/files.rs"]
 mod files;
+#[path = "bad_input/parameters.rs"]
+mod parameters;
 
 /// Longest that one bad input may take.
 const PATIENCE: Duration = Duration::from_secs(60);

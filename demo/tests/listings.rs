@@ -21,6 +21,19 @@ fn scenes_are_listed_as_they_are_named_on_the_command_line() {
     let text = said(&["scenes"]);
     assert!(text.lines().any(|l| l.starts_with("builtin:cornell ")), "{text}");
     assert!(text.lines().any(|l| l.starts_with("builtin:courtyard ")), "{text}");
+    let parameter = "builtin:night-market?lights=1000: number of lamps, 10 to 100000";
+    assert!(text.lines().any(|l| l.trim_start() == parameter), "{text}");
+}
+
+/// A scene is named as it is listed, and its parameter counts.
+#[test]
+fn a_parameter_follows_the_name_of_a_scene() {
+    let lights = |scene: &str| {
+        let json: Value = serde_json::from_str(&said(&["plan", scene, "--json", "--size", "64x36"])).unwrap();
+        json["facts"]["lights"].as_array().unwrap().len()
+    };
+    assert_eq!(lights("builtin:night-market"), 1000);
+    assert_eq!(lights("builtin:night-market?lights=10"), 10);
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::graph::{Access, Buffer, BufferDesc, Draw, DrawClass, DrawLists, Exten
 use crate::scene::{Camera, Placed, ResidentScene, SceneFacts, SceneSketch, ShadowLight};
 use glam::{DVec3, Mat4, Vec3A};
 use magpie_shaders::SampledImage;
+use magpie_shaders::scene::LIGHT_DIRECTIONAL;
 use magpie_shaders::view::{self as shared, NO_LIGHT, Sky};
 use std::sync::Arc;
 
@@ -61,6 +62,8 @@ pub struct ViewDesc<'a> {
     pub seed: u32,
     /// The frame before; `None` for the first, in which nothing moves.
     pub previous: Option<PreviousView<'a>>,
+    /// Only directional lights are among [`View::shadow_lights`]: an effect [samples](crate::slot::Needs::samples_lamps) all others.
+    pub samples_lamps: bool,
 }
 
 /// From where the frame before was seen.
@@ -80,7 +83,21 @@ impl<'a> ViewDesc<'a> {
     /// The first frame with seed 0, as large as the picture and sampled at the centres of pixels.
     #[must_use]
     pub fn new(camera: &'a Camera, extent: Extent) -> Self {
-        Self { camera, extent, output: extent, jitter: [0.0; 2], frame: 0, seed: 0, previous: None }
+        Self {
+            camera,
+            extent,
+            output: extent,
+            jitter: [0.0; 2],
+            frame: 0,
+            seed: 0,
+            previous: None,
+            samples_lamps: false,
+        }
+    }
+
+    fn shadow_lights(&self, all: &[ShadowLight]) -> Arc<[ShadowLight]> {
+        let casts = |light: &&ShadowLight| !self.samples_lamps || light.placed.kind == LIGHT_DIRECTIONAL;
+        all.iter().filter(casts).copied().collect()
     }
 }
 
@@ -136,7 +153,7 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws.clone(),
             output: self.output,
-            shadow_lights: scene.shadow_lights.clone().into(),
+            shadow_lights: self.shadow_lights(&scene.shadow_lights),
             placed: scene.placed.clone(),
             scene: u64::MAX,
             camera: self.camera.clone(),
@@ -157,7 +174,7 @@ impl ViewDesc<'_> {
         g: &mut FrameGraph,
         imports: &mut Imports,
     ) -> Result<View, GpuError> {
-        let (origin, shadow_lights) = (scene.origin(), scene.shadow_lights());
+        let (origin, shadow_lights) = (scene.origin(), self.shadow_lights(&scene.shadow_lights()));
         let Self { camera, extent, output, jitter, .. } = *self;
         let this = PreviousView { camera, extent, output, jitter };
         let (now, before) = (Matrices::new(&this, origin), Matrices::new(&self.previous.unwrap_or(this), origin));
@@ -188,7 +205,7 @@ impl ViewDesc<'_> {
             frame: self.frame,
             draws: scene.draws().clone(),
             output,
-            shadow_lights: shadow_lights.into(),
+            shadow_lights,
             placed: scene.placed().clone(),
             scene: scene.number(),
             camera: camera.clone(),

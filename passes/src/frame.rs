@@ -28,7 +28,9 @@ pub fn frame(
     needs: &Needs,
     scene: AccelerationIn,
 ) -> Result<FrameOut, ResidentError> {
-    let scene = slots.acceleration.give(g, view, scene)?;
+    let with_tree = needs.light_tree.then(|| scene.clone());
+    let mut scene = slots.acceleration.give(g, view, scene)?;
+    with_tree.into_iter().for_each(|source| scene = slots.light_tree.add(g, &source, scene));
     slots.rays.give(g, view, RaysIn { scene }); // for inspection only; culled unless its output is read
     let gbuffer = slots.gbuffer.give(g, view, GBufferIn { scene });
     let reprojected = slots.reprojection.add(g, view, scene, gbuffer); // culled if no effect reads it

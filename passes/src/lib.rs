@@ -42,6 +42,7 @@ mod picture;
 pub mod plan;
 mod post;
 mod precision;
+mod ray_kernels;
 mod rays;
 mod read_back;
 pub mod reference;
@@ -52,6 +53,7 @@ mod shadows;
 mod sky;
 mod sky_light;
 pub mod slots;
+mod specular_signal;
 
 pub use in_flight::FrameTicket;
 pub use picture::{AddPasses, Picture};

@@ -64,7 +64,16 @@ pub fn plan_frame(
     let sketch = SceneSketch::new(scene, facts.clone(), camera, &all);
     let mut g = FrameGraph::new(extent);
     let previous = PreviousView { camera, extent, output, jitter };
-    let desc = ViewDesc { camera, extent, output, jitter, frame: 1, seed: 0, previous: Some(previous) };
+    let desc = ViewDesc {
+        camera,
+        extent,
+        output,
+        jitter,
+        frame: 1,
+        seed: 0,
+        previous: Some(previous),
+        samples_lamps: all.samples_lamps,
+    };
     let view = desc.sketch(&sketch, &mut g);
     let out = frame(&mut implementations, &mut g, &view, &all, AccelerationIn::Sketch(Rc::new(sketch)))?;
     g.output(out.display);

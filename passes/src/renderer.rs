@@ -436,7 +436,7 @@ impl Renderer {
         let output = Extent::new(self.options.width, self.options.height);
         let needs = self.needs();
         let all = merged(&needs);
-        self.scene.borrow_mut().want_light_tables(&self.gpu, all.emitters, all.light_tables)?;
+        self.scene.borrow_mut().want_lights(&self.gpu, &all)?;
         self.scene.borrow_mut().set_single_scattering(all.single_scattering);
         let sampling = Sampling::of(&all);
         let (extent, jitter) = (sampling.extent(output), sampling.jitter(self.frame));
@@ -450,6 +450,7 @@ impl Renderer {
             frame: self.frame,
             seed: self.options.seed,
             previous: self.previous.as_ref().map(Previous::view),
+            samples_lamps: all.samples_lamps,
         };
         let (cut, origin) = (self.previous.is_none(), self.origin.follow(request.camera));
         self.scene.borrow_mut().set_moment(&Moment { time: request.time, origin, cut });

@@ -4,6 +4,7 @@
 //! and a line of `frame()` that connects it.
 use crate::contracts;
 use crate::outputs::Gives;
+use crate::parts::light_tree::LightTree;
 use crate::parts::previous_radiance::PreviousRadiance;
 use crate::parts::reproject::Reprojection;
 use magpie::config::{Catalogue, Config};
@@ -46,6 +47,7 @@ macro_rules! slots {
         /// The implementation in every slot, ready to declare frames.
         pub struct Frame {
             $(pub(crate) $name: Implementation<contracts::$In, contracts::$Out>,)*
+            pub(crate) light_tree: LightTree,
             pub(crate) reprojection: Reprojection,
             pub(crate) previous_radiance: PreviousRadiance,
         }
@@ -58,6 +60,7 @@ macro_rules! slots {
             pub fn new(build: &Build<'_>, slots: &Slots, config: &Config) -> Result<Self, SlotError> {
                 Ok(Self {
                     $($name: slots.$name.from_config(build, config)?,)*
+                    light_tree: LightTree::new(build)?,
                     reprojection: Reprojection::new(build)?,
                     previous_radiance: PreviousRadiance::new(build)?,
                 })
@@ -82,6 +85,7 @@ macro_rules! slots {
             pub fn rehearse(&self, build: &Build<'_>, slots: &Slots, config: &Config) -> Result<(), SlotError> {
                 let changes = [$(slots.$name.rehearse(&self.$name, build, config)?,)*];
                 if changes.contains(&true) {
+                    LightTree::new(build)?;
                     Reprojection::new(build)?;
                     PreviousRadiance::new(build)?;
                 }

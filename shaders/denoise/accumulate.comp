@@ -1,6 +1,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
+#include "lib/alike_samples.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/history_limits.glsl"
 #include "lib/not_finite.glsl"
@@ -135,7 +136,8 @@ void main() {
     // net variance for integrals of smooth functions"; Mitchell 1996, "Consequences of Stratified Sampling in Graphics").
     bool elsewhere = taps.beside || any(greaterThan(abs(was - vec2(pixel)), vec2(0.01)));
     vec4 independent = elsewhere ? vec4(1.0) : sqrt(frames);
-    Signal signal = Signal(accumulated, variance / max(frames * independent, vec4(1.0)));
+    vec4 of_mean = params.alike > 0.0 ? vec4(variance_of_mean(frames.x, params.alike)) : 1.0 / max(frames * independent, vec4(1.0));
+    Signal signal = Signal(accumulated, variance * of_mean);
     store_signal(params.accumulated, params.accumulated_deviation, pixel, params.noisy.packing, params.greatest, signal);
     store_signal(params.moments, params.moments_deviation, pixel, moments_packing(), params.greatest, Signal(mean, variance));
     store(params.frames, pixel, frames / LONGEST);

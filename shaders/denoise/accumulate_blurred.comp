@@ -45,7 +45,7 @@ vec4 blurred(ViewBuffer view, ivec2 pixel, vec4 now, vec4 reach) {
         if (!is_finite(there)) continue;
         vec4 weight = both_reach(view, params.noisy.width, at, params.noisy.packing, length(vec2(offset)), reach);
         weight *= edge_weight(here, gradient, load_guide(params.history.guide, normals, at), vec2(offset));
-        if (params.noisy.weighted != 0u) weight *= there.a;
+        if (is_weighted(params.noisy)) weight *= there.a;
         if (!(greatest_of(weight) > 0.0)) continue;
         weights += weight;
         // A running mean: of equal values it is exactly that value.
@@ -64,7 +64,7 @@ void main() {
     vec4 now = load(params.noisy.image, pixel);
     bool taken = is_taken(params.not_finite, now);
     if (!taken) now = finite_beside(params.noisy.image, pixel, size);
-    float counts = !taken ? 0.0 : params.noisy.weighted != 0u ? now.a : 1.0;
+    float counts = !taken ? 0.0 : is_weighted(params.noisy) ? now.a : 1.0;
     now = channels_of(now, packing);
     vec4 width = steady_width(pixel, size);
     if (params.width != NO_IMAGE) store(params.width, pixel, width / WIDEST_NOISE);
@@ -78,7 +78,7 @@ void main() {
     bool known = past.weight > 0.0;
     vec4 forgotten = params.gradient == NO_IMAGE ? vec4(0.0) : load(params.gradient, pixel / int(GRADIENT_STRATUM));
     vec4 frames = past.frames * (1.0 - forgotten);
-    if (is_radiance) frames = vec4(frames_after(frames.x, counts, params.noisy, pixel, is_between(was), params.longest));
+    if (is_radiance) frames = vec4(frames_after(frames.x, counts, params.noisy, pixel, is_blurred(view, params.noisy, was), params.longest));
     else frames = min(frames + counts, vec4(params.longest));
     if (!is_radiance && params.noisy.width != NO_IMAGE) {
         bool between = is_between(was) || taps.beside;

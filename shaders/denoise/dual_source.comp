@@ -18,7 +18,7 @@ void main() {
     bool taken = is_taken(params.not_finite, now);
     if (!taken) now = finite_beside(params.noisy.image, pixel, view.at[0].size);
     uint packing = params.noisy.packing;
-    float counts = !taken ? 0.0 : params.noisy.weighted != 0u ? now.a : 1.0;
+    float counts = !taken ? 0.0 : is_weighted(params.noisy) ? now.a : 1.0;
     now = channels_of(now, packing);
     Samples samples = samples_around(pixel, view.at[0].size, params.noisy);
     vec4 spatial = compared_variance(samples.variance, packing);
@@ -37,7 +37,7 @@ void main() {
         // The history is shortened by as much as clamping has moved it.
         vec4 moved = abs(near - before) / max(reach, vec4(1e-6) + 1e-3 * abs(samples.mean));
         past /= 1.0 + max(max(moved.x, moved.y), max(moved.z, moved.w));
-        frames = frames_after(past, counts, params.noisy, pixel, is_between(was), params.longest);
+        frames = frames_after(past, counts, params.noisy, pixel, is_blurred(view, params.noisy, was), params.longest);
         float part = frames > 0.0 ? min(counts / frames, 1.0) : 0.0;
         vec4 apart = compared(now, packing) - compared(near, packing);
         value = near + part * (now - near);

@@ -18,7 +18,7 @@ struct Seen {
 
 // Visibility of a light in the shadow images; 1 for lights that cast no shadow.
 Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
-    for (uint group = 0u; group < params.group_count; group++) {
+    for (uint group = 0u; group < MAX_SHADOW_LIGHTS && params.visibility[group] != 0u; group++) {
         uint lights = params.shadow_lights[group >> 1u] >> (16u * (group & 1u));
         for (uint channel = 0u; channel < 4u; channel++) {
             uint index = (lights >> (4u * channel)) & 15u;
@@ -79,8 +79,14 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     vec3 v = s.to_eye * around;
     v.z = eye_cosine(s);
     vec3 radiance = load(params.gbuffer.emission, pixel).rgb;
-    if (params.emitters != NO_EMITTERS) radiance += load(params.emitters, pixel).rgb * reflectance(b, v.z);
-    for (uint i = 0u; i < scene.at[0].light_count; i++) {
+    if (params.sampled != NO_SAMPLED_LIGHT) {
+        vec3 sampled = load(params.sampled, pixel).rgb;
+        if (params.specular == NO_LOBE) radiance += sampled * reflectance(b, v.z);
+        else radiance += sampled * diffuse_reflectance(b, v.z) + load(params.specular, pixel).rgb * specular_reflectance(b, v.z);
+    }
+    uint count = params.lights == LIGHTS_NONE ? 0u : scene.at[0].light_count;
+    for (uint i = 0u; i < count; i++) {
+        if (params.lights == LIGHTS_DIRECTIONAL && lights.at[i].kind != LIGHT_DIRECTIONAL) continue;
         Light light = lights.at[i];
         LightSample centre = sample_light(light, s.position);
         // Out of range; in a scene with many lights, that is most of them.

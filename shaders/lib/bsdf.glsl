@@ -294,13 +294,28 @@ vec3 specular_albedo(Bsdf b, float n_v) {
     return below_coat(b, v) * environment_brdf(b.fresnel, b.lobe) + coat_albedo(b, v);
 }
 
-// Albedo of an opaque surface towards that viewer, at the cosine `n_v`, above 0. Light is divided by it before denoising and multiplied
-// afterwards (demodulation).
+// Albedo of its diffuse lobe.
+vec3 diffuse_albedo(Bsdf b, float n_v) {
+    return below_coat(b, vec3(0.0, 0.0, n_v)) * diffuse_albedo(b.fresnel, (1.0 - b.metalness) * b.base_colour, n_v);
+}
+
+// Light is divided by an albedo before denoising and multiplied with it afterwards (demodulation). Surfaces that reflect less than this have no
+// visible noise.
+const float LEAST_REFLECTANCE = 1e-3;
+
+// Albedo of an opaque surface towards that viewer, above 0.
 vec3 reflectance(Bsdf b, float n_v) {
-    // Surfaces that reflect less have no visible noise.
-    const float LEAST = 1e-3;
-    vec3 diffuse = diffuse_albedo(b.fresnel, (1.0 - b.metalness) * b.base_colour, n_v);
-    return max(below_coat(b, vec3(0.0, 0.0, n_v)) * diffuse + specular_albedo(b, n_v), vec3(LEAST));
+    return max(diffuse_albedo(b, n_v) + specular_albedo(b, n_v), vec3(LEAST_REFLECTANCE));
+}
+
+// Of its diffuse lobe alone, above 0.
+vec3 diffuse_reflectance(Bsdf b, float n_v) {
+    return max(diffuse_albedo(b, n_v), vec3(LEAST_REFLECTANCE));
+}
+
+// Of its specular lobes alone, above 0.
+vec3 specular_reflectance(Bsdf b, float n_v) {
+    return max(specular_albedo(b, n_v), vec3(LEAST_REFLECTANCE));
 }
 
 #endif

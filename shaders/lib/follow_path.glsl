@@ -8,7 +8,7 @@
 #endif
 // Indirect light along a ray, followed over some bounces. What lights and emissive surfaces send to the pixel directly is not in it: the slot
 // `direct` has that. Paths end at surfaces whose indirect light surfels know, where there are any. With TINTED, surfaces may transmit light, as in
-// lib/tinted.glsl; SURFELS: the paths are those of surfels.
+// lib/tinted.glsl; SURFELS: the paths are those of surfels; KEEPS_FIRST: `first_met` is what the last path met first.
 
 // Counters: closest-hit and any-hit rays.
 uvec2 paths_traced = uvec2(0u);
@@ -23,6 +23,25 @@ uint lobes_beyond(Bsdf b, vec3 v, uint lobes) {
     vec3 peak = bsdf_cosine(b, v, vec3(-v.xy, v.z), LOBE_SPECULAR);
     return max(peak.r, max(peak.g, peak.b)) > BRIGHT_PEAK ? lobes & LOBE_SPECULAR : 0u;
 }
+
+#ifdef KEEPS_FIRST
+// The first surface that a path does not pass straight through.
+struct FirstMet {
+    bool exists;
+    vec3 position;   // world, metres
+    vec3 normal;     // geometric, on the side where the path came from
+    bool is_glossy;  // see there
+};
+
+FirstMet first_met;
+
+// Whether a surface sends much more light one way than others: straight back a lobe is brighter than white paint, 1 / pi, or it transmits.
+bool is_glossy(Bsdf b) {
+    vec3 f0 = b.fresnel.f0;
+    float coat = b.coat * DIELECTRIC_F0;
+    return b.transmission > 0.0 || max(f0.r, max(f0.g, f0.b)) > 4.0 * b.alpha * b.alpha || coat > 4.0 * b.coat_alpha * b.coat_alpha;
+}
+#endif
 
 // How paths are followed.
 struct Path {
@@ -40,7 +59,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
     LightTables lights = LightTablesBuffer(path.hits.lights).at[0];
     vec3 radiance = vec3(0.0);
     vec3 throughput = vec3(1.0);
-    vec3 vertex = ray.origin;
+    LitPoint vertex = lit_point(ray.origin, vec3(0.0), false);
     vec3 absorption = vec3(0.0);
     uint bounce = 1u;
     bool ends = false;  // at surfels, which have all light but that of lamps and emissive surfaces
@@ -48,6 +67,9 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
     float least_alpha = 0.0;
     float next_least = path.regularization * alpha_of_pdf(pdf);
     first_distance = SKY_DISTANCE;
+#ifdef KEEPS_FIRST
+    first_met.exists = false;
+#endif
     // Every turn is a bounce or passes a sheet.
     for (uint turn = 0u; turn < MOST_TURNS; turn++) {
         Hit hit;
@@ -76,7 +98,10 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
             continue;
         }
 #endif
-        if (bounce == 1u) first_distance = min(distance(s.start.position, vertex), SKY_DISTANCE);
+        if (bounce == 1u) first_distance = min(distance(s.start.position, vertex.position), SKY_DISTANCE);
+#ifdef KEEPS_FIRST
+        if (bounce == 1u) first_met = FirstMet(true, s.start.position, s.start.normal, is_glossy(s.bsdf));
+#endif
         // Emissive surfaces that rays of the pixel hit are direct light; unlit ones are lit by nothing, and not sampled.
         if (bounce > 1u) add_emission_met(radiance, throughput, scene, lights, s, hit, vertex, pdf, least_alpha, 0u);
         else if (s.black && !s.shows_light) radiance += throughput * s.emission;
@@ -128,7 +153,7 @@ vec3 follow(ViewBuffer view, SceneBuffer scene, Path path, Ray ray, float pdf, i
             if (u.w >= probability) break;
             throughput /= probability;
         }
-        vertex = s.start.position;
+        vertex = lit_surface(s);
         ray = surface_ray(s.start, next, UNBOUNDED);
     }
     return radiance;

@@ -120,6 +120,11 @@ bool reflects(Surface s) {
     return s.coat > 0.0 || has_reflection(s.fresnel);
 }
 
+// Whether the surface scatters anything diffusely.
+bool scatters(Surface s) {
+    return s.exists && s.metalness < 1.0 && s.base_colour != vec3(0.0);
+}
+
 // Position, normals and material.
 Surface load_surface(ViewBuffer view, ivec2 pixel, GBufferImages gbuffer) {
     Surface s = load_geometry(view, pixel, gbuffer);
@@ -151,8 +156,7 @@ Bsdf bsdf_of(Surface s) {
 
 // Albedo of the diffuse lobe towards the eye.
 vec3 diffuse_albedo(Surface s) {
-    vec3 v = vec3(0.0, 0.0, eye_cosine(s));
-    return below_coat(bsdf_of(s), v) * diffuse_albedo(s.fresnel, (1.0 - s.metalness) * s.base_colour, v.z);
+    return diffuse_albedo(bsdf_of(s), eye_cosine(s));
 }
 
 #endif

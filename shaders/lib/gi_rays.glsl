@@ -8,11 +8,6 @@
 #include "shared/gi.glsl"
 // Diffuse indirect light by cosine-distributed rays.
 
-// Whether a surface scatters light diffusely.
-bool scatters(Surface s) {
-    return s.exists && s.metalness < 1.0 && s.base_colour != vec3(0.0);
-}
-
 // The mean over the rays of a pixel, over its diffuse albedo.
 vec3 gathered(ViewBuffer view, TraceParams params, ivec2 pixel) {
     Surface s = load_surface(view, pixel, params.gbuffer);

@@ -39,11 +39,17 @@ HistoryLimits history_limits(ViewBuffer view, vec4 width, vec2 was, bool between
     return limits;
 }
 
+// Whether a mean over frames blurs radiance: where it is interpolated, and of what is sharp under jitter, which anti-aliasing averages by itself.
+bool is_blurred(ViewBuffer view, NoisyImage noisy, vec2 was) {
+    return is_between(was) || ((noisy.samples & SAMPLES_SHARP) != 0u && is_jittered(view));
+}
+
 // Greatest number of frames where histories are interpolated, which widens each edge by 1/6 square pixel per frame and axis. That may not be
-// more than the lobe does by itself; a mirror keeps as many frames as halve its noise.
+// more than the lobe does by itself; a mirror keeps as many frames as halve its noise, or none where it has no noise.
 float most_between(NoisyImage noisy, ivec2 pixel, float longest) {
     if (noisy.width == NO_IMAGE) return longest;
-    return clamp(most_frames(noise_width(noisy.width, pixel, noisy.packing), true).x, min(4.0, longest), longest);
+    float least = (noisy.samples & SAMPLES_SHARP) != 0u ? 1.0 : min(4.0, longest);
+    return clamp(most_frames(noise_width(noisy.width, pixel, noisy.packing), true).x, least, longest);
 }
 
 // Frames that a mean over radiance goes over with one more sample, which counts 0 to 1.

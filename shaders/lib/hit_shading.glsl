@@ -66,7 +66,7 @@ vec3 direct_light_at(
         Incident from;
         float probability;
         vec3 l, scattered;
-        if (!sample_group(group, view, scene, lights, s.start.position, random_words(random), from, probability)) continue;
+        if (!sample_group(group, view, scene, lights, lit_surface(s), random_words(random), from, probability)) continue;
         bool small = from.pdf == 0.0 || is_small(probability * from.pdf, least_alpha);
         Bsdf bsdf = s.bsdf;
         if (small) bsdf = widened(scene.at[0].lobe_albedo, bsdf, least_alpha, v.z);

@@ -1,5 +1,6 @@
 #ifndef LIB_LIGHT_SAMPLING_GLSL
 #define LIB_LIGHT_SAMPLING_GLSL
+#include "lib/light_tree.glsl"
 #include "lib/lights.glsl"
 #include "lib/random.glsl"
 #include "lib/sampling.glsl"
@@ -27,6 +28,35 @@ uint choose(LightChoiceBuffer table, uint count, uint word, float u) {
 // Probability of an entry of a table of `count` entries; 0 if the table is empty.
 float probability_of(LightChoiceBuffer table, uint count, uint entry) {
     return entry < count ? table.at[entry].probability : 0.0;
+}
+
+// A surface that light is chosen for.
+LitPoint lit_surface(SurfacePoint s) {
+    return lit_point(s.start.position, s.normal, s.bsdf.transmission > 0.0);
+}
+
+// Whether the kernel knows light trees. Those that do take many registers more.
+layout(constant_id = 0) const bool LIGHT_TREE = true;
+
+bool has_tree(LightTables lights) {
+    return LIGHT_TREE && lights.tree != uvec2(0u);
+}
+
+// Chooses an entry of `LightTables::near` for a point: by the light tree, or by power where there is none. False if no light shines.
+bool choose_near(SceneBuffer scene, LightTables lights, LitPoint at, uint word, vec2 u, out uint entry, out float probability) {
+    if (has_tree(lights)) {
+        return choose_by_tree(scene, LightTreeBuffer(lights.tree).at[0], at.position, at.normal, at.both_sides, u, entry, probability);
+    }
+    LightChoiceBuffer table = LightChoiceBuffer(lights.near);
+    entry = choose(table, lights.near_count, word, u.y);
+    probability = table.at[entry].probability;
+    return true;
+}
+
+// The probability of that choice.
+float near_probability(SceneBuffer scene, LightTables lights, LitPoint at, uint entry) {
+    if (!has_tree(lights)) return probability_of(LightChoiceBuffer(lights.near), lights.near_count, entry);
+    return tree_probability(scene, LightTreeBuffer(lights.tree).at[0], lights, entry, at.position, at.normal, at.both_sides);
 }
 
 bool has_size(Light light) {
@@ -135,6 +165,27 @@ bool sample_sized_light(Light light, vec3 position, vec2 u, out Incident found) 
     return true;
 }
 
+// A direction around the axis of a cone of this width as the numbers of `sample_cone`.
+vec2 numbers_of_cone(vec3 local, float width) {
+    float around = atan(local.y, local.x) / (2.0 * PI);
+    return vec2(around < 0.0 ? around + 1.0 : around, one_minus_cos_of(min(dot(local.xy, local.xy), 1.0)) / width);
+}
+
+// The numbers for which `sample_sized_light` returns this unit direction, which meets the light (`meet_light`) at this distance.
+vec2 numbers_of_light(Light light, vec3 position, vec3 direction, float distance) {
+    if (light.kind == LIGHT_DIRECTIONAL) return numbers_of_cone(direction * frame_of(-light.direction), one_minus_cos(light.radius));
+    vec3 to_light = light.position - position;
+    float square = dot(to_light, to_light);
+    if (light.kind == LIGHT_SPHERE) {
+        return numbers_of_cone(direction * frame_of(to_light / sqrt(square)), one_minus_cos_of(light.radius * light.radius / square));
+    }
+    vec3 from_centre = distance * direction - to_light;
+    if (light.kind == LIGHT_RECTANGLE) return 0.5 + 0.5 * weights_along(light.half_u, light.half_v, from_centre);
+    vec3 local = from_centre * frame_of(light.direction) / light.radius;
+    float around = atan(local.y, local.x) / (2.0 * PI);
+    return vec2(around < 0.0 ? around + 1.0 : around, dot(local.xy, local.xy));
+}
+
 // Pdf over area, per square metre, of points on an emissive primitive, uniform over a triangle or over a sphere in object space.
 // `outwards`: direction to the point of a sphere. `normal`: of the triangle or sphere there, unit, outwards.
 float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outwards, out vec3 normal) {
@@ -156,11 +207,22 @@ float emitter_density(Instance instance, Mesh mesh, uint primitive, vec3 outward
     return 2.0 / length(across);
 }
 
-// Samples an emissive triangle or sphere; its radiance is the emission times its coverage. False if there is none.
-bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
+// The numbers for which `sample_emitter` returns a point of an emissive primitive: where a ray has hit it, at this world position.
+vec2 numbers_of_emitter(SceneBuffer scene, Hit hit, vec3 position) {
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
+    if ((instance.flags & INSTANCE_SPHERES) != 0u) {
+        vec4 sphere = SphereBuffer(MeshBuffer(scene.at[0].meshes).at[instance.mesh].positions).at[hit.primitive];
+        vec3 outwards = safe_normalize(transform_point(instance.object_from_world, position) - sphere.xyz, vec3(0.0, 1.0, 0.0));
+        float around = atan(outwards.y, outwards.x) / (2.0 * PI);
+        return vec2(around < 0.0 ? around + 1.0 : around, 0.5 - 0.5 * outwards.z);
+    }
+    float root = hit.barycentric.x + hit.barycentric.y;
+    return vec2(root * root, root > 0.0 ? hit.barycentric.y / root : 0.0);
+}
+
+// Samples an emissive triangle or sphere of a mesh at some place; its radiance is the emission times its coverage. False if there is none.
+bool sample_placed_emitter(SceneBuffer scene, Instance instance, Mesh mesh, LightChoice choice, vec3 position, vec2 u, out Incident found) {
     found = Incident(vec3(0.0), 0.0, vec3(0.0), 0.0);
-    Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
-    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     Material material = MaterialBuffer(scene.at[0].materials).at[instance.material];
     Coordinates at = Coordinates(mat2(0.0), mat2(0.0), mat2(0.0));
     vec3 outwards = vec3(0.0);
@@ -202,13 +264,27 @@ bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u
     return found.radiance != vec3(0.0);
 }
 
-// Pdf, per steradian, of sampling the emissive surface that a ray of unit direction from `position` hits at `point`; 0 if it is never
-// sampled.
-float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position, vec3 point) {
-    uint first = WordBuffer(lights.emitters).at[hit.instance];
-    if (first == NO_EMITTER) return 0.0;
-    float probability = probability_of(LightChoiceBuffer(lights.near), lights.near_count, first + hit.primitive);
-    if (probability == 0.0) return 0.0;
+// The same where it is.
+bool sample_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
+    return sample_placed_emitter(scene, instance, MeshBuffer(scene.at[0].meshes).at[instance.mesh], choice, position, u, found);
+}
+
+// The same where it was one frame ago.
+bool sample_previous_emitter(SceneBuffer scene, LightChoice choice, vec3 position, vec2 u, out Incident found) {
+    Instance instance = InstanceBuffer(scene.at[0].instances).at[choice.instance];
+    Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
+    mesh.positions = mesh.previous_positions;
+    vec4 rows[3] = instance.previous_world_from_object;
+    // Only normals are taken from the inverse, so its translation does not matter.
+    mat3 inverse_rows = inverse(mat3(rows[0].xyz, rows[1].xyz, rows[2].xyz));
+    for (int k = 0; k < 3; k++) instance.object_from_world[k] = vec4(inverse_rows[k], 0.0);
+    instance.world_from_object = rows;
+    return sample_placed_emitter(scene, instance, mesh, choice, position, u, found);
+}
+
+// Pdf, per steradian, of sampling the emissive primitive that a ray from `position` hits at `point`, once it is chosen.
+float hit_emitter_pdf(SceneBuffer scene, Hit hit, vec3 position, vec3 point) {
     Instance instance = InstanceBuffer(scene.at[0].instances).at[hit.instance];
     Mesh mesh = MeshBuffer(scene.at[0].meshes).at[instance.mesh];
     vec3 outwards = vec3(0.0);
@@ -220,7 +296,15 @@ float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, vec3 position,
     float density = emitter_density(instance, mesh, hit.primitive, outwards, normal);
     vec3 to_light = point - position;
     float cosine = abs(dot(normal, safe_normalize(to_light, normal)));
-    return cosine > 0.0 ? probability * density * dot(to_light, to_light) / cosine : 0.0;
+    return cosine > 0.0 ? density * dot(to_light, to_light) / cosine : 0.0;
+}
+
+// Pdf, per steradian, of sampling for `at` the emissive surface that a ray from there hits at `point`; 0 if it is never sampled.
+float emitter_pdf(SceneBuffer scene, LightTables lights, Hit hit, LitPoint at, vec3 point) {
+    uint first = WordBuffer(lights.emitters).at[hit.instance];
+    if (first == NO_EMITTER) return 0.0;
+    float probability = near_probability(scene, lights, at, first + hit.primitive);
+    return probability == 0.0 ? 0.0 : probability * hit_emitter_pdf(scene, hit, at.position, point);
 }
 
 // A direction of the sky. Rows of cells have equal steps of height, so that all cells have the same solid angle.
@@ -269,9 +353,9 @@ uint lights_in(LightTables lights, uint group) {
 }
 
 // Samples a group that has lights: one of them, and a point or direction of it. `probability`: of choosing that light; the sky is one light.
-// False if it sends no light to `position`.
+// False if it sends no light to `at`.
 bool sample_group(
-    uint group, ViewBuffer view, SceneBuffer scene, LightTables lights, vec3 position, uvec4 words, out Incident found, out float probability
+    uint group, ViewBuffer view, SceneBuffer scene, LightTables lights, LitPoint at, uvec4 words, out Incident found, out float probability
 ) {
     vec4 u = unit_floats(words);
     if (group == GROUP_SKY) {
@@ -279,11 +363,18 @@ bool sample_group(
         found = sample_sky(view.at[0].sky, lights, words.x, u.yzw);
         return found.radiance != vec3(0.0);
     }
-    LightChoiceBuffer table = LightChoiceBuffer(group == GROUP_NEAR ? lights.near : lights.far);
-    LightChoice choice = table.at[choose(table, lights_in(lights, group), words.x, u.y)];
-    probability = choice.probability;
-    if (choice.light == CHOICE_EMITTER) return sample_emitter(scene, choice, position, u.zw, found);
-    return sample_sized_light(LightBuffer(scene.at[0].lights).at[choice.light], position, u.zw, found);
+    LightChoice choice;
+    if (group == GROUP_NEAR) {
+        uint entry;
+        if (!choose_near(scene, lights, at, words.x, u.xy, entry, probability)) return false;
+        choice = LightChoiceBuffer(lights.near).at[entry];
+    } else {
+        LightChoiceBuffer table = LightChoiceBuffer(lights.far);
+        choice = table.at[choose(table, lights.far_count, words.x, u.y)];
+        probability = choice.probability;
+    }
+    if (choice.light == CHOICE_EMITTER) return sample_emitter(scene, choice, at.position, u.zw, found);
+    return sample_sized_light(LightBuffer(scene.at[0].lights).at[choice.light], at.position, u.zw, found);
 }
 
 #endif

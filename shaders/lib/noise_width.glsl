@@ -20,6 +20,11 @@ vec4 noise_width(uint image, ivec2 pixel, uint packing) {
     return packing == SIGNAL_RADIANCE ? width.xxxx : width;
 }
 
+// Whether alpha is the weight of a sample.
+bool is_weighted(NoisyImage noisy) {
+    return (noisy.samples & SAMPLES_WEIGHTED) != 0u;
+}
+
 // Width over which neighbours and earlier frames may be averaged; 0 where each sample must be used as it is.
 vec4 averaged_width(ViewBuffer view, vec4 width) {
     return is_jittered(view) ? max(width - JITTERED, vec4(0.0)) : width;

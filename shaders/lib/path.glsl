@@ -1,5 +1,6 @@
 #ifndef LIB_PATH_GLSL
 #define LIB_PATH_GLSL
+#include "lib/lamp_walk.glsl"
 #include "lib/light_sampling.glsl"
 #include "lib/ray.glsl"
 #include "lib/regularization.glsl"
@@ -28,30 +29,58 @@ float path_weight(float own, float other, bool met, uint flags) {
     return mis_weight(own, other, (flags & PATH_BALANCE) == 0u);
 }
 
+// A ray that looks for lights, of unit direction.
+struct Seeker {
+    LitPoint vertex;   // where the direction was sampled; the ray may have begun anew since at surfaces that it passes straight through
+    vec3 direction;
+    float pdf;         // of the direction, per steradian
+    float begin, end;  // metres from the vertex, of local lights that count
+    float least_alpha;
+    vec3 absorption;   // per metre, of what is around the ray
+    uint flags;
+};
+
+// Light of one light, `index`, if the ray meets it. `entry`: in `LightTables::near`, of local lights. `probability`: of directional lights.
+vec3 light_met(SceneBuffer scene, LightTables lights, Seeker seeker, uint index, uint entry, float probability) {
+    Light light = LightBuffer(scene.at[0].lights).at[index];
+    bool is_far = light.kind == LIGHT_DIRECTIONAL;
+    float distance, other;
+    vec3 radiance;
+    if (!meet_light(light, seeker.vertex.position, seeker.direction, distance, radiance, other)) return vec3(0.0);
+    if (!is_far && (distance < seeker.begin || distance > seeker.end)) return vec3(0.0);
+    other *= is_far ? probability : near_probability(scene, lights, seeker.vertex, entry);
+    if (is_small(other, seeker.least_alpha)) return vec3(0.0);
+    vec3 left = is_far ? vec3(1.0) : exp(-seeker.absorption * distance);
+    return left * radiance * path_weight(seeker.pdf, other, true, seeker.flags);
+}
+
 // Adds lights with a size that a ray meets before `t_max` metres; directional lights only if it hits nothing (`met` is false). Lights do
 // not occlude. `vertex` is where the direction was sampled, with `pdf`: the ray may have begun anew since at surfaces that it passes
-// straight through. `absorption`: per metre, of what is around the ray.
+// straight through. `absorption`: per metre, of what is around the ray. Local lights are found by the light tree, if there is one, else one by
+// one.
 void add_lights_met(
-    inout vec3 radiance, vec3 throughput, SceneBuffer scene, LightTables lights, Ray ray, vec3 vertex, float pdf, float least_alpha, vec3 absorption,
-    float t_max, bool met, uint flags
+    inout vec3 radiance, vec3 throughput, SceneBuffer scene, LightTables lights, Ray ray, LitPoint vertex, float pdf, float least_alpha,
+    vec3 absorption, float t_max, bool met, uint flags
 ) {
     vec3 direction = normalize(ray.direction);
-    float begin = dot(ray.origin - vertex, direction);
-    for (uint i = 0u; i < lights.area_count; i++) {
-        AreaLight area = AreaLightBuffer(lights.areas).at[i];
-        Light light = LightBuffer(scene.at[0].lights).at[area.light];
-        bool is_far = light.kind == LIGHT_DIRECTIONAL;
-        if (is_far && met) continue;
-        float distance, other;
-        vec3 light_radiance;
-        if (!meet_light(light, vertex, direction, distance, light_radiance, other)) continue;
-        if (!is_far && (distance < begin || (met && distance - begin > t_max))) continue;
-        other *= area.probability;
-        if (is_small(other, least_alpha)) continue;
-        float weight = path_weight(pdf, other, true, flags);
-        vec3 left = is_far ? vec3(1.0) : exp(-absorption * distance);
-        radiance += throughput * left * light_radiance * weight;
+    float begin = dot(ray.origin - vertex.position, direction);
+    float end = met ? begin + t_max : INFINITELY_FAR;
+    Seeker seeker = Seeker(vertex, direction, pdf, begin, end, least_alpha, absorption, flags);
+    AreaLightBuffer areas = AreaLightBuffer(lights.areas);
+    vec3 sum = vec3(0.0);
+    uint first = 0u;
+    if (has_tree(lights)) {
+        LightTree tree = LightTreeBuffer(lights.tree).at[0];
+        LampWalk walk = lamp_walk(tree, vertex.position, direction, end);
+        uint entry;
+        while (next_lamp(tree, walk, entry)) sum += light_met(scene, lights, seeker, LightChoiceBuffer(lights.near).at[entry].light, entry, 0.0);
+        first = lights.first_far_area;
     }
+    uint count = met ? lights.first_far_area : lights.area_count;
+    for (uint i = first; i < count; i++) {
+        sum += light_met(scene, lights, seeker, areas.at[i].light, areas.at[i].entry, areas.at[i].probability);
+    }
+    radiance += throughput * sum;
 }
 
 // Adds the sky in a unit direction.
@@ -66,7 +95,7 @@ void add_sky_met(
 
 // Adds the emission of a surface that a ray hits, unless it depicts a light.
 void add_emission_met(
-    inout vec3 radiance, vec3 throughput, SceneBuffer scene, LightTables lights, SurfacePoint s, Hit hit, vec3 vertex, float pdf,
+    inout vec3 radiance, vec3 throughput, SceneBuffer scene, LightTables lights, SurfacePoint s, Hit hit, LitPoint vertex, float pdf,
     float least_alpha, uint flags
 ) {
     if (s.shows_light || s.emission == vec3(0.0)) return;

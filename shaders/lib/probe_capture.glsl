@@ -20,12 +20,11 @@ uvec2 probe_traced = uvec2(0u);
 const float LEAST_SHARED_ALPHA = 0.25;
 
 // Traces until a surface stops the ray. `throughput`: of what it passed. Lights with a size that it meets on the way are added to
-// `radiance` if `pdf`, with which its direction was sampled, is above 0.
+// `radiance` if `pdf`, with which its direction was sampled at `vertex`, is above 0.
 bool meet_surface(
-    SceneBuffer scene, LightTables lights, inout Ray ray, float pdf, inout Random random, inout vec3 throughput, inout vec3 radiance,
+    SceneBuffer scene, LightTables lights, inout Ray ray, LitPoint vertex, float pdf, inout Random random, inout vec3 throughput, inout vec3 radiance,
     out Hit hit, out SurfacePoint s, out uint lobes
 ) {
-    vec3 vertex = ray.origin;
     vec3 direction = normalize(ray.direction);
     lobes = LOBE_ALL;
     for (uint turn = 0u; turn < MOST_SHEETS; turn++) {
@@ -68,11 +67,11 @@ vec3 indirect_light(
     vec3 throughput = bsdf_cosine(s.bsdf, v, l, lobes) / pdf;
     vec3 radiance = vec3(0.0);
     Ray ray = surface_ray(s.start, next, UNBOUNDED);
-    vec3 vertex = ray.origin;
+    LitPoint vertex = lit_surface(s);
     Hit hit;
     SurfacePoint there;
     uint lobes_there;
-    if (!meet_surface(scene, lights, ray, pdf, random, throughput, radiance, hit, there, lobes_there)) {
+    if (!meet_surface(scene, lights, ray, vertex, pdf, random, throughput, radiance, hit, there, lobes_there)) {
         if (view.at[0].has_sky != 0u) add_sky_met(radiance, throughput, view, lights, normalize(ray.direction), pdf, 0.0, 0u);
         return radiance;
     }
@@ -97,7 +96,7 @@ vec4 captured_light(ViewBuffer view, SceneBuffer scene, CaptureParams p, vec3 ce
     Hit hit;
     SurfacePoint s;
     uint lobes;
-    if (!meet_surface(scene, lights, ray, 0.0, random, throughput, radiance, hit, s, lobes)) {
+    if (!meet_surface(scene, lights, ray, lit_point(centre, vec3(0.0), false), 0.0, random, throughput, radiance, hit, s, lobes)) {
         return vec4(view.at[0].has_sky != 0u ? throughput * sky_radiance(view.at[0].sky, direction) : vec3(0.0), 0.0);
     }
     // What moves is another surface in every frame.

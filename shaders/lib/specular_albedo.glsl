@@ -4,9 +4,7 @@
 
 // Albedo of a surface's specular lobe, above 0. Reflected radiance is divided by it before denoising and multiplied afterwards.
 vec3 specular_albedo(Surface s) {
-    // Surfaces that reflect less have no visible noise.
-    const float LEAST = 1e-3;
-    return max(specular_albedo(bsdf_of(s), eye_cosine(s)), vec3(LEAST));
+    return specular_reflectance(bsdf_of(s), eye_cosine(s));
 }
 
 #endif

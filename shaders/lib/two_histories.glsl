@@ -47,7 +47,7 @@ Samples samples_around(ivec2 pixel, uvec2 size, NoisyImage noisy) {
         ivec2 at = pixel + ivec2(place % SIDE, place / SIDE) - AROUND;
         if (!inside(at, size)) continue;
         vec4 there = load(noisy.image, at);
-        if (!is_finite(there) || (noisy.weighted != 0u && there.a == 0.0)) continue;
+        if (!is_finite(there) || (is_weighted(noisy) && there.a == 0.0)) continue;
         there = channels_of(there, noisy.packing);
         // As a running mean and sum of squares, which have no cancellation (Welford 1962).
         count += 1.0;

@@ -17,6 +17,11 @@ pub const SIGNAL_RADIANCE: u32 = 0;
 /// Width of noise that the value 1 stands for, pixels: the widest that is told apart.
 pub const WIDEST_NOISE: f32 = 64.0;
 
+/// [`NoisyImage::samples`]: alpha of radiance is the weight of a sample.
+pub const SAMPLES_WEIGHTED: u32 = 1;
+/// [`NoisyImage::samples`]: where the width of the noise is below a pixel, a sample is as good as a mean.
+pub const SAMPLES_SHARP: u32 = 2;
+
 /// A noisy image of which a mean over frames is made.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -25,8 +30,8 @@ pub struct NoisyImage {
     pub image: SampledImage,
     /// As in [`LevelParams`].
     pub width: u32,
-    /// 1 if alpha of radiance is the weight of a sample.
-    pub weighted: u32,
+    /// `SAMPLES_*`.
+    pub samples: u32,
     /// How the signal is laid out: `SIGNAL_ONE` and so on.
     pub packing: u32,
 }
@@ -91,6 +96,8 @@ pub struct AccumulateParams {
     pub frames: StorageImage,
     /// Limit of the history length, frames, 1 to [`LONGEST`].
     pub longest: f32,
+    /// Over how many frames samples of a pixel are alike: 1 for independent ones, 0 for the points of a stratified sequence.
+    pub alike: f32,
     /// Largest finite number of the format of radiance.
     pub greatest: f32,
 }
@@ -147,6 +154,8 @@ pub struct SpatialVarianceParams {
     pub packing: u32,
     /// Number of channels that have a variance.
     pub channels: u32,
+    /// As in [`AccumulateParams`].
+    pub alike: f32,
     /// As in [`AccumulateParams`].
     pub greatest: f32,
 }

@@ -1,12 +1,39 @@
 //! Parameters of `shaders/direct`.
 use super::gbuffer::GBufferImages;
-use super::types::{Address, StorageImage};
+use super::light_tree::LightSplit;
+use super::types::{Address, SampledImage, StorageImage};
 use bytemuck::{Pod, Zeroable};
+
+/// [`LobeImages::specular`] and [`ShadeParams::specular`] if specular light is not apart from diffuse light.
+pub const NO_LOBE: u32 = 4294967295;
+
+/// Where light goes that surfaces reflect once, for denoisers.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LobeImages {
+    /// Outgoing radiance over the albedo, `reflectance` of `lib/bsdf.glsl`; with `specular` that of the diffuse lobe over `diffuse_reflectance`.
+    pub radiance: StorageImage,
+    /// Outgoing radiance of the specular lobes over their albedo, or [`NO_LOBE`].
+    pub specular: u32,
+    /// With `specular`, distance to what these reflect, metres.
+    pub hit_distance: StorageImage,
+    /// With `specular`, their width on the screen, pixels over `WIDEST_NOISE`.
+    pub width: StorageImage,
+    /// Largest finite number of the format of `radiance` and `specular`.
+    pub greatest: f32,
+}
 
 /// Four bits of [`ShadeParams::shadow_lights`] for a channel without a light.
 pub const NO_SHADOW_LIGHT: u32 = 15;
-/// [`ShadeParams::emitters`] if emissive surfaces do not light others.
-pub const NO_EMITTERS: u32 = 4294967295;
+/// [`ShadeParams::sampled`] if there is no such light.
+pub const NO_SAMPLED_LIGHT: u32 = 4294967295;
+
+/// [`ShadeParams::lights`]: all.
+pub const LIGHTS_ALL: u32 = 0;
+/// [`ShadeParams::lights`]: directional ones.
+pub const LIGHTS_DIRECTIONAL: u32 = 1;
+/// [`ShadeParams::lights`]: none.
+pub const LIGHTS_NONE: u32 = 2;
 
 /// Parameters of `emitters.ray` and `tinted_emitters.ray`: light of emissive surfaces.
 #[repr(C)]
@@ -22,12 +49,36 @@ pub struct EmitterParams {
     pub lights: Address,
     /// The G-buffer.
     pub gbuffer: GBufferImages,
-    /// Outgoing radiance over the albedo (`reflectance` of `lib/bsdf.glsl`).
-    pub radiance: StorageImage,
+    /// What is written.
+    pub lobes: LobeImages,
     /// Rays per pixel.
     pub samples: u32,
-    /// Largest finite number of the format of `radiance`.
-    pub greatest: f32,
+}
+
+/// Parameters of `tree.ray` and `tinted_tree.ray`: light of local lights and emissive surfaces, chosen by the light tree.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct TreeLightParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
+    /// Two counters, closest-hit and any-hit rays (`uint`).
+    pub rays: Address,
+    /// Counter of values that are not finite.
+    pub not_finite: Address,
+    /// The [`LightTables`](super::light_sampling::LightTables).
+    pub lights: Address,
+    /// The [`LightTree`](super::light_tree::LightTree).
+    pub tree: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// What is written.
+    pub lobes: LobeImages,
+    /// How the tree is split.
+    pub split: LightSplit,
+    /// Greatest alpha of lobes along which a ray is traced; 0 for none.
+    pub widest_alpha: f32,
 }
 
 /// Push constants of `shade.comp`: radiance from every light, and emission.
@@ -44,17 +95,19 @@ pub struct ShadeParams {
     pub radiance: StorageImage,
     /// Greatest number in the format of `radiance`; infinite for 32-bit floats.
     pub greatest: f32,
-    /// Light of emissive surfaces over the albedo, or [`NO_EMITTERS`].
-    pub emitters: u32,
+    /// Light of emissive surfaces, or of sampled lights, over the albedo as in [`LobeImages`], or [`NO_SAMPLED_LIGHT`].
+    pub sampled: u32,
+    /// The part of it that specular lobes reflect, or [`NO_LOBE`].
+    pub specular: u32,
     /// Samples per light that has a size; 0 to treat it as a point at its centre.
     pub area: u32,
-    /// Number of visibility images.
-    pub group_count: u32,
-    /// Visibility images, up to four lights each.
-    pub visibility: [u32; 8],
+    /// Visibility images, up to four lights each. The first that is left at its default ends them.
+    pub visibility: [SampledImage; 8],
     /// Lights of two images each, the first image in the lower half: four bits per channel, the first channel lowest, with an index in
     /// [`View::shadow_lights`](super::view::View::shadow_lights) or [`NO_SHADOW_LIGHT`].
     pub shadow_lights: [u32; 4],
     /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
     pub group_flags: u32,
+    /// `LIGHTS_*`: those that are evaluated.
+    pub lights: u32,
 }

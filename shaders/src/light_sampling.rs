@@ -22,12 +22,16 @@ pub struct LightTables {
     pub emitters: Address,
     /// [`LightChoice`] table of the cells of the sky, rows from the zenith down, all of the same solid angle.
     pub sky: Address,
+    /// [`LightTree`](super::light_tree::LightTree) by which entries of `near` are chosen for a point; 0 to choose them from the table, by power.
+    pub tree: Address,
     /// Entries of `near`.
     pub near_count: u32,
     /// Entries of `far`.
     pub far_count: u32,
     /// Entries of `areas`.
     pub area_count: u32,
+    /// The first of them that is directional; all others come before it.
+    pub first_far_area: u32,
     /// Entries of `sky`: one per cell, or 0 if the sky is black.
     pub sky_count: u32,
     /// Columns and rows of the sky's cells; zero without a sky.
@@ -61,4 +65,6 @@ pub struct AreaLight {
     pub light: u32,
     /// Probability with which light sampling chooses it.
     pub probability: f32,
+    /// Its index in [`LightTables::near`], or in [`LightTables::far`] if it is directional.
+    pub entry: u32,
 }

@@ -65,6 +65,8 @@ pub struct Scene {
     pub tlas_instances: Address,
     /// Table of the specular lobe's albedo, [`LobeAlbedo`](super::lobe_albedo::LobeAlbedo): the one of the view.
     pub lobe_albedo: Address,
+    /// [`Light`] table of the previous frame, relative to the origin of this one.
+    pub previous_lights: Address,
     /// Number of instances.
     pub instance_count: u32,
     /// Number of lights.
@@ -271,7 +273,7 @@ pub struct MaterialLayers {
 
 /// A light. Units follow KHR_lights_punctual.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Light {
     /// `LIGHT_*`.
     pub kind: u32,

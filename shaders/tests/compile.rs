@@ -54,9 +54,20 @@ fn a_nul_byte_is_an_error() {
     assert!(matches!(error, CompileError::Source { .. }), "{error}");
 }
 
+/// Files that work on types of whoever includes them. They are compiled with each of these.
+const TEMPLATES: [&str; 2] = ["lib/merging.glsl", "lib/reservoir_stream.glsl"];
+
+#[test]
+fn templates_are_used() {
+    for template in TEMPLATES {
+        let include = format!("#include \"{template}\"");
+        assert!(INCLUDES.iter().any(|(_, source)| source.contains(&include)), "{template} is included nowhere");
+    }
+}
+
 #[test]
 fn includes_work_at_run_time() {
-    for (name, _) in INCLUDES {
+    for (name, _) in INCLUDES.iter().filter(|(name, _)| !TEMPLATES.contains(name)) {
         // A backend's file is compiled for that backend.
         let ways = match name.strip_prefix("lib/ray_") {
             Some("query.glsl") => vec![Rays::Query],

@@ -7,7 +7,7 @@ use magpie::slot::{Build, Needs, SettingSpec, Settings, SlotError};
 use magpie_passes::Slots;
 use magpie_passes::contracts::{Channel, LightingIn, LightingOut, RAY_START};
 use magpie_passes::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use magpie_passes::parts::hit_shading::HitShading;
+use magpie_passes::parts::hit_shading::{self, HitShading};
 use magpie_shaders::gbuffer::GBufferImages;
 use magpie_shaders::hit_shading::HitShadingParams;
 use magpie_shaders::{Address, StorageImage, compile_rays};
@@ -89,7 +89,7 @@ impl Effect for Bounce {
         if facts.diffuse == 0.0 {
             return Needs::idle("nothing reflects diffusely");
         }
-        Needs { jitter: true, light_tables: true, previous_radiance: self.reuse, ..Needs::default() }
+        Needs { jitter: true, previous_radiance: self.reuse, ..hit_shading::needs(facts) }
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {

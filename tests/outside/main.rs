@@ -10,7 +10,7 @@ fn main() -> anyhow::Result<()> {
     let mut slots = Slots::default();
     bounce::register(&mut slots);
     let gpu = Gpu::new(&GpuOptions { validation: true, ..GpuOptions::default() })?;
-    let mut scene = magpie::scene::builtin("courtyard").ok_or_else(|| anyhow::anyhow!("no such scene"))?;
+    let mut scene = magpie::scene::builtin("courtyard")?;
     // A thing that shines, for the light table to hold.
     let shining = scene.instances[scene.instances.len() - 1].material;
     scene.materials[shining as usize].emission = [2.0, 1.5, 1.0].into();

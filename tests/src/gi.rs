@@ -18,6 +18,19 @@ pub struct Way {
     changes: &'static [&'static str],
 }
 
+/// What leaves the expected value of rays as that of a path tracer.
+pub const UNBIASED: [&str; 9] = [
+    "gi.denoiser=none",
+    "gi.reuse=false",
+    "gi.regularization=0",
+    "gi.precision=32",
+    "gbuffer.precision=full",
+    "stages.shadows=off",
+    "stages.reflections=off",
+    "stages.ao=off",
+    "direct.emitter_rays=0",
+];
+
 /// What pictures of the slot alone do not need. Ambient occlusion and the light that rays take from the last frame stay.
 const AROUND: [&str; 4] =
     ["gi.precision=32", "gbuffer.precision=full", "stages.reflections=off", "post.anti_aliasing=none"];
@@ -40,10 +53,15 @@ pub const CACHED: Way = Way {
     changes: &["gi.denoiser=svgf", "gi.rays=1", "gi.cache=surfels"],
 };
 
+/// One resampled path of each pixel, denoised.
+pub const RESTIR: Way = Way { label: "restir, svgf", implementation: "restir", changes: &["gi.denoiser=svgf"] };
+/// One resampled path of each pixel.
+pub const RESTIR_RAW: Way = Way { label: "restir, raw", implementation: "restir", changes: &["gi.denoiser=none"] };
+
 /// What there is to compare; what the slot does not have is left out.
 pub fn ways() -> Vec<Way> {
     let simple = |implementation| Way { label: implementation, implementation, changes: &[] };
-    let all = [SURFELS, DENOISED, CACHED, ONE_RAY, simple("sky"), simple("screen-space")];
+    let all = [SURFELS, DENOISED, CACHED, ONE_RAY, RESTIR, RESTIR_RAW, simple("sky"), simple("screen-space")];
     let infos = Slots::default().infos();
     let has = |name: &str| {
         infos.iter().filter(|slot| slot.name == "gi").any(|slot| slot.implementations.iter().any(|i| i.name == name))

@@ -7,5 +7,7 @@ pub mod fixtures;
 pub mod flip;
 pub mod gi;
 pub mod harness;
+pub mod lit;
 pub mod oracle;
+pub mod resampling;
 pub mod rooms;

@@ -171,3 +171,21 @@ pub fn coloured_wall() -> Scene {
     });
     s
 }
+
+/// Two rooms without ceilings, seen from above, with a wall between them of so many metres; in one is a lamp.
+pub fn open_rooms(wall: f32) -> Scene {
+    let mut s = scene("rooms", camera([0.0, 7.0, 0.01], [0.0, 0.0, 0.0]));
+    let white = || Material { double_sided: true, ..material([0.8; 3], 0.0, 1.0) };
+    add(&mut s, plane(2.0), white(), Affine3A::IDENTITY);
+    for (half, at) in [
+        (Vec3::new(0.5 * wall, 0.5, 2.0), Vec3::new(0.0, 0.5, 0.0)),
+        (Vec3::new(0.1, 0.5, 2.0), Vec3::new(-2.0, 0.5, 0.0)),
+        (Vec3::new(0.1, 0.5, 2.0), Vec3::new(2.0, 0.5, 0.0)),
+        (Vec3::new(2.0, 0.5, 0.1), Vec3::new(0.0, 0.5, -2.0)),
+        (Vec3::new(2.0, 0.5, 0.1), Vec3::new(0.0, 0.5, 2.0)),
+    ] {
+        add(&mut s, block(half), white(), Affine3A::from_translation(at));
+    }
+    s.lights.push(Light::Point { position: DVec3::new(1.0, 0.4, 0.0), intensity: Vec3::splat(3.0), range: None });
+    s
+}

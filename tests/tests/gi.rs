@@ -7,24 +7,12 @@ use magpie_passes::RenderOptions;
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_shaders::Rays;
 use magpie_tests::against::{Bias, Shown, bias, blocks, mean_with, truth_of};
+use magpie_tests::gi::UNBIASED;
 use magpie_tests::harness::{builtin, config, gpu, render};
 
 const BOUNCES: u32 = 4;
-/// Rays without anything that changes the expected value.
-const RAW: [&str; 12] = [
-    "stages.gi=ray-traced",
-    "gi.denoiser=none",
-    "gi.reuse=false",
-    "gi.rays=8",
-    "gi.bounces=4",
-    "gi.regularization=0",
-    "gi.precision=32",
-    "gbuffer.precision=full",
-    "stages.shadows=off",
-    "stages.reflections=off",
-    "stages.ao=off",
-    "direct.emitter_rays=0",
-];
+/// Rays, beside [`UNBIASED`].
+const RAW: [&str; 3] = ["stages.gi=ray-traced", "gi.rays=8", "gi.bounces=4"];
 /// Pixels of a block, each way; what is compared are means of blocks.
 const BLOCK: u32 = 4;
 const SIZE: [u32; 2] = [64, 48];
@@ -34,7 +22,7 @@ fn bias_of(gpu: &Gpu, scene: &Scene, rays: Rays, runs: u32, count: u32) -> Resul
     let (mut found, mut truth) = (Vec::new(), Vec::new());
     for seed in 1..=runs {
         let options = RenderOptions { seed, rays, ..RenderOptions::default() };
-        let image = mean_with(options, "gi", gpu, scene, &RAW, shown, count / 8)?.0;
+        let image = mean_with(options, "gi", gpu, scene, &[&RAW[..], &UNBIASED].concat(), shown, count / 8)?.0;
         found.push(blocks(&image, SIZE, BLOCK));
         let options = ReferenceOptions { only: Only::Gi, depth: BOUNCES + 1, seed, ..ReferenceOptions::default() };
         truth.push(blocks(&truth_of(options, gpu, scene, shown, count)?.mean, SIZE, BLOCK));
@@ -49,7 +37,7 @@ fn the_denoiser_lowers_the_error() -> Result<()> {
     let scene = builtin("cornell")?;
     let shown = Shown { size: SIZE, time: 0.0 };
     let image = |changes: &[&str], frames: u32| -> Result<Vec<DVec3>> {
-        let changes = [&RAW[..], changes].concat();
+        let changes = [&RAW[..], &UNBIASED, changes].concat();
         Ok(mean_with(RenderOptions::default(), "gi", &gpu, &scene, &changes, shown, frames)?.0)
     };
     let truth = image(&[], 96)?;

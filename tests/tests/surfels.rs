@@ -4,15 +4,16 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, DVec3, Vec3};
 use magpie::gpu::Gpu;
 use magpie::graph::{Extent, Format, ImageDesc, Queue, Record};
-use magpie::scene::{Camera, Light, Material, Scene};
+use magpie::scene::{Camera, Material, Scene};
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_shaders::StorageImage;
 use magpie_shaders::surfels::{MULTI_SCALE, RUNNING_MEAN};
 use magpie_tests::against::{RAW_REFLECTIONS, Shown, light_and_block_error, mean_with, truth_of};
 use magpie_tests::bench::Bench;
-use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
+use magpie_tests::fixtures::{add, block, camera, material, scene};
 use magpie_tests::harness::{builtin, config, gpu, save_picture};
+use magpie_tests::rooms::open_rooms;
 
 const SURFELS: [&str; 7] = [
     "stages.gi=surfels",
@@ -157,31 +158,13 @@ fn runs_are_alike() -> Result<()> {
     Ok(())
 }
 
-/// Two rooms without ceilings, seen from above; in one is a lamp.
-fn rooms(wall: f32) -> Scene {
-    let mut s = scene("rooms", camera([0.0, 7.0, 0.01], [0.0, 0.0, 0.0]));
-    let white = || Material { double_sided: true, ..material([0.8; 3], 0.0, 1.0) };
-    add(&mut s, plane(2.0), white(), Affine3A::IDENTITY);
-    for (half, at) in [
-        (Vec3::new(0.5 * wall, 0.5, 2.0), Vec3::new(0.0, 0.5, 0.0)),
-        (Vec3::new(0.1, 0.5, 2.0), Vec3::new(-2.0, 0.5, 0.0)),
-        (Vec3::new(0.1, 0.5, 2.0), Vec3::new(2.0, 0.5, 0.0)),
-        (Vec3::new(2.0, 0.5, 0.1), Vec3::new(0.0, 0.5, -2.0)),
-        (Vec3::new(2.0, 0.5, 0.1), Vec3::new(0.0, 0.5, 2.0)),
-    ] {
-        add(&mut s, block(half), white(), Affine3A::from_translation(at));
-    }
-    s.lights.push(Light::Point { position: DVec3::new(1.0, 0.4, 0.0), intensity: Vec3::splat(3.0), range: None });
-    s
-}
-
 /// The dark side of a thin wall stays dark, from the first frame on.
 #[test]
 fn walls_let_no_light_through() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
     let mut pictures = Vec::new();
     for wall in [0.001, 0.01, 0.1] {
-        let scene = rooms(wall);
+        let scene = open_rooms(wall);
         let mut frames = Frames::new(&gpu, &scene, &[])?;
         let mut light = Vec::new();
         for (frame, others) in [(1, 0), (4, 2), (24, 19)] {

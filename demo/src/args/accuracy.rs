@@ -22,7 +22,7 @@ pub struct AccuracyArguments {
     /// Merge or compare earlier results instead of measuring
     #[command(subcommand)]
     pub command: Option<AccuracyCommand>,
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", required = true)]
     pub scene: Option<PathBuf>,
     /// The folder of results; what is there already is not measured again
@@ -101,7 +101,7 @@ pub enum AccuracyCommand {
 #[derive(Args, Debug)]
 #[group(id = "goal", required = true, multiple = false, args = ["budget_ms", "max_error", "all"])]
 pub struct TuneArguments {
-    /// The scene of the report: `builtin:NAME`, or a path to a .gltf or .glb file
+    /// The scene of the report: `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The folder of a report of `magpie accuracy`

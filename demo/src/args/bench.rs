@@ -17,6 +17,8 @@ pub enum Bench {
     Motion(BenchMotionArguments),
     /// How far the picture is from the truth with every pair of features that ship together, still and while the camera moves
     Pairs(BenchPairsArguments),
+    /// Time and error of each implementation of direct light over the number of lamps
+    Lights(BenchLightsArguments),
 }
 
 /// Arguments of `magpie bench graph`.
@@ -44,7 +46,7 @@ pub struct BenchGraphArguments {
 /// Arguments of `magpie bench rays`.
 #[derive(Args, Debug)]
 pub struct BenchRaysArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file; repeatable. Without it, the built-in scenes
     #[arg(long, value_name = "SCENE")]
     pub scene: Vec<PathBuf>,
     /// What to add to a scene without a camera or light of its own
@@ -134,10 +136,40 @@ pub struct BenchPairsArguments {
     pub render: BenchRenderArguments,
 }
 
+/// Arguments of `magpie bench lights`.
+#[derive(Args, Debug)]
+pub struct BenchLightsArguments {
+    /// Numbers of lamps, separated by commas
+    #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "1,10,100,1000,10000", allow_negative_numbers = true,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(magpie_bench::lights::MAX_LAMPS)))]
+    pub lamps: Vec<u32>,
+    /// The contestants that take part, separated by commas; without it, all
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub only: Vec<String>,
+    /// Width and height, pixels
+    #[arg(long, value_name = "WxH", default_value = "160x90", allow_hyphen_values = true)]
+    pub size: Extent,
+    /// Samples per pixel of the ground truth
+    #[arg(long, value_name = "N", default_value_t = 256, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
+    pub samples: u32,
+    /// Seconds after which a contestant is measured over fewer frames
+    #[arg(long, value_name = "SECONDS", default_value_t = 30, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
+    pub patience: u32,
+    /// Write JSON to this file, or to standard output in place of the table
+    #[arg(long, value_name = "F.json", num_args = 0..=1)]
+    pub json: Option<Option<PathBuf>>,
+    /// Write charts to this folder, as SVG
+    #[arg(long, value_name = "DIR")]
+    pub charts: Option<PathBuf>,
+    /// How it is rendered.
+    #[command(flatten)]
+    pub render: BenchRenderArguments,
+}
+
 /// The scene of `magpie bench motion` and `magpie bench pairs`.
 #[derive(Args, Debug)]
 pub struct BenchSceneArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(id = "scene", value_name = "SCENE", default_value = "builtin:courtyard")]
     pub path: PathBuf,
     /// What to add to a scene without a camera or light of its own
@@ -145,7 +177,7 @@ pub struct BenchSceneArguments {
     pub supply: Supply,
 }
 
-/// How `magpie bench motion` and `magpie bench pairs` render.
+/// How `magpie bench motion`, `magpie bench pairs` and `magpie bench lights` render.
 #[derive(Args, Debug)]
 pub struct BenchRenderArguments {
     /// The configuration around the slot

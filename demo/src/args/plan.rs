@@ -17,7 +17,7 @@ use super::{DeviceArguments, Extent, FrameArguments, LightingArguments};
     mut_arg("rays", |arg| arg.help("With --measure: how rays are traced").requires("measure"))
 )]
 pub struct PlanArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// As JSON

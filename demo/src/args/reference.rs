@@ -10,7 +10,7 @@ use super::{Extent, LightingArguments, Rays};
 /// Arguments of `magpie reference`.
 #[derive(Args, Debug)]
 pub struct ReferenceArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// Samples per pixel, those of earlier runs counted in
@@ -37,6 +37,9 @@ pub struct ReferenceArguments {
     /// Where in a pixel samples lie; without it all over, and with --only at the centre
     #[arg(long, value_enum, value_name = "WHERE")]
     pub pixel: Option<Pixel>,
+    /// How local lights and emissive surfaces are chosen. It changes the noise, not the light
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = Lights::Auto)]
+    pub lights: Lights,
     /// Greatest number of scatterings, 1 for light straight from lights; 0 for no limit
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pub depth: u32,
@@ -86,6 +89,28 @@ pub enum Pixel {
     Area,
     /// At its centre.
     Centre,
+}
+
+/// How the reference chooses local lights and emissive surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Lights {
+    /// By the light tree where there are many, else by power.
+    Auto,
+    /// By the light tree: by distance, direction and power.
+    Tree,
+    /// By power.
+    Power,
+}
+
+impl Lights {
+    /// For the reference's option.
+    pub fn light_tree(self) -> Option<bool> {
+        match self {
+            Self::Auto => None,
+            Self::Tree => Some(true),
+            Self::Power => Some(false),
+        }
+    }
 }
 
 /// Which part of the lighting the reference computes.

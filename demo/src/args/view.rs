@@ -13,7 +13,7 @@ const DEFAULT_SCENE: &str = "builtin:courtyard";
 /// Arguments of `magpie view`.
 #[derive(Args, Clone, Debug)]
 pub struct ViewArguments {
-    /// `builtin:NAME`, or a path to a .gltf or .glb file
+    /// `builtin:NAME`, `builtin:NAME?KEY=VALUE`, or a path to a .gltf or .glb file
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     pub scene: PathBuf,
     /// Light from all around, and what is supplied.

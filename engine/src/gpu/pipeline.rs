@@ -118,6 +118,8 @@ pub(super) struct Code {
     /// Hash of its name and words.
     pub key: u64,
     spirv: Spirv,
+    /// Values of its specialization constants, by their ids from 0.
+    pub constants: Vec<u32>,
 }
 
 enum Spirv {
@@ -136,7 +138,6 @@ pub(super) struct Made {
 struct RasterRequest {
     vertex: Code,
     fragment: Code,
-    constants: Vec<u32>,
     colours: Vec<Format>,
     blend: Blend,
     depth: Option<Format>,
@@ -148,7 +149,7 @@ impl Pipelines {
     /// # Errors
     /// As [`Pipelines::kernel_from_words`].
     pub fn kernel(&self, shader: &Shader) -> Result<Kernel, GpuError> {
-        self.compute(shader.name, &words(shader.name, shader.spirv)?, Some(shader))
+        self.compute(shader.name, &words(shader.name, shader.spirv)?, Some(shader), &[])
     }
 
     /// The compute pipeline of SPIR-V words, such as [`magpie_shaders::compile`] returns.
@@ -156,19 +157,26 @@ impl Pipelines {
     /// # Errors
     /// [`GpuError::Shader`] when no workgroup size is declared, [`GpuError::Limit`] for more than 128 bytes of push constants.
     pub fn kernel_from_words(&self, name: &str, words: &[u32]) -> Result<Kernel, GpuError> {
-        self.compute(name, words, None)
+        self.compute(name, words, None, &[])
     }
 
-    /// A compute pipeline, whose words may be those of an embedded shader.
-    pub(super) fn compute(&self, name: &str, words: &[u32], of: Option<&Shader>) -> Result<Kernel, GpuError> {
-        let key = key_of((name, words));
+    /// A compute pipeline, whose words may be those of an embedded shader. `constants`: values of specialization constants, by their ids from 0.
+    pub(super) fn compute(
+        &self,
+        name: &str,
+        words: &[u32],
+        of: Option<&Shader>,
+        constants: &[u32],
+    ) -> Result<Kernel, GpuError> {
+        let key = key_of((name, words, constants));
         let entry = self.describe(key, || {
             let local_size = local_size(words).ok_or_else(|| GpuError::Shader {
                 name: name.to_owned(),
                 reason: "it is no compute shader with a workgroup size".to_owned(),
             })?;
             let push = checked_push(name, words, PUSH_BYTES)?;
-            Ok(Entry::new(name, local_size, push, Request::Compute(Code::new(name, words, of))))
+            let code = Code::new(name, words, of).specialized(constants);
+            Ok(Entry::new(name, local_size, push, Request::Compute(code)))
         });
         entry.map(|(index, entry)| Kernel { index, local_size: entry.local_size, push: entry.push })
     }
@@ -189,10 +197,10 @@ impl Pipelines {
                 Ok::<_, GpuError>((push, Code::new(shader.name, &words, Some(shader))))
             };
             let ((vertex_push, vertex), (fragment_push, fragment)) = (stage(desc.vertex)?, stage(desc.fragment)?);
+            let fragment = fragment.specialized(desc.constants);
             let request = RasterRequest {
                 vertex,
                 fragment,
-                constants: desc.constants.to_vec(),
                 colours: desc.colours.to_vec(),
                 blend: desc.blend,
                 depth: desc.depth,
@@ -202,17 +210,19 @@ impl Pipelines {
         entry.map(|(index, entry)| RasterKernel { index, push: entry.push })
     }
 
-    /// A ray-tracing pipeline with this ray-generation shader.
+    /// A ray-tracing pipeline with this ray-generation shader, and the values of its specialization constants.
     pub(super) fn ray_pipeline(
         &self,
         name: &str,
         generation: &[u32],
         of: Option<&Shader>,
+        constants: &[u32],
     ) -> Result<RayPipeline, GpuError> {
-        let key = key_of(("ray pipeline", name, generation));
+        let key = key_of(("ray pipeline", name, generation, constants));
         let entry = self.describe(key, || {
             let push = checked_push(name, generation, RAY_PUSH_BYTES)?;
-            Ok(Entry::new(name, [0; 3], push, Request::Rays(Code::new(name, generation, of))))
+            let code = Code::new(name, generation, of).specialized(constants);
+            Ok(Entry::new(name, [0; 3], push, Request::Rays(code)))
         });
         entry.map(|(index, entry)| RayPipeline { index, push: entry.push })
     }
@@ -309,7 +319,17 @@ impl Code {
     /// The shader with these words, which are those of `of` where it is given.
     fn new(name: &str, words: &[u32], of: Option<&Shader>) -> Self {
         let spirv = of.map_or_else(|| Spirv::Words(words.to_vec()), |shader| Spirv::Embedded(shader.spirv));
-        Self { key: key_of((name, words)), spirv }
+        Self { key: key_of((name, words)), spirv, constants: Vec::new() }
+    }
+
+    fn specialized(self, constants: &[u32]) -> Self {
+        Self { constants: constants.to_vec(), ..self }
+    }
+
+    /// Where each constant is among the values.
+    pub(super) fn constant_map(&self) -> Vec<vk::SpecializationMapEntry> {
+        let entry = |id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 };
+        (0..self.constants.len() as u32).map(entry).collect()
     }
 
     pub(super) fn embedded(shader: &Shader) -> Result<Self, GpuError> {
@@ -414,7 +434,7 @@ impl Gpu {
     /// Makes the pipeline of an entry, with these shaders in the place of those that it was described with.
     pub(super) fn build_pipeline(&self, entry: &Entry, replaced: &Replaced) -> Result<Made, GpuError> {
         let made = match &entry.request {
-            Request::Compute(code) => Made { pipeline: self.compute_pipeline(&code.words(replaced)?)?, table: None },
+            Request::Compute(code) => Made { pipeline: self.compute_pipeline(code, replaced)?, table: None },
             Request::Raster(desc) => {
                 self.check_blend(&entry.name, desc.blend, &desc.colours)?;
                 Made { pipeline: self.raster_pipeline(desc, replaced)?, table: None }
@@ -425,12 +445,15 @@ impl Gpu {
         Ok(made)
     }
 
-    fn compute_pipeline(&self, words: &[u32]) -> Result<vk::Pipeline, GpuError> {
-        let module = self.module(words)?;
+    fn compute_pipeline(&self, code: &Code, replaced: &Replaced) -> Result<vk::Pipeline, GpuError> {
+        let module = self.module(&code.words(replaced)?)?;
+        let map = code.constant_map();
+        let constants = vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&code.constants));
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
-            .name(ENTRY);
+            .name(ENTRY)
+            .specialization_info(&constants);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(self.0.pipeline_layout);
         // SAFETY: module and layout are alive; the module goes after the call, as the specification allows.
         let made = unsafe {
@@ -452,11 +475,9 @@ impl Gpu {
                 return Err(e);
             }
         };
-        let entries: Vec<_> = (0..desc.constants.len() as u32)
-            .map(|id| vk::SpecializationMapEntry { constant_id: id, offset: 4 * id, size: 4 })
-            .collect();
+        let map = desc.fragment.constant_map();
         let constants =
-            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(&desc.constants));
+            vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&desc.fragment.constants));
         let stage = |flag, module| vk::PipelineShaderStageCreateInfo::default().stage(flag).module(module).name(ENTRY);
         let stages = [
             stage(vk::ShaderStageFlags::VERTEX, vertex),

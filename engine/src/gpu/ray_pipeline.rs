@@ -100,8 +100,16 @@ impl Pipelines {
     /// # Errors
     /// As [`Pipelines::kernel_from_words`]; the limit of ray-tracing pipelines is 120 bytes of push constants.
     pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
+        self.ray_variant(shader, rays, &[])
+    }
+
+    /// The same with values of the shader's specialization constants, by their ids from 0.
+    ///
+    /// # Errors
+    /// As [`Pipelines::ray_kernel`].
+    pub fn ray_variant(&self, shader: &RayShader, rays: Rays, constants: &[u32]) -> Result<RayKernel, GpuError> {
         let shader = shader.way(rays);
-        self.rays(shader.name, &words(shader.name, shader.spirv)?, rays, Some(shader))
+        self.rays(shader.name, &words(shader.name, shader.spirv)?, rays, Some(shader), constants)
     }
 
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for the same way.
@@ -109,13 +117,20 @@ impl Pipelines {
     /// # Errors
     /// As [`Pipelines::ray_kernel`].
     pub fn ray_kernel_from_words(&self, name: &str, words: &[u32], rays: Rays) -> Result<RayKernel, GpuError> {
-        self.rays(name, words, rays, None)
+        self.rays(name, words, rays, None, &[])
     }
 
-    fn rays(&self, name: &str, words: &[u32], rays: Rays, of: Option<&Shader>) -> Result<RayKernel, GpuError> {
+    fn rays(
+        &self,
+        name: &str,
+        words: &[u32],
+        rays: Rays,
+        of: Option<&Shader>,
+        constants: &[u32],
+    ) -> Result<RayKernel, GpuError> {
         match rays {
-            Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.compute(name, words, of)?)),
-            Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words, of)?)),
+            Rays::Software | Rays::Query => Ok(RayKernel::Compute(self.compute(name, words, of, constants)?)),
+            Rays::Pipeline => Ok(RayKernel::Pipeline(self.ray_pipeline(name, words, of, constants)?)),
         }
     }
 }
@@ -126,8 +141,16 @@ impl Gpu {
     /// # Errors
     /// As there, and [`GpuError::Rays`] where the device cannot trace in this way.
     pub fn ray_kernel(&self, shader: &RayShader, rays: Rays) -> Result<RayKernel, GpuError> {
+        self.ray_variant(shader, rays, &[])
+    }
+
+    /// As [`Pipelines::ray_variant`].
+    ///
+    /// # Errors
+    /// As [`Gpu::ray_kernel`].
+    pub fn ray_variant(&self, shader: &RayShader, rays: Rays, constants: &[u32]) -> Result<RayKernel, GpuError> {
         self.check_rays(rays)?;
-        self.0.pipelines.ray_kernel(shader, rays)
+        self.0.pipelines.ray_variant(shader, rays, constants)
     }
 
     /// As [`Pipelines::ray_kernel_from_words`].
@@ -166,7 +189,11 @@ impl Gpu {
 
         // Stages, in the order of their indices.
         let mut modules = Modules { gpu: self, list: Vec::new() };
-        let mut stages = vec![modules.stage(&generation.words(replaced)?, vk::ShaderStageFlags::RAYGEN_KHR)?];
+        let map = generation.constant_map();
+        let constants =
+            vk::SpecializationInfo::default().map_entries(&map).data(bytemuck::cast_slice(&generation.constants));
+        let first = modules.stage(&generation.words(replaced)?, vk::ShaderStageFlags::RAYGEN_KHR)?;
+        let mut stages = vec![first.specialization_info(&constants)];
         for (shader, stage) in HIT_SHADERS {
             stages.push(modules.stage(&Code::embedded(shader)?.words(replaced)?, stage)?);
         }

@@ -175,10 +175,24 @@ impl SceneFacts {
         self.lights.iter().filter(|light| light.power > 0.0)
     }
 
+    /// Number of local lights that have any power, dimmed or not.
+    #[must_use]
+    pub fn lamps(&self) -> usize {
+        let is_lamp = |light: &&LightFacts| light.kind != LightKind::Directional && light.full_power > 0.0;
+        self.lights.iter().filter(is_lamp).count()
+    }
+
     /// A surface lights others by its emission.
     #[must_use]
     pub fn emits(&self) -> bool {
         self.emissive_instances > 0
+    }
+
+    /// Whether any surface may be smoother than a limit of perceptual roughness. Of clear coats nothing is known but that there are any.
+    #[must_use]
+    pub fn has_smooth(&self, limit: f32) -> bool {
+        let is_smooth = |bin: usize| (bin as f32) < limit * BINS as f32;
+        self.has_coat || self.roughness.0.iter().enumerate().any(|(bin, share)| *share > 0.0 && is_smooth(bin))
     }
 
     /// Multiplies the power of a light with a factor. Nothing where there is no such light.

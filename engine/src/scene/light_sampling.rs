@@ -82,7 +82,7 @@ pub fn add_emitters(scene: &Scene, pose: &Pose, instance: usize, entries: &mut V
 }
 
 /// Emission of a triangle for its probability: the mean, mixed with a fraction [`UNIFORM_FRACTION`] of the emission without textures and alpha.
-fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
+pub(super) fn emission(scene: &Scene, material: &Material, mesh: &Mesh, corners: &[u32]) -> f64 {
     let full = luminance(material.emission);
     emission_fraction(scene, material, mesh, corners)
         .map_or(full, |share| full * (UNIFORM_FRACTION + (1.0 - UNIFORM_FRACTION) * share))

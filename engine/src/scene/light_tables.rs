@@ -59,19 +59,25 @@ impl LightWeights {
         Self { near, local, first_emitters, far, has_size, sky, sky_cells }
     }
 
+    /// Of each instance the entry of its first emissive primitive, or [`NO_EMITTER`].
+    pub(super) fn first_emitters(&self) -> &[u32] {
+        &self.first_emitters
+    }
+
     /// Tables of every light.
     #[must_use]
     pub fn tables(&self) -> Tables {
         let (near, far) = (alias_table(self.near.clone()), alias_table(self.far.clone()));
         // Lights without power are not hit either.
-        let can_be_hit = |choice: &&LightChoice| {
+        let can_be_hit = |(choice, _): &(&LightChoice, u32)| {
             choice.probability > 0.0 && choice.light != CHOICE_EMITTER && self.has_size[choice.light as usize]
         };
         let areas: Vec<_> = near
             .iter()
-            .chain(&far)
+            .zip(0..)
+            .chain(far.iter().zip(0..))
             .filter(can_be_hit)
-            .map(|c| AreaLight { light: c.light, probability: c.probability })
+            .map(|(c, entry)| AreaLight { light: c.light, probability: c.probability, entry })
             .collect();
         let sky = alias_table(self.sky.iter().map(|weight| (*weight, LightChoice::default())).collect());
 
@@ -84,7 +90,9 @@ impl LightWeights {
             sky: tables.add(&sky),
             near_count: near.len() as u32,
             far_count: far.len() as u32,
+            tree: Address::default(),
             area_count: areas.len() as u32,
+            first_far_area: near.iter().zip(0..).filter(can_be_hit).count() as u32,
             sky_count: sky.len() as u32,
             sky_cells: self.sky_cells,
         };
@@ -108,7 +116,7 @@ impl LightWeights {
     }
 }
 
-/// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block.
+/// The tables in one block of bytes. The root comes first; its addresses are offsets from the start of the block, but for that of the tree.
 pub struct Tables {
     block: Vec<u8>,
     root: LightTables,
@@ -124,6 +132,13 @@ impl Tables {
         let offset = self.block.len() as u64;
         self.block.extend_from_slice(bytemuck::cast_slice(items));
         Address::new(offset)
+    }
+
+    /// Lets local lights and emitters be chosen by a light tree of the same scene, at this address.
+    #[must_use]
+    pub fn with_tree(mut self, tree: Address) -> Self {
+        self.root.tree = tree;
+        self
     }
 
     /// Size of the block.

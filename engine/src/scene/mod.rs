@@ -18,6 +18,7 @@ mod facts;
 mod import;
 pub mod light_sampling;
 pub mod light_tables;
+pub mod light_tree;
 mod mesh;
 mod origin;
 mod pose;
@@ -28,7 +29,7 @@ mod supply;
 mod texture;
 
 pub use animation::{Animation, Channel, Interpolation, Local, Node, Property, Skin};
-pub use builtin::{BUILTIN, builtin};
+pub use builtin::{BUILTIN, BuiltinError, BuiltinParameter, builtin, builtin_parameters};
 pub use camera::{Camera, CameraFile};
 pub use camera_path::{CameraKey, CameraPath};
 pub use daylight::{Daylight, SkyModel};
@@ -41,8 +42,8 @@ pub use origin::FloatingOrigin;
 pub use pose::{Animator, Pose};
 pub use probe::{MAX_PROBES, ReflectionProbe};
 pub use resident::{
-    Culling, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles, SceneSketch,
-    SceneToken, ShadowLight, SharedScene,
+    Culling, LightTreeUpdate, Moment, Placed, Policy, ResidentError, ResidentOptions, ResidentScene, SceneHandles,
+    SceneSketch, SceneToken, ShadowLight, SharedScene,
 };
 pub use supply::{Supply, supply, supply_missing};
 pub use texture::{ColourSpace, Texture, mip_chain};

@@ -22,6 +22,8 @@ pub struct Animator {
     /// Bounds of each mesh that some instance deforms.
     pose_bounds: Vec<Option<PoseBounds>>,
     lights: Vec<(Light, Option<u32>)>,
+    /// Indices of the lights that move.
+    moving_lights: Vec<u32>,
     cameras: Vec<(Camera, Option<u32>)>,
     animated: bool,
 }
@@ -137,6 +139,7 @@ impl Animator {
         let follow = |nodes: &[Option<u32>], i: usize| nodes.get(i).copied().flatten().filter(|n| moves(Some(*n)));
         let lights: Vec<_> =
             scene.lights.iter().enumerate().map(|(i, l)| (l.clone(), follow(&scene.light_nodes, i))).collect();
+        let moving_lights = (0..).zip(&lights).filter(|(_, (_, node))| node.is_some()).map(|(i, _)| i).collect();
         let cameras: Vec<_> =
             scene.cameras.iter().enumerate().map(|(i, c)| (c.clone(), follow(&scene.camera_nodes, i))).collect();
         let animated = instances.iter().any(|i| i.moves || i.changes)
@@ -152,6 +155,7 @@ impl Animator {
             skins: scene.skins.clone(),
             pose_bounds,
             lights,
+            moving_lights,
             cameras,
             animated,
         }
@@ -184,6 +188,11 @@ impl Animator {
         self.lights[light].1.is_some()
     }
 
+    /// The lights that move, by index, in order.
+    pub fn moving_lights(&self) -> &[u32] {
+        &self.moving_lights
+    }
+
     /// Whether the vertices of an instance change with time.
     pub fn changes(&self, instance: usize) -> bool {
         self.instances[instance].changes
@@ -197,6 +206,11 @@ impl Animator {
     /// A light on a node is at the node's origin and shines along its -z, as in KHR_lights_punctual; a rectangle, which glTF does not
     /// have, keeps its transform relative to the node. A light whose direction is undefined in a pose keeps that of the rest pose.
     pub fn pose(&self, time: f64) -> Pose {
+        self.pose_with(time, self.lights.iter().map(|(light, _)| light.clone()).collect())
+    }
+
+    /// The same with the lights of an earlier pose: of them only those that move are computed, as there may be many.
+    pub fn pose_with(&self, time: f64, mut lights: Vec<Light>) -> Pose {
         let time = if self.duration > 0.0 { time.rem_euclid(self.duration) } else { 0.0 };
         let mut worlds: Vec<DAffine3> = Vec::with_capacity(self.moving.len());
         for node in &self.moving {
@@ -206,13 +220,17 @@ impl Animator {
                 Some(parent) => self.world(&worlds, parent) * local,
             });
         }
+        for index in &self.moving_lights {
+            let (light, node) = &self.lights[*index as usize];
+            lights[*index as usize] = self.light(light, *node, &worlds);
+        }
         let count = self.instances.len();
         let mut pose = Pose {
             instances: Vec::with_capacity(count),
             joints: vec![Vec::new(); count],
             weights: vec![Vec::new(); count],
             bounds: vec![None; count],
-            lights: self.lights.iter().map(|(l, n)| self.light(l, *n, &worlds)).collect(),
+            lights,
             cameras: self.cameras.iter().map(|(c, n)| self.camera(c, *n, &worlds)).collect(),
         };
         for (i, placed) in self.instances.iter().enumerate() {

@@ -78,6 +78,15 @@ impl<'a> Build<'a> {
         self.note(self.pipelines.ray_kernel(shader, self.rays))
     }
 
+    /// The same with values of the shader's specialization constants, by their ids from 0.
+    ///
+    /// # Errors
+    /// As [`Build::ray_kernel`].
+    pub fn ray_variant(&self, shader: &RayShader, constants: &[u32]) -> Result<RayKernel, SlotError> {
+        self.can_trace()?;
+        self.note(self.pipelines.ray_variant(shader, self.rays, constants))
+    }
+
     /// The pipeline of a ray pass from SPIR-V words, such as [`magpie_shaders::compile_rays`] returns for [`Build::rays`].
     ///
     /// # Errors

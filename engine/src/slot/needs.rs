@@ -26,6 +26,11 @@ pub struct Needs {
     /// The tables by which every light is sampled, the sky and emissive surfaces among them, for light at places that the camera does not
     /// see: [`SceneHandles::lights`](crate::scene::SceneHandles::lights).
     pub light_tables: bool,
+    /// The effect finds out by itself which local lights are seen, so that the slot `shadows` need not.
+    pub samples_lamps: bool,
+    /// The light tree, by which a light is chosen for a point, and `light_tables` with it:
+    /// [`SceneHandles::light_tree`](crate::scene::SceneHandles::light_tree).
+    pub light_tree: bool,
     /// The lit picture of the previous frame, before anti-aliasing and tone mapping.
     pub previous_radiance: bool,
     /// The surface model leaves out light that scatters more than once between microfacets.
@@ -74,6 +79,8 @@ impl Default for Needs {
             resolution_scale: 1.0,
             emitters: false,
             light_tables: false,
+            samples_lamps: false,
+            light_tree: false,
             previous_radiance: false,
             single_scattering: false,
             geometry: None,
@@ -107,6 +114,8 @@ impl Needs {
             resolution_scale: self.resolution_scale.min(other.resolution_scale),
             emitters: self.emitters || other.emitters,
             light_tables: self.light_tables || other.light_tables,
+            samples_lamps: self.samples_lamps || other.samples_lamps,
+            light_tree: self.light_tree || other.light_tree,
             previous_radiance: self.previous_radiance || other.previous_radiance,
             single_scattering: self.single_scattering || other.single_scattering,
             geometry: self.geometry.or(other.geometry),

@@ -1,7 +1,8 @@
 //! Direct light of emissive surfaces: rays to points on them and along specular lobes, followed by a denoiser.
+use super::lobes::{self, Lobes, Reflected};
 use crate::contracts::{Channel, DirectIn};
-use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use crate::precision;
+use crate::parts::denoise::Hints;
+use crate::ray_kernels::RayKernels;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, Needs, Part, SettingSpec, Settings, SlotError};
@@ -23,33 +24,29 @@ const CHANNELS: &[Channel] = &[
 
 /// Direct light of emissive surfaces.
 pub struct Emitters {
-    trace: RayKernel,
-    /// For scenes with surfaces that transmit light.
-    tinted: RayKernel,
+    trace: RayKernels,
     samples: u32,
-    format: Format,
-    denoiser: Denoiser,
+    lobes: Lobes,
 }
 
-/// Settings of emissive surfaces and of their denoiser.
-pub fn settings() -> Vec<SettingSpec> {
+/// Settings of emissive surfaces and of their denoisers. `split`: the default of that setting.
+pub fn settings(split: f64) -> Vec<SettingSpec> {
     let rays = "Rays per pixel to emissive surfaces that no light stands for. Higher: less noise, with time proportional to the number. \
                 0: emissive surfaces light nothing.";
     let mut settings = vec![SettingSpec::among(RAYS, "", rays, 1, &[0, 1, 2, 4, 8]).sweep_all()];
-    settings.extend(denoise::settings());
+    settings.extend(lobes::settings(split));
     settings
 }
 
 impl Emitters {
-    /// Creates the pipelines; `None` if the number of rays is 0.
-    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Option<Self>, SlotError> {
+    /// Creates the pipelines; `None` if the number of rays is 0. `splits`: as in [`Lobes::new`].
+    pub fn new(build: &Build<'_>, settings: &Settings, splits: bool) -> Result<Option<Self>, SlotError> {
         let samples = settings.u32(RAYS)?;
         if samples == 0 {
             return Ok(None);
         }
-        let denoiser = Denoiser::new(build, "direct", Options::read(settings)?)?;
-        let (trace, tinted) = (build.ray_kernel(&DIRECT_EMITTERS_RAY)?, build.ray_kernel(&DIRECT_TINTED_EMITTERS_RAY)?);
-        Ok(Some(Self { trace, tinted, samples, format: precision::format(settings)?, denoiser }))
+        let trace = RayKernels::new(build, &DIRECT_EMITTERS_RAY, &DIRECT_TINTED_EMITTERS_RAY)?;
+        Ok(Some(Self { trace, samples, lobes: Lobes::new(build, settings, splits)? }))
     }
 
     /// Asks for the sampling table of emissive surfaces if the scene has any.
@@ -62,35 +59,29 @@ impl Emitters {
         })
     }
 
-    /// Adds the passes. Returns outgoing radiance divided by the albedo; `None` if nothing emits.
-    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
+    /// Adds the passes. `None` if nothing emits.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Reflected> {
         let table = i.scene.emitters?;
-        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
-        let (samples, format, block, gbuffer) = (self.samples, self.format, view.block, i.gbuffer);
+        let kernel = self.trace.of(view);
+        let (samples, block, gbuffer) = (self.samples, view.block, i.gbuffer);
         let noisy = g.pass("direct.emitters", Queue::AsyncCompute, |p| {
             let (block, scene, table) = (p.read(block), i.scene.trace(p), p.read(table));
             let surfaces = gbuffer.read(p, CHANNELS);
-            let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
+            let (noisy, targets) = self.lobes.create(p, &view.facts, i);
             let extent = p.extent(gbuffer.depth);
-            (radiance.read(), move |c: &mut Record<'_>| {
+            (noisy, move |c: &mut Record<'_>| {
                 let params = EmitterParams {
                     view: c.id(block),
                     scene: c.id(scene.root),
                     rays: c.rays(),
                     lights: c.id(table),
                     gbuffer: surfaces.images(c),
-                    radiance: c.id(target),
+                    lobes: targets.images(c),
                     samples,
-                    greatest: format.greatest(),
                 };
                 c.trace(kernel, scene.tlas, &params, extent);
             })
         });
-        let i = DenoiseIn {
-            signal: Signal { image: noisy, content: Content::Radiance },
-            surfaces: Surfaces { gbuffer, reprojected: i.reprojected },
-            hints: Hints::default(),
-        };
-        Some(self.denoiser.add(g, view, i, ""))
+        Some(self.lobes.denoise(g, view, i, noisy, Hints::default()))
     }
 }

@@ -1,6 +1,8 @@
-//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, a search on the screen, rays, or surfels.
+//! Diffuse indirect light: the irradiance of the sky times ambient occlusion, a search on the screen, rays, resampled paths, or surfels.
+mod paths;
 mod ray_traced;
 mod resolve;
+mod restir;
 mod screen_space;
 mod surfels;
 
@@ -11,6 +13,7 @@ use magpie::scene::SceneFacts;
 use magpie::slot::{Preset, Slot};
 use magpie_shaders::GI_SKY_COMP;
 use ray_traced::RayTraced;
+use restir::Restir;
 use screen_space::ScreenSpace;
 use surfels::Surfels;
 
@@ -57,6 +60,12 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
             "Rays over the hemisphere of each surface, shaded where they hit, and denoised.",
             &ray_traced::settings(),
             |build, settings| Ok(Box::new(RayTraced::new(build, settings)?)),
+        )
+        .with(
+            "restir",
+            "One path of each pixel and frame, whose first point is reused in later frames and by the pixels around, and denoised.",
+            &restir::settings(),
+            |build, settings| Ok(Box::new(Restir::new(build, settings)?)),
         )
         .with(
             "surfels",

@@ -1,9 +1,11 @@
-//! Multiplies denoised light with the albedo of the diffuse lobe, at full resolution.
+//! Multiplies light with the albedo of the diffuse lobe, at full resolution; denoised before where it is noisy.
 use super::MATERIAL;
 use crate::contracts::{Channel, LightingIn};
+use crate::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
+use crate::precision;
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
-use magpie::slot::{Build, SlotError};
+use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::GI_RESOLVE_COMP;
 use magpie_shaders::gi::ResolveParams;
 
@@ -48,5 +50,39 @@ impl Resolve {
                 c.dispatch(kernel, &params, extent);
             })
         })
+    }
+}
+
+/// The end of implementations whose light is noisy.
+pub struct Finish {
+    denoiser: Denoiser,
+    resolve: Resolve,
+}
+
+impl Finish {
+    /// Creates the pipelines, as the settings of the denoiser and of the precision say.
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        Ok(Self {
+            denoiser: Denoiser::new(build, "gi", Options::read(settings)?)?,
+            resolve: Resolve::new(build, precision::format(settings)?)?,
+        })
+    }
+
+    /// Adds the passes. `noisy` has the size of the frame. `kept` as in [`Resolve::add`].
+    pub fn add(
+        &mut self,
+        g: &mut FrameGraph,
+        view: &View,
+        i: LightingIn,
+        noisy: Handle<Image>,
+        kept: Option<WriteHandle<Image>>,
+    ) -> Handle<Image> {
+        let noisy = DenoiseIn {
+            signal: Signal { image: noisy, content: Content::Radiance },
+            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
+            hints: Hints::default(),
+        };
+        let denoised = self.denoiser.add(g, view, noisy, "");
+        self.resolve.add(g, view, i, denoised, kept)
     }
 }

@@ -1,9 +1,9 @@
 //! Diffuse indirect light found on the screen, after Therrien, Levesque and Gilet 2023, "Screen Space Indirect Lighting with Visibility
 //! Bitmask": the light of what the depth image shows around each pixel, and that of the sky where nothing is in the way.
-use super::resolve::Resolve;
+use super::resolve::Finish;
 use super::{MATERIAL, no_bounces};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
-use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
+use crate::parts::denoise;
 use crate::parts::upsample::{Upsample, UpsampleIn};
 use crate::precision;
 use magpie::gpu::Kernel;
@@ -22,10 +22,9 @@ const SHINES: &[Channel] = &[Channel::Depth, Channel::Motion, Channel::Emission,
 pub struct ScreenSpace {
     light: Kernel,
     search: Kernel,
-    resolve: Resolve,
+    finish: Finish,
     /// Set at half resolution only.
     upsample: Option<Upsample>,
-    denoiser: Denoiser,
     /// Of the light of the previous frame.
     scope: HistoryScope,
     slices: u32,
@@ -75,9 +74,8 @@ impl ScreenSpace {
         Ok(Self {
             light: build.kernel(&GI_SCREEN_LIGHT_COMP)?,
             search: build.kernel(&GI_SCREEN_SEARCH_COMP)?,
-            resolve: Resolve::new(build, format)?,
+            finish: Finish::new(build, settings)?,
             upsample: half.then(|| Upsample::new(build, "gi")).transpose()?,
-            denoiser: Denoiser::new(build, "gi", Options::read(settings)?)?,
             scope: HistoryScope::new(),
             slices: settings.u32("slices")?,
             steps: settings.u32("steps")?,
@@ -174,12 +172,6 @@ impl Effect for ScreenSpace {
             let half = UpsampleIn { half_size: found, gbuffer: i.gbuffer, value, direction: None, background: 0.0 };
             found = upsample.add(g, view, half, "").value;
         }
-        let noisy = DenoiseIn {
-            signal: Signal { image: found, content: Content::Radiance },
-            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
-            hints: Hints::default(),
-        };
-        let denoised = self.denoiser.add(g, view, noisy, "");
-        LightingOut::radiance(self.resolve.add(g, view, i, denoised, next))
+        LightingOut::radiance(self.finish.add(g, view, i, found, next))
     }
 }

@@ -2,6 +2,7 @@
 pub mod denoise;
 pub mod hit_shading;
 pub mod inspect;
+pub mod light_tree;
 pub mod overlay;
 pub mod pixel_lists;
 pub(crate) mod previous_radiance;

@@ -8,6 +8,9 @@ pub use estimate::{Estimate, SizeMismatch};
 pub use file::EstimateFileError;
 
 use crate::contracts::AO_RANGE;
+use crate::parts::hit_shading;
+use crate::parts::light_tree::LightTree;
+use crate::ray_kernels::LIGHT_TREE;
 use crate::read_back::Copies;
 use glam::DVec3;
 use magpie::config::{Config, Value};
@@ -17,7 +20,7 @@ use magpie::graph::execute::{ExecuteError, Executor, Imports};
 use magpie::graph::{Access, BufferDesc, Extent, Format, ImageDesc, Queue, Record};
 use magpie::scene::light_tables::LightWeights;
 use magpie::scene::{Camera, FloatingOrigin, Moment, Policy, ResidentError, ResidentOptions, ResidentScene, Scene};
-use magpie::slot::SlotError;
+use magpie::slot::{Build, Needs, SlotError};
 use magpie_shaders::reference::{
     PATH_BACKGROUND, PATH_BALANCE, PATH_CENTRE, PATH_CLEAR, PATH_EMISSION, PATH_LIGHTS, PATH_NO_LIGHT_HITS,
     PATH_NO_LIGHT_SAMPLES, PATH_SKY, PathParams,
@@ -109,6 +112,8 @@ pub struct ReferenceOptions {
     pub check: bool,
     /// How light is sampled, and how samples of several strategies are combined.
     pub strategy: Strategy,
+    /// Whether local lights and emissive surfaces are sampled, and lights found along rays, by the light tree. `None`: where a scene has many lights.
+    pub light_tree: Option<bool>,
     /// Leave out light that scatters more than once between microfacets, as with `gbuffer.multiple_scattering=false` in the frame.
     pub single_scattering: bool,
 }
@@ -147,6 +152,7 @@ impl Default for ReferenceOptions {
             rays: Rays::Software,
             check: false,
             strategy: Strategy::Power,
+            light_tree: None,
             single_scattering: false,
         }
     }
@@ -196,6 +202,7 @@ pub struct Reference {
     gpu: Gpu,
     executor: Executor,
     kernel: RayKernel,
+    tree: LightTree,
     scene: ResidentScene,
     camera: Camera,
     options: ReferenceOptions,
@@ -269,10 +276,14 @@ impl Reference {
         let centre = if options.pixel == PixelSampling::Centre { PATH_CENTRE } else { 0 };
         // Direct light is scattered once.
         let depth = if options.only == Only::Direct { 1 } else { options.depth };
+        let light_tree = options.light_tree.unwrap_or_else(|| hit_shading::wants_tree(resident.facts()));
+        resident.want_lights(gpu, &Needs { light_tree, ..Needs::default() })?;
+        let tables = LightWeights::new(scene, options.time).tables().with_tree(resident.light_tree_address());
         let mut executor = Executor::new(gpu)?;
         Ok(Self {
-            kernel: gpu.ray_kernel(options.only.shader(), options.rays)?,
-            lights: LightWeights::new(scene, options.time).tables().upload(gpu, &mut executor, "reference lights")?,
+            kernel: gpu.ray_variant(options.only.shader(), options.rays, LIGHT_TREE[usize::from(light_tree)])?,
+            tree: LightTree::new(&Build::new(gpu, options.rays))?,
+            lights: tables.upload(gpu, &mut executor, "reference lights")?,
             gpu: gpu.clone(),
             executor,
             scene: resident,
@@ -369,7 +380,9 @@ impl Reference {
         let desc = ViewDesc { seed: self.options.seed, ..ViewDesc::new(&self.camera, full) };
         let view = desc.declare(&mut self.view, &self.scene, &mut g, &mut imports.borrow_mut())?.block;
         let camera = Some(&self.camera);
-        let scene = self.scene.declare(&mut g, &mut imports.borrow_mut(), camera, &Policy::default())?;
+        let mut scene = self.scene.declare(&mut g, &mut imports.borrow_mut(), camera, &Policy::default())?;
+        let tree = self.scene.declare_light_tree(&mut g, &mut imports.borrow_mut());
+        tree.into_iter().for_each(|tree| scene = self.tree.refit(&mut g, tree, scene));
         let key = imports.borrow_mut().buffer(&self.lights);
         let lights = g.import_buffer("reference.lights", BufferDesc::new(self.lights.bytes()), Access::BufferRead, key);
 
@@ -389,6 +402,9 @@ impl Reference {
             },
         );
         let (mean, squares) = g.pass("reference.trace", Queue::Graphics, |p| {
+            if let Some(tree) = scene.light_tree {
+                p.read(tree);
+            }
             let (view, scene, lights) = (p.read(view), scene.trace(p), p.read(lights.read()));
             let (mean, mean_target) = p.create("mean", ImageDesc::full(Format::Rgba32Float));
             let (squares, squares_target) = p.create("squares", ImageDesc::full(Format::Rgba32Float));

@@ -73,13 +73,6 @@ pub fn slot() -> Slot<LightingIn, LightingOut> {
         .presets(&PRESETS)
 }
 
-/// Whether any surface may be smoother than a limit of perceptual roughness. Of clear coats nothing is known but that there are any.
-fn has_smooth(facts: &SceneFacts, limit: f32) -> bool {
-    let bins = &facts.roughness.0;
-    let is_smooth = |bin: usize| (bin as f32) < limit * bins.len() as f32;
-    facts.has_coat || bins.iter().enumerate().any(|(bin, share)| *share > 0.0 && is_smooth(bin))
-}
-
 /// The reason why no surface of the scene has a specular reflection, if none does.
 fn idle_reason(facts: &SceneFacts) -> Option<&'static str> {
     match facts.specular {

@@ -1,11 +1,13 @@
 //! Reflections by rays: sampled from the specular lobe, shaded where they hit, denoised over what the lobe covers of the screen.
-use super::reconstruct::{Cells, Found, MATERIAL, Reconstruction, Resolve, Traced};
-use super::{ALL_ROUGH, has_smooth, idle_reason};
+use super::reconstruct::{Cells, Found, MATERIAL, Reconstruction, Resolve};
+use super::{ALL_ROUGH, idle_reason};
 use crate::contracts::{GBufferToken, LightingIn, LightingOut, RAY_START, SceneToken};
-use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
+use crate::parts::denoise::{self, DenoiseIn, Denoiser, Options};
 use crate::parts::hit_shading::{self, HitShading, HitShadingToken};
 use crate::precision;
+use crate::ray_kernels::RayKernels;
 use crate::sky_light::SkyLight;
+use crate::specular_signal::SpecularSignal;
 use magpie::graph::{BufferToken, PassBuilder};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -19,9 +21,7 @@ const RAY: Format = Format::Rgba16Float;
 
 /// Reflections by rays.
 pub struct RayTraced {
-    trace: RayKernel,
-    /// For scenes with surfaces that let light straight through.
-    tinted: RayKernel,
+    trace: RayKernels,
     /// Rays of each cell.
     samples: u32,
     pixels_per_ray: u32,
@@ -81,8 +81,7 @@ impl RayTraced {
         let roughness_limit = settings.f32("roughness_limit")?;
         let reconstructs = pixels_per_ray > 1 || (samples == 1 && settings.switch("reconstruct")?);
         Ok(Self {
-            trace: build.ray_kernel(&REFLECTIONS_TRACE_RAY)?,
-            tinted: build.ray_kernel(&REFLECTIONS_TINTED_TRACE_RAY)?,
+            trace: RayKernels::new(build, &REFLECTIONS_TRACE_RAY, &REFLECTIONS_TINTED_TRACE_RAY)?,
             samples,
             pixels_per_ray,
             bounces: settings.u32("bounces")?,
@@ -98,12 +97,12 @@ impl RayTraced {
     }
 
     /// Adds the rays, of which each pixel has its own.
-    fn trace(&self, g: &mut FrameGraph, view: &View, i: LightingIn, hits: HitShading) -> Traced {
+    fn trace(&self, g: &mut FrameGraph, view: &View, i: LightingIn, hits: HitShading) -> SpecularSignal {
         let (launch, format) = (self.launch(view), self.format);
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
             let declared = launch.declare(p, i, hits);
             let extent = p.extent(i.gbuffer.depth);
-            let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
+            let (traced, targets) = SpecularSignal::create(p, "radiance", format, i.gbuffer.depth);
             (traced, move |c: &mut Record<'_>| {
                 let params = TraceParams {
                     radiance: c.id(targets.radiance),
@@ -137,7 +136,7 @@ impl RayTraced {
     }
 
     fn launch(&self, view: &View) -> Launch {
-        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
+        let kernel = self.trace.of(view);
         let Self { samples, pixels_per_ray, bounces, regularization, roughness_limit, format, .. } = *self;
         let (view, greatest) = (view.block, format.greatest());
         Launch { kernel, view, samples, pixels_per_ray, bounces, regularization, roughness_limit, greatest }
@@ -152,14 +151,14 @@ impl Effect for RayTraced {
         if let Some(reason) = idle_reason(facts) {
             return Needs::idle(reason);
         }
-        if has_smooth(facts, self.roughness_limit) {
-            return Needs { light_tables: true, previous_radiance: self.reuse, ..Needs::default() };
+        if facts.has_smooth(self.roughness_limit) {
+            return Needs { previous_radiance: self.reuse, ..hit_shading::needs(facts) };
         }
         if facts.has_sky { Needs::default() } else { Needs::idle(ALL_ROUGH) }
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
-        if !has_smooth(&view.facts, self.roughness_limit) {
+        if !view.facts.has_smooth(self.roughness_limit) {
             return self.fallback.add(g, view, i);
         }
         let is_idle = self.needs(&view.facts).idle.is_some();
@@ -177,12 +176,8 @@ impl Effect for RayTraced {
             }
             None => self.trace(g, view, i, hits),
         };
-        let hints = Hints::default().width(Some(traced.width)).hit_distance(Some(traced.hit_distance));
-        let noisy = DenoiseIn {
-            signal: Signal { image: traced.radiance, content: Content::Radiance },
-            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
-            hints: hints.weighted(self.reconstruction.is_some()),
-        };
+        let noisy = traced.noisy(i.gbuffer, i.reprojected);
+        let noisy = DenoiseIn { hints: noisy.hints.weighted(self.reconstruction.is_some()), ..noisy };
         let denoised = self.denoiser.add(g, view, noisy, "");
         LightingOut::radiance(self.resolve.add(g, view, i, Some(denoised), None)).with_hit_distance(traced.hit_distance)
     }

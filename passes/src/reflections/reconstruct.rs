@@ -1,9 +1,9 @@
 //! From rays to the slot's radiance: reconstruction for every pixel, and the product with the albedo of the lobe. What the implementations that
 //! trace share.
-use super::has_smooth;
 use crate::contracts::{Channel, GEOMETRY, LightingIn};
+use crate::specular_signal::SpecularSignal;
 use magpie::gpu::Kernel;
-use magpie::graph::{PassBuilder, StorageToken, WriteHandle};
+use magpie::graph::WriteHandle;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
@@ -11,39 +11,8 @@ use magpie_shaders::denoise::NO_IMAGE;
 use magpie_shaders::reflections::{MOST_TAPS, ReconstructParams, ResolveParams};
 use magpie_shaders::{REFLECTIONS_RECONSTRUCT_COMP, REFLECTIONS_RESOLVE_COMP, SampledImage};
 
-/// Format of hit distances.
-const DISTANCE: Format = Format::R16Float;
-/// Format of the width of the lobe.
-const WIDTH: Format = Format::R8Unorm;
 /// Channels with the material.
 pub const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::Coat];
-
-/// What the rays found, with the size of the frame.
-pub struct Traced {
-    /// Radiance over the albedo of the specular lobe.
-    pub radiance: Handle<Image>,
-    pub hit_distance: Handle<Image>,
-    pub width: Handle<Image>,
-}
-
-/// The images of [`Traced`] for the pass that writes them.
-#[derive(Clone, Copy)]
-pub struct Targets {
-    pub radiance: StorageToken,
-    pub hit_distance: StorageToken,
-    pub width: StorageToken,
-}
-
-impl Traced {
-    pub fn create(p: &mut PassBuilder<'_>, format: Format, like: Handle<Image>) -> (Self, Targets) {
-        let mut create = |name, format| p.create(name, ImageDesc::like(format, like));
-        let (radiance, radiance_target) = create("radiance", format);
-        let (hit_distance, distance_target) = create("hit_distance", DISTANCE);
-        let (width, width_target) = create("width", WIDTH);
-        let targets = Targets { radiance: radiance_target, hit_distance: distance_target, width: width_target };
-        (Self { radiance: radiance.read(), hit_distance: hit_distance.read(), width: width.read() }, targets)
-    }
-}
 
 /// Single rays.
 #[derive(Clone, Copy)]
@@ -97,7 +66,7 @@ impl Reconstruction {
     }
 
     /// Adds the pass.
-    pub fn add(&self, g: &mut FrameGraph, view: &View, i: LightingIn, found: Found, cells: Cells) -> Traced {
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: LightingIn, found: Found, cells: Cells) -> SpecularSignal {
         let Self { kernel, taps, reach, firefly_limit, format } = *self;
         let block = view.block;
         g.pass("reflections.reconstruct", Queue::AsyncCompute, |p| {
@@ -109,7 +78,7 @@ impl Reconstruction {
                 Cells::Rated { rate, steering } => (1, 1.0, Some((p.sample(rate), p.overwrite(steering).1))),
             };
             let extent = p.extent(i.gbuffer.depth);
-            let (traced, targets) = Traced::create(p, format, i.gbuffer.depth);
+            let (traced, targets) = SpecularSignal::create(p, "radiance", format, i.gbuffer.depth);
             (traced, move |c: &mut Record<'_>| {
                 let params = ReconstructParams {
                     view: c.id(block),
@@ -159,7 +128,7 @@ impl Resolve {
 
     /// Whether the fallback leaves anything to rays.
     pub fn takes_rays(&self, facts: &SceneFacts) -> bool {
-        has_smooth(facts, self.roughness_limit)
+        facts.has_smooth(self.roughness_limit)
     }
 
     /// Adds the pass. Without `fallback` it is the sky. `denoised` is not needed where [`Self::takes_rays`] is false.

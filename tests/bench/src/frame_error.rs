@@ -1,8 +1,9 @@
 //! The error of the benchmarks that render frames.
 use magpie::config::ConfigError;
 use magpie_passes::RenderError;
+use magpie_passes::reference::ReferenceError;
 
-/// Why `magpie bench motion` or `magpie bench pairs` measured nothing.
+/// Why `magpie bench motion`, `magpie bench pairs` or `magpie bench lights` measured nothing.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameBenchError {
     /// Rendering a frame failed.
@@ -27,6 +28,9 @@ pub enum FrameBenchError {
     /// What is seen cannot be compared with the truth.
     #[error("{0}")]
     Perceived(String),
+    /// The ground truth failed.
+    #[error("truth: {0}")]
+    Truth(Box<ReferenceError>),
     /// There is no contestant or path of that name.
     #[error("nothing is named `{name}` here; there are {known}")]
     UnknownContestant {

@@ -1,5 +1,5 @@
-//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`, [`pairs`] is `magpie bench pairs`; the rest is
-//! `magpie bench graph`: CPU cost per pass of a frame graph, compared with hand-written Vulkan and other graphs.
+//! The benchmarks. [`rays`] is `magpie bench rays`, [`motion`] is `magpie bench motion`, [`pairs`] is `magpie bench pairs`, [`lights`] is
+//! `magpie bench lights`; the rest is `magpie bench graph`: CPU cost per pass of a frame graph, compared with hand-written Vulkan and other graphs.
 //!
 //! Every [`Contestant`] does the same [`Work`]; [`run`] lets them take turns and makes a [`Report`]. `docs/bench.md` describes the method.
 
@@ -9,6 +9,7 @@ mod clock;
 mod contestant;
 mod floor;
 mod frame_error;
+pub mod lights;
 mod magpie;
 pub mod motion;
 pub mod pairs;

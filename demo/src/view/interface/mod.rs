@@ -307,11 +307,12 @@ fn scenes(ui: &mut Ui, model: &Model<'_>, actions: &mut Vec<Action>) {
             ui.close();
         }
     };
-    for scene in model.recent.iter().filter(|scene| !scene.starts_with("builtin:")) {
+    let known = session::scenes();
+    for scene in model.recent.iter().filter(|scene| known.iter().all(|(name, _)| name != *scene)) {
         open(ui, scene, "Shown before");
     }
     ui.separator();
-    for (scene, about) in session::scenes() {
+    for (scene, about) in known {
         open(ui, &scene, about);
     }
     ui.separator();

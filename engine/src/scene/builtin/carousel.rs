@@ -2,7 +2,7 @@
 //! and a flag that change shape (morph targets), a cloud of spheres, a swinging lamp, a clock; and plants that stand still.
 use super::foliage::{Random, core, crown, leaf_texture};
 use super::shapes::{Shape, block, curve, cushion, lathe, line, sphere};
-use super::stage::{Keyframes, Stage, at, dielectric, finish, matte, metal};
+use super::stage::{Stage, at, dielectric, finish, matte, metal, sampled, smooth, wave};
 use crate::scene::{
     AlphaMode, Camera, Daylight, Influence, Interpolation, Light, Local, Material, Mesh, MorphTarget, Property,
     Sampler, Scene, Skin, Sphere, TextureUse, Wrap,
@@ -39,32 +39,6 @@ pub(super) fn scene() -> Scene {
     stage.scene
 }
 
-/// Keys of a cubic spline through `f`, with tangents from its slope; `keys` keys per loop.
-fn smooth<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
-    const STEP: f32 = 1.0 / 256.0;
-    let (mut times, mut values) = (Vec::new(), Vec::new());
-    for key in 0..=keys {
-        let t = key as f32 / keys as f32;
-        let (before, after) = (f(t - STEP), f(t + STEP));
-        let slope: [f32; N] = std::array::from_fn(|c| (after[c] - before[c]) / (2.0 * STEP * LOOP));
-        times.push(t * LOOP);
-        values.extend(slope.into_iter().chain(f(t)).chain(slope));
-    }
-    Keyframes { times, values }
-}
-
-/// Linear keys of `f`; `keys` keys per loop.
-fn sampled<const N: usize>(keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
-    let at = |key| key as f32 / keys as f32;
-    let times = (0..=keys).map(|k| at(k) * LOOP).collect();
-    Keyframes { times, values: (0..=keys).flat_map(|k| f(at(k))).collect() }
-}
-
-/// Height of a sine wave, with its position given in turns.
-fn wave(turns: f32, phase: f32) -> f32 {
-    (TAU * (turns + phase)).sin()
-}
-
 fn ground(stage: &mut Stage) {
     let grass = stage.material(matte("grass", [0.16, 0.21, 0.07]));
     let gravel = stage.material(matte("gravel", [0.34, 0.28, 0.21]));
@@ -90,7 +64,7 @@ fn carousel(stage: &mut Stage) {
 
     let foot = stage.node("carousel", None, moved(DVec3::new(0.0, 0.0, -0.7)));
     let platform = stage.node("platform", Some(foot), Local::IDENTITY);
-    let turn = sampled(8, |t| DQuat::from_rotation_y(f64::from(t * TAU)).as_quat().to_array());
+    let turn = sampled(LOOP, 8, |t| DQuat::from_rotation_y(f64::from(t * TAU)).as_quat().to_array());
     stage.channel(platform, Property::Rotation, Interpolation::Linear, turn);
 
     let deck = lathe(
@@ -133,10 +107,10 @@ fn carousel(stage: &mut Stage) {
         stage.put_on(post, gold, stand);
         let rider = stage.node(name, Some(stand), moved(DVec3::Y * 0.85));
         let phase = 0.25 * i as f32;
-        let bob = smooth(8, |t| [0.0, 0.92 + 0.24 * wave(2.0 * t, phase), 0.0]);
+        let bob = smooth(LOOP, 8, |t| [0.0, 0.92 + 0.24 * wave(2.0 * t, phase), 0.0]);
         stage.channel(rider, Property::Translation, Interpolation::CubicSpline, bob);
         if name == "egg" {
-            let stretch = sampled(16, |t| {
+            let stretch = sampled(LOOP, 16, |t| {
                 let s = 0.30 * wave(2.0 * t, 0.25);
                 [1.0 - 0.6 * s, 1.0 + s, 0.8 - 0.4 * s]
             });
@@ -203,7 +177,7 @@ fn stem(stage: &mut Stage) {
         let up = if k == 0 { 0.0 } else { f64::from(span) };
         let joint = stage.node("stem joint", Some(parent), moved(DVec3::Y * up));
         let reach = 0.09 + 0.045 * k as f32;
-        let sway = sampled(16, |t| {
+        let sway = sampled(LOOP, 16, |t| {
             let lag = -0.07 * k as f32;
             let (x, z) = (0.6 * wave(t, lag + 0.25), wave(t, lag));
             Quat::from_scaled_axis(Vec3::new(reach * x, 0.35 * reach * wave(t, 0.5), reach * z)).to_array()
@@ -250,9 +224,9 @@ fn blob(stage: &mut Stage) {
     mesh.targets = vec![target(&mesh, &pear), target(&mesh, &star)];
     stage.scene.meshes.push(mesh);
     let node = stage.node("blob", None, moved(place + DVec3::Y * 1.04));
-    let weights = smooth(8, |t| [0.5 + 0.5 * wave(t, -0.25), (0.35 + 0.65 * wave(t, 0.1)).max(0.0).powi(2)]);
+    let weights = smooth(LOOP, 8, |t| [0.5 + 0.5 * wave(t, -0.25), (0.35 + 0.65 * wave(t, 0.1)).max(0.0).powi(2)]);
     stage.channel(node, Property::Weights, Interpolation::CubicSpline, weights);
-    let turn = sampled(8, |t| Quat::from_rotation_y(0.5 * wave(t, 0.0)).to_array());
+    let turn = sampled(LOOP, 8, |t| Quat::from_rotation_y(0.5 * wave(t, 0.0)).to_array());
     stage.channel(node, Property::Rotation, Interpolation::Linear, turn);
     stage.put_on(stage.scene.meshes.len() as u32 - 1, glaze, node);
 }
@@ -314,7 +288,7 @@ fn flag(stage: &mut Stage) {
     mesh.weights = vec![1.0, 0.0];
     stage.scene.meshes.push(mesh);
     let node = stage.node("flag", None, moved(DVec3::new(-3.12, 2.45, -1.5)));
-    let run = smooth(16, |t| [wave(2.0 * t, 0.25), -wave(2.0 * t, 0.0)]);
+    let run = smooth(LOOP, 16, |t| [wave(2.0 * t, 0.25), -wave(2.0 * t, 0.0)]);
     stage.channel(node, Property::Weights, Interpolation::CubicSpline, run);
     stage.put_on(stage.scene.meshes.len() as u32 - 1, cloth, node);
 }
@@ -322,9 +296,9 @@ fn flag(stage: &mut Stage) {
 /// A floating and turning cloud of sixty spheres, in several sizes and three colours.
 fn spheres(stage: &mut Stage) {
     let node = stage.node("cloud", None, moved(DVec3::new(-0.75, 0.62, 1.95)));
-    let float = smooth(8, |t| [-0.75, 0.62 + 0.07 * wave(t, 0.0), 1.95]);
+    let float = smooth(LOOP, 8, |t| [-0.75, 0.62 + 0.07 * wave(t, 0.0), 1.95]);
     stage.channel(node, Property::Translation, Interpolation::CubicSpline, float);
-    let turn = sampled(8, |t| Quat::from_rotation_y(-t * TAU).to_array());
+    let turn = sampled(LOOP, 8, |t| Quat::from_rotation_y(-t * TAU).to_array());
     stage.channel(node, Property::Rotation, Interpolation::Linear, turn);
     let paints = [
         stage.material(metal("copper spheres", [0.955, 0.638, 0.538], 0.15)),
@@ -393,7 +367,7 @@ fn clock(stage: &mut Stage) {
     let ring = curve(&[[0.40, 0.0], [0.45, 0.02], [0.44, 0.06], [0.40, 0.055]], 4);
     stage.hang("clock ring", lathe(&[ring], 56), iron, dial);
     let hand = stage.node("clock hand", Some(dial), moved(DVec3::Y * 0.045));
-    let tick = sampled(8, |t| Quat::from_rotation_y(-t * TAU).to_array());
+    let tick = sampled(LOOP, 8, |t| Quat::from_rotation_y(-t * TAU).to_array());
     stage.channel(hand, Property::Rotation, Interpolation::Step, tick);
     let mut shape = Shape::default();
     shape.join(&block(0.035, 0.02, 0.36, 0.004), at(0.0, 0.0, -0.12, 0.0));
@@ -422,8 +396,9 @@ fn lamp(stage: &mut Stage) {
     stage.add("lamp post", post, iron, at(2.30, 0.0, -1.95, 0.0));
     stage.add("lamp arm", block(0.05, 0.05, 1.45, 0.008), iron, at(2.30, 2.53, -1.30, 0.0));
     let hook = stage.node("lamp hook", None, moved(DVec3::new(2.30, 2.54, -0.62)));
-    let swing =
-        smooth(8, |t| Quat::from_euler(glam::EulerRot::XYZ, 0.22 * wave(t, 0.25), 0.0, 0.42 * wave(t, 0.0)).to_array());
+    let swing = smooth(LOOP, 8, |t| {
+        Quat::from_euler(glam::EulerRot::XYZ, 0.22 * wave(t, 0.25), 0.0, 0.42 * wave(t, 0.0)).to_array()
+    });
     stage.channel(hook, Property::Rotation, Interpolation::CubicSpline, swing);
     stage.hang("lamp cord", lathe(&[line(&[[0.008, radius - cord], [0.008, 0.0]])], 8), iron, hook);
     let globe = stage.node("lamp", Some(hook), moved(DVec3::NEG_Y * f64::from(cord)));

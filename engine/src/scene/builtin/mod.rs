@@ -6,8 +6,12 @@ mod carousel;
 mod cornell;
 mod courtyard;
 mod foliage;
+mod night_market;
+mod parameters;
 mod shapes;
 mod stage;
+
+pub use parameters::{BuiltinError, BuiltinParameter, builtin_parameters};
 
 /// Name and description of every built-in scene, the default first.
 pub const BUILTIN: &[(&str, &str)] = &[
@@ -17,18 +21,29 @@ pub const BUILTIN: &[(&str, &str)] = &[
         "a small fairground where everything moves, in a loop of 4 s: rigid, skinned and morphing things, spheres, a lamp",
     ),
     ("cornell", "the Cornell box (Goral et al. 1984) with its area light, 5.5 m wide"),
+    (
+        "night-market",
+        "a market street at night after rain: lanterns, stalls, neon and puddles; ten to a hundred thousand lamps, some of which move",
+    ),
 ];
 
-/// The built-in scene of this name, with cameras and lights; `None` if there is none.
-pub fn builtin(name: &str) -> Option<Scene> {
-    let mut scene = match name {
-        "courtyard" => courtyard::scene(),
-        "carousel" => carousel::scene(),
-        "cornell" => cornell::scene(),
-        _ => return None,
+/// A built-in scene, with cameras and lights: `NAME`, or `NAME?KEY=VALUE&KEY=VALUE` with [parameters](builtin_parameters). A scene is
+/// called by what was asked for.
+///
+/// # Errors
+/// There is no such scene, it has no such parameter, or a value is out of range.
+pub fn builtin(wanted: &str) -> Result<Scene, BuiltinError> {
+    let parameters::Wanted { name, values } = parameters::parse(wanted)?;
+    let mut scene = match (name, &values[..]) {
+        ("courtyard", _) => courtyard::scene(),
+        ("carousel", _) => carousel::scene(),
+        ("cornell", _) => cornell::scene(),
+        ("night-market", [lights]) => night_market::scene(*lights),
+        _ => return Err(BuiltinError::Name { name: wanted.to_owned() }),
     };
+    scene.name = wanted.to_owned();
     preserve_coverage(&mut scene);
-    Some(scene)
+    Ok(scene)
 }
 
 #[cfg(test)]
@@ -67,7 +82,7 @@ mod tests {
                 }
             }
         }
-        assert!(builtin("nothing").is_none());
+        assert!(builtin("nothing").is_err());
     }
 
     #[test]

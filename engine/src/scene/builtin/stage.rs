@@ -1,8 +1,8 @@
 //! Helpers that assemble a scene.
 use super::shapes::Shape;
-use crate::scene::animation::rest_worlds;
 use crate::scene::{Animation, Camera, Channel, Instance, Interpolation, Local, Material, Mesh, Node, Property, Scene};
 use glam::{Affine3A, DAffine3, Quat, Vec3, Vec4};
+use std::f32::consts::TAU;
 
 /// A scene under construction.
 pub(super) struct Stage {
@@ -13,6 +13,32 @@ pub(super) struct Stage {
 pub(super) struct Keyframes {
     pub times: Vec<f32>,
     pub values: Vec<f32>,
+}
+
+/// Keys of a cubic spline through `f` of the share of a loop of this many seconds, with tangents from its slope; `keys` keys per loop.
+pub(super) fn smooth<const N: usize>(seconds: f32, keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
+    const STEP: f32 = 1.0 / 256.0;
+    let (mut times, mut values) = (Vec::new(), Vec::new());
+    for key in 0..=keys {
+        let t = key as f32 / keys as f32;
+        let (before, after) = (f(t - STEP), f(t + STEP));
+        let slope: [f32; N] = std::array::from_fn(|c| (after[c] - before[c]) / (2.0 * STEP * seconds));
+        times.push(t * seconds);
+        values.extend(slope.into_iter().chain(f(t)).chain(slope));
+    }
+    Keyframes { times, values }
+}
+
+/// Linear keys of `f`; `keys` keys per loop.
+pub(super) fn sampled<const N: usize>(seconds: f32, keys: usize, f: impl Fn(f32) -> [f32; N]) -> Keyframes {
+    let at = |key| key as f32 / keys as f32;
+    let times = (0..=keys).map(|k| at(k) * seconds).collect();
+    Keyframes { times, values: (0..=keys).flat_map(|k| f(at(k))).collect() }
+}
+
+/// Height of a sine wave, with its position given in turns.
+pub(super) fn wave(turns: f32, phase: f32) -> f32 {
+    (TAU * (turns + phase)).sin()
 }
 
 /// A matte material with an albedo.
@@ -101,7 +127,8 @@ impl Stage {
 
     /// World-from-node transform in the rest pose.
     pub fn world(&self, node: u32) -> DAffine3 {
-        rest_worlds(&self.scene.nodes[..=node as usize])[node as usize]
+        let Node { parent, local, .. } = &self.scene.nodes[node as usize];
+        parent.map_or(local.affine(), |parent| self.world(parent) * local.affine())
     }
 
     /// Adds a channel to the last animation; `times` are in seconds.

@@ -20,6 +20,9 @@ pub struct SceneHandles {
     /// Tables by which every light is sampled: [`LightTables`](magpie_shaders::light_sampling::LightTables). `None` if no effect
     /// [asked](crate::slot::Needs::light_tables) for them.
     pub lights: Option<Handle<Buffer>>,
+    /// The light tree: [`LightTree`](magpie_shaders::light_tree::LightTree). `None` if there are no lights for it, or no effect
+    /// [asked](crate::slot::Needs::light_tree) for it.
+    pub light_tree: Option<Handle<Buffer>>,
     /// The acceleration structure.
     pub tlas: Handle<Tlas>,
     /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.

@@ -4,6 +4,7 @@ mod deform;
 mod detail;
 mod driver;
 mod handles;
+mod light_tree;
 mod lobe_albedo;
 mod policy;
 mod rounding;
@@ -15,6 +16,7 @@ mod tables;
 mod textures;
 
 pub use handles::{SceneHandles, SceneToken};
+pub use light_tree::LightTreeUpdate;
 pub use policy::{Culling, Policy};
 pub use sketch::SceneSketch;
 pub use state::Moment;
@@ -328,7 +330,7 @@ impl ResidentScene {
             draws: tables::draws(scene, &index_offsets),
             shadow_lights: tables::shadow_lights(&scene.lights),
             facts,
-            lights: SampledLights::new(scene),
+            lights: SampledLights::new(scene, &pose),
             sky,
             textures,
             vertices,
@@ -380,6 +382,7 @@ impl ResidentScene {
     /// The frame that was declared did not run: the next one brings everything up to date.
     pub fn forget(&mut self) {
         self.state.forget();
+        self.lights.forget();
         if let Some(deformation) = &mut self.deformation {
             deformation.forget();
         }
@@ -448,7 +451,8 @@ impl ResidentScene {
             }
             Acceleration::Driver(driver) => (driver.declare(g, imports, &frame, |i| now.instance(i))?, [None; 2]),
         };
-        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, lights, tlas, bottom })
+        let light_tree = None;
+        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, lights, light_tree, tlas, bottom })
     }
 
     /// An instance for the top level.

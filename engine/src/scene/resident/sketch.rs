@@ -4,6 +4,7 @@ use super::tables::{draws, light, raster_index_count, shadow_lights};
 use super::{Placed, SceneHandles, ShadowLight};
 use crate::graph::{Access, BufferDesc, DrawLists, FrameGraph, ImportKey};
 use crate::ray::Bounds;
+use crate::scene::light_tree::has_lights;
 use crate::scene::{Animator, Camera, FloatingOrigin, Scene, SceneFacts, single};
 use crate::slot::Needs;
 use glam::{DVec3, Vec3};
@@ -30,6 +31,7 @@ pub struct SceneSketch {
     deforms: bool,
     emits: bool,
     lights: bool,
+    light_tree: bool,
 }
 
 /// Sizes of the scene's buffers.
@@ -76,7 +78,7 @@ impl SceneSketch {
             bytes: Bytes {
                 state: (size_of::<shared::Scene>()
                     + scene.instances.len() * size_of::<shared::Instance>()
-                    + scene.lights.len() * size_of::<shared::Light>()) as u64,
+                    + 2 * scene.lights.len() * size_of::<shared::Light>()) as u64,
                 tables: (scene.materials.len() * size_of::<shared::Material>()
                     + scene.meshes.len() * size_of::<shared::Mesh>()) as u64,
                 vertices: vertex * scene.meshes.iter().map(|m| m.positions.len() as u64).sum::<u64>(),
@@ -84,7 +86,8 @@ impl SceneSketch {
             },
             deforms: (0..scene.instances.len()).any(|i| animator.deforms(i)),
             emits: needs.emitters && facts.emits(),
-            lights: needs.light_tables,
+            lights: needs.light_tables || needs.light_tree,
+            light_tree: needs.light_tree && has_lights(scene),
             facts,
         }
     }
@@ -108,6 +111,7 @@ impl SceneSketch {
             indices: buffer("scene.indices", indices, g),
             emitters: self.emits.then(|| buffer("scene.emitters", 4, g)),
             lights: self.lights.then(|| buffer("scene.lights", 4, g)),
+            light_tree: self.light_tree.then(|| buffer("scene.light_tree", 4, g)),
             bottom: [None; 2],
             tlas: g.import_tlas("scene.tlas", Access::Trace, ImportKey::Caller(u32::MAX)),
         }

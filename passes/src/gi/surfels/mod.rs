@@ -10,9 +10,10 @@ mod show;
 use super::resolve::Resolve;
 use super::{MATERIAL, no_bounces};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
-use crate::parts::hit_shading::HitShading;
+use crate::parts::hit_shading::{self, HitShading};
 use crate::parts::pixel_lists::{PixelList, PixelLists};
 use crate::parts::upsample::{Upsample, UpsampleIn};
+use crate::ray_kernels::RayKernels;
 use grid::{Count, Grid, State};
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
@@ -34,9 +35,7 @@ pub struct Surfels {
     commit: Kernel,
     gather: Kernel,
     show: Kernel,
-    trace: RayKernel,
-    /// For scenes with surfaces that let light straight through.
-    tinted: RayKernel,
+    trace: RayKernels,
     resolve: Resolve,
     /// Set at half resolution only.
     upsample: Option<Upsample>,
@@ -62,8 +61,7 @@ impl Surfels {
             commit: build.kernel(&GI_SURFEL_COMMIT_COMP)?,
             gather: build.kernel(&GI_SURFEL_GATHER_COMP)?,
             show: build.kernel(&GI_SURFEL_SHOW_COMP)?,
-            trace: build.ray_kernel(&GI_SURFEL_TRACE_RAY)?,
-            tinted: build.ray_kernel(&GI_SURFEL_TINTED_TRACE_RAY)?,
+            trace: RayKernels::new(build, &GI_SURFEL_TRACE_RAY, &GI_SURFEL_TINTED_TRACE_RAY)?,
             resolve: Resolve::new(build, options.format)?,
             upsample: half.then(|| Upsample::new(build, "gi")).transpose()?,
             grid: Grid::new(build, options)?,
@@ -86,7 +84,7 @@ impl Surfels {
         let hits = hits.with_cache(feedback.then(|| state.cache()));
         let emitters = if view.facts.emissive_instances > 0 { SURFEL_EMITTERS } else { 0 };
         let paths = emitters | if guided { SURFEL_GUIDED } else { 0 };
-        let (kernel, block) = (if view.facts.lets_light_through { self.tinted } else { self.trace }, view.block);
+        let (kernel, block) = (self.trace.of(view), view.block);
         g.pass(name, Queue::AsyncCompute, |p| {
             let (block, scene, hits, list) = (p.read(block), i.scene.trace(p), hits.read(p), list.read(p));
             let (state, tokens) = state.write_pool(p);
@@ -283,7 +281,7 @@ impl Effect for Surfels {
     type Out = LightingOut;
 
     fn needs(&self, facts: &SceneFacts) -> Needs {
-        no_bounces(facts).map_or_else(|| Needs { light_tables: true, ..Needs::default() }, Needs::idle)
+        no_bounces(facts).map_or_else(|| hit_shading::needs(facts), Needs::idle)
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {

@@ -21,7 +21,7 @@ pub struct Samples {
     noisy: SampleToken,
     width: Option<SampleToken>,
     packing: u32,
-    weighted: bool,
+    samples: u32,
     /// Width and height of the noisy image.
     pub extent: Extent,
 }
@@ -36,7 +36,7 @@ impl Samples {
             noisy: p.sample(i.signal.image),
             width: i.hints.width.map(|width| p.sample(width)),
             packing,
-            weighted: i.hints.weighted,
+            samples: i.hints.samples(),
             extent: p.extent(i.signal.image),
         }
     }
@@ -48,8 +48,8 @@ impl Samples {
 
     /// The samples.
     pub fn noisy(&self, c: &Record<'_>) -> NoisyImage {
-        let (width, weighted) = (index_of(c, self.width), self.weighted.into());
-        NoisyImage { image: c.id(self.noisy), width, weighted, packing: self.packing }
+        let (image, width) = (c.id(self.noisy), index_of(c, self.width));
+        NoisyImage { image, width, samples: self.samples, packing: self.packing }
     }
 
     /// The motion vectors and the pixels of the previous frame.

@@ -15,6 +15,7 @@ use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
+use magpie_shaders::denoise::{SAMPLES_SHARP, SAMPLES_WEIGHTED};
 pub use options::{Method, Options, adaptive, is_adaptive, precision, settings, settings_with};
 use pica_pica::PicaPica;
 use recurrent_blur::RecurrentBlur;
@@ -48,6 +49,13 @@ pub struct Hints {
     /// Of radiance: alpha of the signal is the weight of the sample in a mean over frames, 0 to 1, for `pica-pica` and
     /// `recurrent-blur`. Else all weights are 1.
     pub weighted: bool,
+    /// Of radiance with a width: the width is all of its noise, so that where it is below a pixel, as in a mirror, a sample is as good as a mean.
+    /// Where histories are interpolated, and under jitter, `pica-pica` and `recurrent-blur` then average no more frames than the width asks for, in
+    /// place of at least four.
+    pub sharp: bool,
+    /// Over how many frames the samples of a pixel are alike: 1 for independent ones, more where samples are reused from frame to frame. 0: points
+    /// of a stratified sequence, as effects draw them that reuse nothing. `svgf` filters as much as that leaves noise in the mean.
+    pub alike: f32,
 }
 
 impl Hints {
@@ -71,9 +79,25 @@ impl Hints {
         Self { hit_distance, ..self }
     }
 
+    /// Sets [`Hints::alike`].
+    pub fn alike(self, alike: f32) -> Self {
+        Self { alike, ..self }
+    }
+
     /// Sets [`Hints::weighted`].
     pub fn weighted(self, weighted: bool) -> Self {
         Self { weighted, ..self }
+    }
+
+    /// Sets [`Hints::sharp`].
+    pub fn sharp(self, sharp: bool) -> Self {
+        Self { sharp, ..self }
+    }
+
+    /// What samples are, for shaders.
+    fn samples(self) -> u32 {
+        let of = |is: bool, flag| if is { flag } else { 0 };
+        of(self.weighted, SAMPLES_WEIGHTED) | of(self.sharp, SAMPLES_SHARP)
     }
 }
 

@@ -17,6 +17,23 @@ pub enum Method {
     Svgf,
 }
 
+impl Method {
+    /// The names in settings.
+    pub const NAMES: [&str; 5] = ["svgf", "pica-pica", "recurrent-blur", "bilateral", "none"];
+
+    /// The algorithm of that name; none for all others.
+    #[must_use]
+    pub fn named(name: &str) -> Self {
+        match name {
+            "svgf" => Self::Svgf,
+            "pica-pica" => Self::PicaPica,
+            "recurrent-blur" => Self::RecurrentBlur,
+            "bilateral" => Self::Bilateral,
+            _ => Self::None,
+        }
+    }
+}
+
 /// Options of one denoiser.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -62,15 +79,8 @@ impl Options {
     /// # Errors
     /// [`SlotError`] if the effect lacks one of them.
     pub fn read(settings: &Settings) -> Result<Self, SlotError> {
-        let method = match settings.choice("denoiser")? {
-            "svgf" => Method::Svgf,
-            "pica-pica" => Method::PicaPica,
-            "recurrent-blur" => Method::RecurrentBlur,
-            "bilateral" => Method::Bilateral,
-            _ => Method::None,
-        };
         Ok(Self {
-            method,
+            method: Method::named(settings.choice("denoiser")?),
             history: settings.u32("history")?,
             fast_history: settings.u32("fast_history")?,
             levels: settings.u32("levels")?,
@@ -98,7 +108,7 @@ pub fn settings_with(default: &'static str) -> Vec<SettingSpec> {
              blurred frames, with a blur that gets narrower with every frame. `bilateral`: one edge-aware blur, cheap, which blurs \
              penumbrae as well as noise. `none`: no denoising.",
             default,
-            &["svgf", "pica-pica", "recurrent-blur", "bilateral", "none"],
+            &Method::NAMES,
         )
         .sweep_all(),
         SettingSpec::integer(

@@ -160,10 +160,10 @@ impl RecurrentBlur {
             (Mended { signal: mended, frames: mended_frames.read() }, move |c: &mut Record<'_>| {
                 let (accumulated, accumulated_deviation) = signal.ids(c);
                 let (mended, mended_deviation) = target.ids(c);
-                let (width, weighted) = (index_of(c, width), i.hints.weighted.into());
+                let (width, samples) = (index_of(c, width), i.hints.samples());
                 let params = MendHistoryParams {
                     view: c.id(block),
-                    noisy: NoisyImage { image: c.id(noisy), width, weighted, packing: packing.layout },
+                    noisy: NoisyImage { image: c.id(noisy), width, samples, packing: packing.layout },
                     guide: c.id(guide),
                     normals: index_of(c, normals),
                     accumulated,

@@ -128,6 +128,7 @@ impl Svgf {
                     moments_deviation,
                     frames: c.id(frames),
                     longest,
+                    alike: i.hints.alike,
                     greatest: packing.values.greatest(),
                 };
                 c.dispatch(kernel, &params, samples.extent);
@@ -169,6 +170,7 @@ impl Svgf {
                     varied_tiles: c.id(varied_target),
                     packing: packing.layout,
                     channels: content.variances(),
+                    alike: i.hints.alike,
                     greatest: packing.values.greatest(),
                 };
                 c.dispatch(kernel, &params, extent);

@@ -6,11 +6,12 @@ use super::idle_reason;
 use super::probe::Probes;
 use super::reconstruct::{Cells, Found, MATERIAL, Reconstruction, Resolve};
 use crate::contracts::{Channel, LightingIn, LightingOut, RAY_START};
-use crate::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces};
-use crate::parts::hit_shading::HitShading;
+use crate::parts::denoise::{DenoiseIn, Denoiser, Options};
+use crate::parts::hit_shading::{self, HitShading};
 use crate::parts::pixel_lists::{PixelList, PixelLists};
 use crate::parts::pyramid::{self, Pyramid};
 use crate::precision;
+use crate::ray_kernels::RayKernels;
 use magpie::gpu::Kernel;
 use magpie::graph::{History, HistoryScope, WriteHandle};
 use magpie::prelude::*;
@@ -43,9 +44,7 @@ const STEERING: Format = Format::Rgba8Unorm;
 pub struct Hybrid {
     choose: Kernel,
     march: Kernel,
-    trace: RayKernel,
-    /// For scenes with surfaces that let light straight through.
-    tinted: RayKernel,
+    trace: RayKernels,
     sources: Kernel,
     lists: PixelLists,
     /// Without it all rays are traced.
@@ -89,8 +88,7 @@ impl Hybrid {
         Ok(Self {
             choose: build.kernel(&REFLECTIONS_CHOOSE_COMP)?,
             march: build.kernel(&REFLECTIONS_HYBRID_MARCH_COMP)?,
-            trace: build.ray_kernel(&REFLECTIONS_HYBRID_TRACE_RAY)?,
-            tinted: build.ray_kernel(&REFLECTIONS_HYBRID_TINTED_TRACE_RAY)?,
+            trace: RayKernels::new(build, &REFLECTIONS_HYBRID_TRACE_RAY, &REFLECTIONS_HYBRID_TINTED_TRACE_RAY)?,
             sources: build.kernel(&REFLECTIONS_SOURCES_COMP)?,
             lists: PixelLists::new(build, "reflections")?,
             pyramid: settings
@@ -201,7 +199,7 @@ impl Hybrid {
     /// Adds the pass that traces the rays of a list.
     fn trace(&self, g: &mut FrameGraph, view: &View, i: LightingIn, of: Listed, rays: Rays) -> Found {
         let Listed { list, rate, hits } = of;
-        let kernel = if view.facts.lets_light_through { self.tinted } else { self.trace };
+        let kernel = self.trace.of(view);
         let Self { bounces, regularization, format, .. } = *self;
         let block = view.block;
         g.pass("reflections.trace", Queue::AsyncCompute, |p| {
@@ -275,8 +273,9 @@ impl Effect for Hybrid {
         if !takes_rays && self.probes.is_none() && !facts.has_sky {
             return Needs::idle("all surfaces are rougher than `roughness_limit`, and the scene has no sky");
         }
-        let light_tables = takes_rays || self.probes.is_some();
-        Needs { light_tables, previous_radiance: takes_rays, ..Needs::default() }
+        let shades_hits = takes_rays || self.probes.is_some();
+        let needs = if shades_hits { hit_shading::needs(facts) } else { Needs::default() };
+        Needs { previous_radiance: takes_rays, ..needs }
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {
@@ -301,12 +300,8 @@ impl Effect for Hybrid {
         let found = self.trace(g, view, i, Listed { list, rate, hits }, rays);
         self.sources(g, rate, found.radiance);
         let traced = self.reconstruction.add(g, view, i, found, Cells::Rated { rate, steering: next });
-        let hints = Hints::default().width(Some(traced.width)).hit_distance(Some(traced.hit_distance));
-        let noisy = DenoiseIn {
-            signal: Signal { image: traced.radiance, content: Content::Radiance },
-            surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
-            hints: hints.weighted(true),
-        };
+        let noisy = traced.noisy(i.gbuffer, i.reprojected);
+        let noisy = DenoiseIn { hints: noisy.hints.weighted(true), ..noisy };
         let denoised = self.denoiser.add(g, view, noisy, "");
         LightingOut::radiance(self.resolve.add(g, view, i, Some(denoised), fallback))
             .with_hit_distance(traced.hit_distance)

@@ -6,7 +6,8 @@ pub use settings::settings;
 
 use super::idle_reason;
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
-use crate::parts::hit_shading::HitShading;
+use crate::parts::hit_shading::{self, HitShading};
+use crate::ray_kernels::RayKernels;
 use glam::{DMat3, DVec3};
 use magpie::gpu::Kernel;
 use magpie::graph::{BufferToken, HistoryScope, Part, PassBuilder, SampleToken};
@@ -40,9 +41,7 @@ const OFFSET: u64 = 12;
 /// Reflections by probes.
 pub struct Probes {
     options: Options,
-    capture: RayKernel,
-    /// For scenes with surfaces that let light straight through.
-    tinted: RayKernel,
+    capture: RayKernels,
     place: RayKernel,
     means: Kernel,
     filter: Kernel,
@@ -108,8 +107,7 @@ impl Probes {
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
         Ok(Self {
             options: Options::read(settings)?,
-            capture: build.ray_kernel(&REFLECTIONS_PROBE_CAPTURE_RAY)?,
-            tinted: build.ray_kernel(&REFLECTIONS_PROBE_TINTED_CAPTURE_RAY)?,
+            capture: RayKernels::new(build, &REFLECTIONS_PROBE_CAPTURE_RAY, &REFLECTIONS_PROBE_TINTED_CAPTURE_RAY)?,
             place: build.ray_kernel(&REFLECTIONS_PROBE_PLACE_RAY)?,
             means: build.kernel(&REFLECTIONS_PROBE_MEANS_COMP)?,
             filter: build.kernel(&REFLECTIONS_PROBE_FILTER_COMP)?,
@@ -239,7 +237,7 @@ impl Probes {
         kept: Kept,
         nth: usize,
     ) -> Kept {
-        let kernel = if view.facts.lets_light_through { self.tinted } else { self.capture };
+        let kernel = self.capture.of(view);
         let (block, side, mips, sampler, key) =
             (view.block, self.options.side, self.options.mips(), self.sampler, view.frame);
         let centre = (self.places.all[at].centre - view.origin).as_vec3().to_array();
@@ -450,7 +448,7 @@ impl Effect for Probes {
         if let Some(reason) = idle_reason(facts) {
             return Needs::idle(reason);
         }
-        Needs { light_tables: true, ..Needs::default() }
+        hit_shading::needs(facts)
     }
 
     fn add(&mut self, g: &mut FrameGraph, view: &View, i: LightingIn) -> LightingOut {

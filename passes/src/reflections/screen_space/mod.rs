@@ -3,7 +3,7 @@
 mod cone;
 mod settings;
 
-use super::{ALL_ROUGH, has_smooth, idle_reason};
+use super::{ALL_ROUGH, idle_reason};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::denoise::{Content, DenoiseIn, Denoiser, Hints, Options, Precision, Signal, Surfaces};
 use crate::parts::pyramid::{self, Pyramid};
@@ -113,7 +113,7 @@ impl ScreenSpace {
 
     /// Whether any surface is smooth enough for rays.
     fn marches(&self, facts: &SceneFacts) -> bool {
-        has_smooth(facts, self.roughness_limit)
+        facts.has_smooth(self.roughness_limit)
     }
 
     /// Format of confidence between passes.

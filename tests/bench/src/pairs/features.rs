@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 30] = [
+pub const FEATURES: [Feature; 33] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -65,6 +65,9 @@ pub const FEATURES: [Feature; 30] = [
     Feature::set("screen reflections", &["stages.reflections=screen-space"]),
     Feature::set("screen gi", &["stages.gi=screen-space"]),
     Feature::set("traced gi", &["stages.gi=ray-traced"]),
+    Feature::set("resampled gi", &["stages.gi=restir"]),
+    Feature::set("sampled lights", &["stages.direct=ris"]),
+    Feature::set("resampled lights", &["stages.direct=restir"]),
     Feature::set("half surfels", &["gi.resolution=half"]),
     Feature::set("surfels at hits", &["stages.gi=ray-traced", "gi.cache=surfels"]),
     Feature::set("light of the sky", &["stages.gi=sky"]),

@@ -38,7 +38,7 @@ fn a_lighting_effect_from_outside_asks_for_what_ours_can() {
     }
     let effect = fs::read_to_string(at("src/bounce.rs")).unwrap();
     assert!(effect.lines().count() <= MAX_LINES, "{} lines", effect.lines().count());
-    for asked in ["jitter: true", "light_tables: true", "previous_radiance: self.reuse", "Denoiser::new("] {
+    for asked in ["jitter: true", "hit_shading::needs(facts)", "previous_radiance: self.reuse", "Denoiser::new("] {
         assert!(effect.contains(asked), "no {asked:?}");
     }
 
