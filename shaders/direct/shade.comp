@@ -3,6 +3,7 @@
 #include "lib/bindless.glsl"
 #include "lib/area_light.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/lobes.glsl"
 #include "lib/precision.glsl"
 #include "shared/direct.glsl"
 // Radiance towards the viewer: light of every light source times its visibility, reflected once, plus that of emissive surfaces, plus
@@ -24,8 +25,8 @@ Seen visibility(ViewBuffer view, uint light, ivec2 pixel) {
             uint index = (lights >> (4u * channel)) & 15u;
             if (index == NO_SHADOW_LIGHT || view.at[0].shadow_lights[index] != light) continue;
             vec4 seen = load(params.visibility[group], pixel);
-            vec3 share = (params.group_flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
-            return Seen(share, (params.group_flags & (256u << group)) != 0u);
+            vec3 share = (params.flags & (1u << group)) != 0u ? seen.rgb : vec3(seen[channel]);
+            return Seen(share, (params.flags & (256u << group)) != 0u);
         }
     }
     return Seen(vec3(1.0), false);
@@ -80,13 +81,14 @@ vec3 shade(ViewBuffer view, ivec2 pixel) {
     v.z = eye_cosine(s);
     vec3 radiance = load(params.gbuffer.emission, pixel).rgb;
     if (params.sampled != NO_SAMPLED_LIGHT) {
-        vec3 sampled = load(params.sampled, pixel).rgb;
-        if (params.specular == NO_LOBE) radiance += sampled * reflectance(b, v.z);
-        else radiance += sampled * diffuse_reflectance(b, v.z) + load(params.specular, pixel).rgb * specular_reflectance(b, v.z);
+        float apart = params.specular == NO_LOBE ? 0.0 : share_apart(s, params.limit);
+        radiance += load(params.sampled, pixel).rgb * reflectance_together(b, v.z, apart);
+        if (apart > 0.0) radiance += load(params.specular, pixel).rgb * apart * specular_reflectance(b, v.z);
     }
-    uint count = params.lights == LIGHTS_NONE ? 0u : scene.at[0].light_count;
+    uint lit = params.flags & LIGHTS_MASK;
+    uint count = lit == LIGHTS_NONE ? 0u : scene.at[0].light_count;
     for (uint i = 0u; i < count; i++) {
-        if (params.lights == LIGHTS_DIRECTIONAL && lights.at[i].kind != LIGHT_DIRECTIONAL) continue;
+        if (lit == LIGHTS_DIRECTIONAL && lights.at[i].kind != LIGHT_DIRECTIONAL) continue;
         Light light = lights.at[i];
         LightSample centre = sample_light(light, s.position);
         // Out of range; in a scene with many lights, that is most of them.

@@ -15,22 +15,22 @@ vec3 emission_found(SceneBuffer scene, LightTables lights, Seen s, vec3 l, Hit h
 }
 
 // A sample along the lobe.
-Found found_by_lobe(SceneBuffer scene, LightTables lights, LobeImages images, Seen s, vec2 u) {
+Found found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
     vec3 l;
     if (!sample_lobe(s, u, l)) return NOTHING_FOUND;
     float end;
     vec3 light = emission_along(scene, lights, s, l, end);
-    return reflected_find(images, s, l, light, end);
+    return reflected_find(s, l, light, end);
 }
 
 // A sample of a point on an emitter.
-Found found_by_emitter(SceneBuffer scene, LightTables lights, LobeImages images, Seen s, vec2 which, vec2 u) {
+Found found_by_emitter(SceneBuffer scene, LightTables lights, Seen s, vec2 which, vec2 u) {
     LightChoiceBuffer table = LightChoiceBuffer(lights.near);
     // The entry is chosen by 24 bits of the number.
     LightChoice choice = table.at[choose(table, lights.near_count, uint(which.x * 16777216.0) << 8u, which.y)];
     Incident from;
     if (!sample_emitter(scene, choice, s.start.position, u, from)) return NOTHING_FOUND;
-    return arriving_find(scene, images, s, from, choice.probability * (1.0 - s.lobe_probability), s.lobe_probability);
+    return arriving_find(scene, s, from, choice.probability * (1.0 - s.lobe_probability), s.lobe_probability);
 }
 
 // Light of one pixel.
@@ -40,13 +40,12 @@ void trace_emitters(EmitterParams params) {
     if (!inside(pixel, view.at[0].size)) return;
     SceneBuffer scene = SceneBuffer(params.scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
-    Surface surface;
-    Seen s;
+    Seen s = seen_nothing();
     Lobes sum = DARK;
     // Distances to what rays along the lobe meet, and to points of emitters, for pixels without such a ray.
     float met = INFINITELY_FAR, shown = INFINITELY_FAR;
     bool any_lobe = false;
-    if (seen_at(view, scene, params.gbuffer, pixel, surface, s)) {
+    if (seen_at(view, scene, params.gbuffer, params.lobes, pixel, s)) {
         s.lobe_probability *= 0.5 * (1.0 - sqrt(narrowest_alpha(s.bsdf)));
         uint seed = view.at[0].seed;
         for (uint i = 0u; i < params.samples; i++) {
@@ -54,15 +53,15 @@ void trace_emitters(EmitterParams params) {
             vec2 u = sequence2(pixel, index, SEQUENCE_EMITTERS, seed);
             vec2 which = sequence2(pixel, index, SEQUENCE_EMITTERS + 1u, seed);
             bool by_lobe = sequence2(pixel, index, SEQUENCE_EMITTERS + 2u, seed).x < s.lobe_probability;
-            Found found = by_lobe ? found_by_lobe(scene, lights, params.lobes, s, u)
-                : found_by_emitter(scene, lights, params.lobes, s, which, u);
+            Found found = by_lobe ? found_by_lobe(scene, lights, s, u)
+                : found_by_emitter(scene, lights, s, which, u);
             sum = plus(sum, found.light);
             if (by_lobe) met = min(met, found.distance), any_lobe = true;
             else shown = min(shown, found.distance);
         }
         sum = scaled(sum, vec3(1.0 / float(params.samples)));
     }
-    store_lobes(view, params.lobes, pixel, surface, s.bsdf, sum, any_lobe ? met : shown);
+    store_lobes(view, params.lobes, pixel, reflecting(view, s), sum, any_lobe ? met : shown);
     count_rays(params.rays, light_rays_traced.x, light_rays_traced.y);
 }
 

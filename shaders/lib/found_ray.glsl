@@ -24,10 +24,13 @@ FoundRay unpack_ray(vec4 packed) {
 
 // Width on the screen of what a lobe reflects at some distance, pixels: seen from the eye, the lobe's cone behind the surface is as wide
 // as this.
-float lobe_width(ViewBuffer view, Surface s, float alpha, float hit_distance) {
-    float eye_distance = distance(s.position, view.at[0].eye);
+float lobe_width(ViewBuffer view, float eye_distance, float alpha, float hit_distance) {
     float share = hit_distance / (hit_distance + eye_distance);
     return 2.0 * alpha * share / pixel_spread(view);
+}
+
+float lobe_width(ViewBuffer view, Surface s, float alpha, float hit_distance) {
+    return lobe_width(view, distance(s.position, view.at[0].eye), alpha, hit_distance);
 }
 
 #endif

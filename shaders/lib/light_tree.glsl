@@ -112,7 +112,8 @@ vec2 sibling_shares(LightNode a, LightNode b, LitPoint at) {
     if (!seen.x || !seen.y) return vec2(seen);
     // Each over its own square, times the greater of both.
     shares *= vec2(square_b, square_a) / max(square_a, square_b);
-    return max(shares / (shares.x + shares.y), LEAST_PROBABILITY);
+    // A quotient may be some units in the last place over 1.
+    return clamp(shares / (shares.x + shares.y), LEAST_PROBABILITY, 1.0);
 }
 
 // A random number that choices use up.
@@ -182,6 +183,9 @@ bool choose_by_tree(
     return true;
 }
 
+// Greatest number of clusters that the kernel knows: each takes registers.
+layout(constant_id = 1) const uint MOST_CLUSTERS = MOST_SPLIT_LIGHTS;
+
 // Nodes that split lights into clusters, of each of which one is chosen.
 struct LightCluster {
     uint child;        // the node, by what is below it
@@ -190,7 +194,7 @@ struct LightCluster {
 };
 
 struct LightCut {
-    LightCluster clusters[MOST_SPLIT_LIGHTS];
+    LightCluster clusters[MOST_CLUSTERS];
     uint count;
 };
 
@@ -218,13 +222,12 @@ LightCluster light_cluster(LightNode node, uint instance, LitPoint at, float thr
 }
 
 // Splits the lights into at most `split.most` clusters, always the most uncertain one, and leaves out those that send nothing.
-LightCut light_cut(SceneBuffer scene, LightTree tree, LitPoint point, LightSplit split) {
+void light_cut(SceneBuffer scene, LightTree tree, LitPoint point, LightSplit split, out LightCut cut) {
     LightNodeBuffer nodes = LightNodeBuffer(tree.nodes);
-    LightCut cut;
     bool seen;
     cut.clusters[0] = light_cluster(nodes.at[0], NO_INSTANCE, point, split.threshold, seen);
     cut.count = seen ? 1u : 0u;
-    uint most = clamp(split.most, 1u, MOST_SPLIT_LIGHTS);
+    uint most = clamp(split.most, 1u, MOST_CLUSTERS);
     while (cut.count < most) {
         uint worst = 0u;
         for (uint i = 1u; i < cut.count; i++) {
@@ -244,7 +247,6 @@ LightCut light_cut(SceneBuffer scene, LightTree tree, LitPoint point, LightSplit
             uint root = LightTreeInstanceBuffer(tree.instances).at[instance].root;
             first = nodes.at[root].child & LIGHT_NODE_INDEX;
         }
-        float scale = 1.0;
         if (instance != NO_INSTANCE) at = lit_in_object(scene, instance, point);
         light_pairs_read++;
         for (uint i = 0u; i < 2u; i++) {
@@ -254,7 +256,6 @@ LightCut light_cut(SceneBuffer scene, LightTree tree, LitPoint point, LightSplit
             cut.count++;
         }
     }
-    return cut;
 }
 
 // From the random numbers of one cluster to those of the next (Cranley and Patterson 1976).
@@ -278,7 +279,8 @@ uint choose_by_tree_split(
     out uint entries[MOST_SPLIT_LIGHTS], out float probabilities[MOST_SPLIT_LIGHTS]
 ) {
     LitPoint point = lit_point(position, normal, both_sides);
-    LightCut cut = light_cut(scene, tree, point, split);
+    LightCut cut;
+    light_cut(scene, tree, point, split, cut);
     for (uint i = 0u; i < cut.count; i++) {
         entries[i] = choose_in_cluster(scene, tree, point, cut.clusters[i], fract(u + float(i) * CLUSTER_STEP), probabilities[i]);
     }
@@ -341,7 +343,8 @@ float tree_split_probability(
     SceneBuffer scene, LightTree tree, LightTables lights, LightSplit split, uint entry, vec3 position, vec3 normal, bool both_sides
 ) {
     LitPoint at = lit_point(position, normal, both_sides);
-    LightCut cut = light_cut(scene, tree, at, split);
+    LightCut cut;
+    light_cut(scene, tree, at, split, cut);
     return cut.count == 0u ? 0.0 : trail_probability(scene, tree, lights, entry, at, cut);
 }
 

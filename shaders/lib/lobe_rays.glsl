@@ -15,6 +15,7 @@ struct Seen {
     vec3 v;
     Bsdf bsdf;
     float lobe_probability;  // of a ray along the lobe, for one ray
+    float apart;             // share of the specular light that is apart
 };
 
 // What rays have found.
@@ -25,19 +26,35 @@ struct Found {
 
 const Found NOTHING_FOUND = Found(DARK, INFINITELY_FAR);
 
+// Where a pixel shows nothing.
+Seen seen_nothing() {
+    Seen s;
+    s.v = vec3(0.0, 0.0, 1.0);
+    s.bsdf = bsdf_of(no_surface());
+    s.lobe_probability = 0.0;
+    s.apart = 0.0;
+    return s;
+}
+
 // What a pixel shows, with a `lobe_probability` of 1, or of 0 for surfaces without a specular lobe. False if nothing, or if it is black as unlit
 // surfaces are: a metal with a black base colour.
-bool seen_at(ViewBuffer view, SceneBuffer scene, GBufferImages images, ivec2 pixel, out Surface surface, out Seen s) {
-    surface = load_surface(view, pixel, images);
-    s.bsdf = bsdf_of(surface);
+bool seen_at(ViewBuffer view, SceneBuffer scene, GBufferImages images, LobeImages lobes, ivec2 pixel, inout Seen s) {
+    Surface surface = load_surface(view, pixel, images);
     bool has_lobe = reflects(surface);
     if (!surface.exists || (!has_lobe && (1.0 - surface.metalness) * surface.base_colour == vec3(0.0))) return false;
+    s.bsdf = bsdf_of(surface);
     s.start = seen_start(scene, load_uint(images.ids, pixel).xy, view.at[0].eye, pixel_ray(view, pixel), surface.position);
     s.around = frame_of(surface.normal);
     s.v = surface.to_eye * s.around;
     s.v.z = eye_cosine(surface);
     s.lobe_probability = has_lobe ? 1.0 : 0.0;
+    s.apart = share_apart(lobes, surface);
     return true;
+}
+
+// As denoisers take it.
+Reflecting reflecting(ViewBuffer view, Seen s) {
+    return Reflecting(s.bsdf, s.v.z, distance(s.start.position, view.at[0].eye), s.apart);
 }
 
 // A direction along the lobe, local. False if it does not lie above the surface.
@@ -46,16 +63,16 @@ bool sample_lobe(Seen s, vec2 u, out vec3 l) {
 }
 
 // What the pixel reflects of light that a ray along the lobe has found, over its density.
-Found reflected_find(LobeImages images, Seen s, vec3 l, vec3 light, float distance) {
-    return Found(light == vec3(0.0) ? DARK : scaled(lobes_cosine(images, s.bsdf, s.v, l), light), distance);
+Found reflected_find(Seen s, vec3 l, vec3 light, float distance) {
+    return Found(light == vec3(0.0) ? DARK : scaled(lobes_cosine(s.apart, s.bsdf, s.v, l), light), distance);
 }
 
 // The same of a sample of a light, by a shadow ray. `expected`: how many such samples there are of this light; `by_lobe`: of rays along the lobe,
 // which find the light too if it has a size.
-Found arriving_find(SceneBuffer scene, LobeImages images, Seen s, Incident from, float expected, float by_lobe) {
+Found arriving_find(SceneBuffer scene, Seen s, Incident from, float expected, float by_lobe) {
     vec3 l = from.direction * s.around;
     if (l.z <= 0.0 || dot(s.start.normal, from.direction) <= 0.0) return NOTHING_FOUND;
-    Found found = Found(lobes_cosine(images, s.bsdf, s.v, l), from.distance);
+    Found found = Found(lobes_cosine(s.apart, s.bsdf, s.v, l), from.distance);
     if (found.light == DARK) return found;
     if (from.pdf > 0.0 && by_lobe > 0.0) expected += by_lobe * bsdf_pdf(s.bsdf, s.v, l, LOBE_SPECULAR) / from.pdf;
     vec3 share = seen_along(scene, surface_ray_to(s.start, s.start.position + from.distance * from.direction), light_rays_traced);

@@ -36,23 +36,23 @@ void shade_sample(SampledLightParams params) {
     uint index = pixel_index(view, pixel);
     Reservoir r = ReservoirBuffer(params.reservoirs).at[index];
     Lobes light = DARK;
-    Surface s = no_surface();
-    SampledPoint p;
-    float distance = INFINITELY_FAR;
+    Reflecting seen = Reflecting(bsdf_of(no_surface()), 1.0, 0.0, 0.0);
+    float hit_distance = INFINITELY_FAR;
     if (r.weight > 0.0 || is_split(params.lobes)) {
         SceneBuffer scene = SceneBuffer(params.scene);
         LitSurface lit = LitSurfaceBuffer(params.surfaces).at[index];
-        p = sampled_point(lit, view.at[0].eye);
+        SampledPoint p = sampled_point(lit, view.at[0].eye);
         // In place of the rounded material the one of the G-buffer.
-        s = load_surface(view, pixel, params.gbuffer);
+        Surface s = load_surface(view, pixel, params.gbuffer);
         p.around = frame_of(s.normal);
         p.v = s.to_eye * p.around;
         p.v.z = eye_cosine(s);
         p.bsdf = bsdf_of(s);
+        if (s.exists) seen = Reflecting(p.bsdf, p.v.z, distance(s.position, view.at[0].eye), share_apart(params.lobes, s));
         Incident from = Incident(vec3(0.0), 0.0, vec3(0.0), 0.0);
         vec3 l;
         if (r.weight > 0.0 && sample_arriving(scene, LightTablesBuffer(params.lights).at[0], p, r.light, r.point, false, from, l)) {
-            light = lobes_cosine(params.lobes, p.bsdf, p.v, l);
+            light = lobes_cosine(seen.apart, p.bsdf, p.v, l);
             light.diffuse *= from.radiance * r.weight;
             light.specular *= from.radiance * r.weight;
             if (light != DARK) {
@@ -61,9 +61,9 @@ void shade_sample(SampledLightParams params) {
                 light.specular *= share;
             }
         }
-        distance = reflected_distance(lit, from, light);
+        hit_distance = reflected_distance(lit, from, light);
     }
-    store_lobes(view, params.lobes, pixel, s, p.bsdf, light, distance);
+    store_lobes(view, params.lobes, pixel, seen, light, hit_distance);
     count_rays(params.rays, resampling_traced.x, resampling_traced.y);
 }
 

@@ -12,6 +12,9 @@
 // From one cluster to the next, of the numbers that choose a point of its light.
 const vec2 POINT_STEP = vec2(0.754878, 0.569840);
 
+// Whether any surface is so smooth that there is a ray along its lobe.
+layout(constant_id = 2) const bool HAS_LOBE_RAYS = true;
+
 // What the pixel's lights are chosen by.
 LightTree pixel_tree;
 LightCut pixel_cut;
@@ -58,24 +61,24 @@ vec3 lamps_along(SceneBuffer scene, LightTables lights, Seen s, vec3 l, float en
 }
 
 // A sample along the lobe.
-Found found_by_lobe(SceneBuffer scene, LightTables lights, LobeImages images, Seen s, vec2 u) {
+Found found_by_lobe(SceneBuffer scene, LightTables lights, Seen s, vec2 u) {
     vec3 l;
     if (!sample_lobe(s, u, l)) return NOTHING_FOUND;
     float end, nearest;
     vec3 light = emission_along(scene, lights, s, l, end);
     light += lamps_along(scene, lights, s, l, end, nearest);
-    return reflected_find(images, s, l, light, nearest);
+    return reflected_find(s, l, light, nearest);
 }
 
 // A sample of one light of a cluster. `which`: chooses the light; `u`: its point.
-Found found_in_cluster(SceneBuffer scene, LightTables lights, LobeImages images, Seen s, LightCluster cluster, vec2 which, vec2 u) {
+Found found_in_cluster(SceneBuffer scene, LightTables lights, Seen s, LightCluster cluster, vec2 which, vec2 u) {
     float probability;
     uint entry = choose_in_cluster(scene, pixel_tree, lit_point_of(s), cluster, which, probability);
     LightChoice choice = LightChoiceBuffer(lights.near).at[entry];
     Incident from;
     bool found = choice.light == CHOICE_EMITTER ? sample_emitter(scene, choice, s.start.position, u, from)
         : sample_sized_light(LightBuffer(scene.at[0].lights).at[choice.light], s.start.position, u, from);
-    return found ? arriving_find(scene, images, s, from, probability, s.lobe_probability) : NOTHING_FOUND;
+    return found ? arriving_find(scene, s, from, probability, s.lobe_probability) : NOTHING_FOUND;
 }
 
 // Light of one pixel.
@@ -85,15 +88,14 @@ void light_pixel(TreeLightParams params) {
     if (!inside(pixel, view.at[0].size)) return;
     SceneBuffer scene = SceneBuffer(params.scene);
     LightTables lights = LightTablesBuffer(params.lights).at[0];
-    Surface surface;
-    Seen s;
+    Seen s = seen_nothing();
     Lobes sum = DARK;
     // To what a ray along the lobe has met, or without one to the light of which most is reflected by the specular lobes.
     float distance = INFINITELY_FAR;
-    if (seen_at(view, scene, params.gbuffer, pixel, surface, s)) {
-        if (narrowest_alpha(s.bsdf) > params.widest_alpha) s.lobe_probability = 0.0;
+    if (seen_at(view, scene, params.gbuffer, params.lobes, pixel, s)) {
+        if (!HAS_LOBE_RAYS || narrowest_alpha(s.bsdf) >= params.widest_alpha) s.lobe_probability = 0.0;
         pixel_tree = LightTreeBuffer(params.tree).at[0];
-        pixel_cut = light_cut(scene, pixel_tree, lit_point_of(s), params.split);
+        light_cut(scene, pixel_tree, lit_point_of(s), params.split, pixel_cut);
         uint frame = view.at[0].frame;
         uint seed = view.at[0].seed;
         vec2 u = sequence2(pixel, frame, SEQUENCE_EMITTERS, seed);
@@ -101,19 +103,19 @@ void light_pixel(TreeLightParams params) {
         float most = 0.0;
         for (uint i = 0u; i < pixel_cut.count; i++) {
             vec2 own = fract(which + float(i) * CLUSTER_STEP);
-            Found found = found_in_cluster(scene, lights, params.lobes, s, pixel_cut.clusters[i], own, fract(u + float(i) * POINT_STEP));
+            Found found = found_in_cluster(scene, lights, s, pixel_cut.clusters[i], own, fract(u + float(i) * POINT_STEP));
             sum = plus(sum, found.light);
             float shown = luminance(found.light.specular);
             if (shown > most) most = shown, distance = found.distance;
         }
-        if (s.lobe_probability > 0.0) {
-            Found found = found_by_lobe(scene, lights, params.lobes, s, sequence2(pixel, frame, SEQUENCE_EMITTERS + 2u, seed));
+        if (HAS_LOBE_RAYS && s.lobe_probability > 0.0) {
+            Found found = found_by_lobe(scene, lights, s, sequence2(pixel, frame, SEQUENCE_EMITTERS + 2u, seed));
             sum = plus(sum, found.light);
             distance = found.distance;
         }
         if (!is_taken(params.not_finite, sum.diffuse + sum.specular)) sum = DARK;
     }
-    store_lobes(view, params.lobes, pixel, surface, s.bsdf, sum, distance);
+    store_lobes(view, params.lobes, pixel, reflecting(view, s), sum, distance);
     count_rays(params.rays, light_rays_traced.x, light_rays_traced.y);
 }
 

@@ -11,9 +11,9 @@ pub const NO_LOBE: u32 = 4294967295;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LobeImages {
-    /// Outgoing radiance over the albedo, `reflectance` of `lib/bsdf.glsl`; with `specular` that of the diffuse lobe over `diffuse_reflectance`.
+    /// Outgoing radiance over the albedo, `reflectance` of `lib/bsdf.glsl`; with `specular` without the share that is apart, light and albedo.
     pub radiance: StorageImage,
-    /// Outgoing radiance of the specular lobes over their albedo, or [`NO_LOBE`].
+    /// Outgoing radiance of the specular lobes over their albedo, or [`NO_LOBE`]. 0 where none of it is apart.
     pub specular: u32,
     /// With `specular`, distance to what these reflect, metres.
     pub hit_distance: StorageImage,
@@ -21,6 +21,8 @@ pub struct LobeImages {
     pub width: StorageImage,
     /// Largest finite number of the format of `radiance` and `specular`.
     pub greatest: f32,
+    /// With `specular`, perceptual roughness from which on nothing is apart. The share that is falls to 0 from three quarters of it on.
+    pub limit: f32,
 }
 
 /// Four bits of [`ShadeParams::shadow_lights`] for a channel without a light.
@@ -28,12 +30,14 @@ pub const NO_SHADOW_LIGHT: u32 = 15;
 /// [`ShadeParams::sampled`] if there is no such light.
 pub const NO_SAMPLED_LIGHT: u32 = 4294967295;
 
-/// [`ShadeParams::lights`]: all.
+/// Bits of [`ShadeParams::flags`] with the lights that are evaluated.
+pub const LIGHTS_MASK: u32 = 0x30000;
+/// All.
 pub const LIGHTS_ALL: u32 = 0;
-/// [`ShadeParams::lights`]: directional ones.
-pub const LIGHTS_DIRECTIONAL: u32 = 1;
-/// [`ShadeParams::lights`]: none.
-pub const LIGHTS_NONE: u32 = 2;
+/// Directional ones.
+pub const LIGHTS_DIRECTIONAL: u32 = 0x10000;
+/// None.
+pub const LIGHTS_NONE: u32 = 0x20000;
 
 /// Parameters of `emitters.ray` and `tinted_emitters.ray`: light of emissive surfaces.
 #[repr(C)]
@@ -77,7 +81,7 @@ pub struct TreeLightParams {
     pub lobes: LobeImages,
     /// How the tree is split.
     pub split: LightSplit,
-    /// Greatest alpha of lobes along which a ray is traced; 0 for none.
+    /// Alpha below which a ray is traced along lobes; 0 for none.
     pub widest_alpha: f32,
 }
 
@@ -97,8 +101,10 @@ pub struct ShadeParams {
     pub greatest: f32,
     /// Light of emissive surfaces, or of sampled lights, over the albedo as in [`LobeImages`], or [`NO_SAMPLED_LIGHT`].
     pub sampled: u32,
-    /// The part of it that specular lobes reflect, or [`NO_LOBE`].
+    /// The part of it that specular lobes reflect, as in [`LobeImages`], or [`NO_LOBE`].
     pub specular: u32,
+    /// [`LobeImages::limit`].
+    pub limit: f32,
     /// Samples per light that has a size; 0 to treat it as a point at its centre.
     pub area: u32,
     /// Visibility images, up to four lights each. The first that is left at its default ends them.
@@ -106,8 +112,7 @@ pub struct ShadeParams {
     /// Lights of two images each, the first image in the lower half: four bits per channel, the first channel lowest, with an index in
     /// [`View::shadow_lights`](super::view::View::shadow_lights) or [`NO_SHADOW_LIGHT`].
     pub shadow_lights: [u32; 4],
-    /// Bit k: the first three channels of image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
-    pub group_flags: u32,
-    /// `LIGHTS_*`: those that are evaluated.
-    pub lights: u32,
+    /// Bit k: the first three channels of visibility image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
+    /// Bits of [`LIGHTS_MASK`]: `LIGHTS_*`.
+    pub flags: u32,
 }

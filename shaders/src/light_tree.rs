@@ -27,7 +27,7 @@ pub const MOST_SPLIT_LIGHTS: u32 = 16;
 
 /// A node: bounds of some lights in space, direction and strength. Those of a mesh are in its object space, all others in the world,
 /// counted from the origin of the frame. Lights that do not shine are in no bounds.
-#[repr(C)]
+#[repr(C, align(16))]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct LightNode {
     /// Lower corner of a box around the lights, metres.

@@ -109,13 +109,31 @@ fn structure(item: &syn::ItemStruct, out: &mut String) -> Result<(), String> {
         let _ = writeln!(out, "    {base} {ident}{suffix};");
     }
     out.push_str("};\n");
+    let alignment = alignment(item).map_err(|e| format!("{name}: {e}"))?;
     for (suffix, access) in [("Buffer", "readonly"), ("BufferWrite", "")] {
         let _ = writeln!(
             out,
-            "layout(buffer_reference, scalar, buffer_reference_align = 4) {access} buffer {name}{suffix} {{ {name} at[]; }};"
+            "layout(buffer_reference, scalar, buffer_reference_align = {alignment}) {access} buffer {name}{suffix} {{ {name} at[]; }};"
         );
     }
     Ok(())
+}
+
+/// That of `repr(align)`, with which compilers load several words at once; else that of a word.
+fn alignment(item: &syn::ItemStruct) -> Result<u32, String> {
+    let mut alignment = 4;
+    for attribute in item.attrs.iter().filter(|attribute| attribute.path().is_ident("repr")) {
+        let read = attribute.parse_nested_meta(|meta| {
+            if meta.path.is_ident("align") {
+                let number;
+                syn::parenthesized!(number in meta.input);
+                alignment = number.parse::<syn::LitInt>()?.base10_parse()?;
+            }
+            Ok(())
+        });
+        read.map_err(|e| format!("{e}"))?;
+    }
+    Ok(alignment)
 }
 
 fn glsl_type(ty: &Type) -> Result<(String, String), String> {

@@ -184,10 +184,11 @@ fn no_struct_is_forgotten() {
         for item in file.items {
             let syn::Item::Struct(item) = item else { continue };
             let name = format!("{module}::{}", item.ident);
-            let repr_c = item
-                .attrs
-                .iter()
-                .any(|a| a.path().is_ident("repr") && a.parse_args::<syn::Ident>().is_ok_and(|ident| ident == "C"));
+            type Paths = syn::punctuated::Punctuated<syn::Meta, syn::Token![,]>;
+            let repr_c = item.attrs.iter().filter(|a| a.path().is_ident("repr")).any(|a| {
+                a.parse_args_with(Paths::parse_terminated)
+                    .is_ok_and(|words| words.iter().any(|word| word.path().is_ident("C")))
+            });
             assert!(repr_c, "{name} is shared with GLSL but not #[repr(C)]");
             in_sources.insert(name);
         }

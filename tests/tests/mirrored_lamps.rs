@@ -189,6 +189,46 @@ fn hardly_any_light_is_lost() -> Result<()> {
     Ok(())
 }
 
+/// A rough floor with a mirror in it: what is rough is denoised as in a scene without mirrors, together.
+#[test]
+fn rough_surfaces_beside_a_mirror_are_not_split() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = floor(0.5, true);
+    let place = Affine3A::from_translation(Vec3::new(-0.4, 0.01, 0.8));
+    add(&mut scene, plane(1.2), material([0.25, 0.22, 0.2], 0.0, 0.02), place);
+    // Ids count instances from 1.
+    let mirror = scene.instances.len() as u32;
+    let [width, height] = SHOWN.size;
+    let options = RenderOptions { width, height, check: true, ..RenderOptions::default() };
+    let mut renderer = Renderer::new(&gpu, &scene, &Slots::default(), &config(&ALONE)?, options)?;
+    let view = Some(("gbuffer.draw", "ids"));
+    let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view, read_back: true };
+    let ids = linear(renderer.frame(request)?.context("no frame")?)?;
+    let instances = ids.bytes.as_chunks::<8>().0.iter().map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let is_mirror: Vec<bool> = instances.map(|instance| instance == mirror).collect();
+    let count = is_mirror.iter().filter(|is| **is).count();
+    ensure!((50..is_mirror.len() / 3).contains(&count), "{count} pixels show the mirror");
+
+    let wanted = truth(&gpu, &scene, SHOWN, 512)?;
+    let tone = |v: DVec3| v / (v + DVec3::ONE);
+    for way in ["stages.direct=light-tree", "stages.direct=ris"] {
+        let error_of = |split: &str| -> Result<[f64; 2]> {
+            let ran = run(&gpu, &scene, &[way, split], 0.0, &[32])?;
+            ensure!(has_own(&ran[0]) == (split == APART), "{:?}", ran[0].passes);
+            let mut sums = [0.0; 2];
+            for ((light, truth), is_mirror) in ran[0].light.iter().zip(&wanted.mean).zip(&is_mirror) {
+                sums[usize::from(*is_mirror)] += (tone(*light) - tone(*truth)).length_squared();
+            }
+            Ok([sums[0] / (is_mirror.len() - count) as f64, sums[1] / count as f64].map(f64::sqrt))
+        };
+        let (apart, together) = (error_of(APART)?, error_of(TOGETHER)?);
+        println!("{way}: tone-mapped, rough and mirror: {apart:.4?}, together {together:.4?}");
+        ensure!(apart[0] < 1.05 * together[0], "{way}: rough surfaces have {apart:?}, together {together:?}");
+        ensure!(apart[1] < 0.7 * together[1], "{way}: the mirror has {apart:?}, together {together:?}");
+    }
+    Ok(())
+}
+
 /// A scene of rough surfaces pays nothing, and neither does one whose light no denoiser filters.
 #[test]
 fn only_smooth_scenes_pay() -> Result<()> {

@@ -153,28 +153,40 @@ fn upsampling_beats_bilinear_that_takes_as_long() -> Result<()> {
     let scene = builtin("courtyard")?;
     let size = [320, 180];
     let reference = mean(Run::new(&gpu, &scene, size, &[TAA])?.still(24, 0.0)?.iter().map(|f| &f.input));
-    // Shortest time of the last frames, milliseconds, and error against the reference.
-    let measure = |changes: &[&str], frames: usize| -> Result<(f64, f64)> {
-        let seen = Run::new(&gpu, &scene, size, changes)?.still(frames, 0.0)?;
-        let own = |f: &Seen| {
-            let passes = f.result.sample.passes.iter();
-            let frame = passes.filter(|p| !p.name.starts_with("check.") && !p.name.starts_with("read_back."));
-            frame.filter_map(|p| p.gpu_ns).sum::<u64>()
-        };
-        let time = seen[frames / 2..].iter().map(own).min().unwrap_or(0);
-        Ok((time as f64 / 1e6, flip_ldr(&seen[frames - 1].picture, &reference)?))
+    let camera = scene.cameras[0].clone();
+    let own = |f: &Seen| {
+        let passes = f.result.sample.passes.iter();
+        let frame = passes.filter(|p| !p.name.starts_with("check.") && !p.name.starts_with("read_back."));
+        frame.filter_map(|p| p.gpu_ns).sum::<u64>()
     };
-    let (taa_ms, taa) = measure(&[TAA, "post.resolution_scale=0.67"], 24)?;
-    println!("taa at 67 %: {taa_ms:.1} ms, FLIP {taa:.4}");
-    let mut as_long = None;
-    for scale in ["0.67", "0.75", "0.85", "1.0"] {
-        let (ms, error) = measure(&[&format!("post.resolution_scale={scale}")], 4)?;
-        println!("bilinear at {scale}: {ms:.1} ms, FLIP {error:.4}");
-        ensure!(scale != "0.67" || taa < 0.7 * error, "FLIP {taa}, bilinear from as many pixels {error}");
-        if as_long.is_none() && ms >= taa_ms {
-            as_long = Some(error);
+    // They take turns, a frame each, so that whatever else the machine does meets all of them.
+    let scales = ["0.67", "0.75", "0.85", "1.0"];
+    let mut runs = vec![Run::new(&gpu, &scene, size, &[TAA, "post.resolution_scale=0.67"])?];
+    for scale in scales {
+        runs.push(Run::new(&gpu, &scene, size, &[&format!("post.resolution_scale={scale}")])?);
+    }
+    let mut shortest = vec![u64::MAX; runs.len()];
+    let mut errors = vec![0.0; runs.len()];
+    for frame in 0..24 {
+        for (i, run) in runs.iter_mut().enumerate() {
+            let seen = run.see(&camera, 0.0)?;
+            // The first frames also make what later ones keep.
+            if frame >= 2 {
+                shortest[i] = shortest[i].min(own(&seen));
+            }
+            if frame == 23 {
+                errors[i] = flip_ldr(&seen.picture, &reference)?;
+            }
         }
     }
+    let ms = |i: usize| shortest[i] as f64 / 1e6;
+    let (taa_ms, taa) = (ms(0), errors[0]);
+    println!("taa at 67 %: {taa_ms:.1} ms, FLIP {taa:.4}");
+    for (i, scale) in scales.iter().enumerate() {
+        println!("bilinear at {scale}: {:.1} ms, FLIP {:.4}", ms(i + 1), errors[i + 1]);
+    }
+    ensure!(taa < 0.7 * errors[1], "FLIP {taa}, bilinear from as many pixels {}", errors[1]);
+    let as_long = (1..runs.len()).find(|&i| ms(i) >= taa_ms).map(|i| errors[i]);
     let bilinear = as_long.context("upsampling takes longer than the frame at full size")?;
     ensure!(taa < bilinear, "FLIP {taa}, bilinear in the same time {bilinear}");
     Ok(())

@@ -20,7 +20,7 @@ const MATERIAL: &[Channel] = &[Channel::BaseColour, Channel::Material, Channel::
 /// Settings of the choice of lights.
 pub fn own_settings() -> Vec<SettingSpec> {
     let lobe =
-        "Roughness up to which a ray along the specular lobe finds what smooth surfaces reflect of lights. 0: never.";
+        "Roughness below which a ray along the specular lobe finds what smooth surfaces reflect of lights. 0: never.";
     let mut settings = light_tree::split_settings(4).to_vec();
     settings.push(SettingSpec::float("lobe", "", lobe, 0.5, 0.0..=1.0).sweep([0.0, 0.25, 0.5]));
     settings
@@ -39,8 +39,8 @@ pub fn settings() -> Vec<SettingSpec> {
 pub struct TreeLights {
     trace: RayKernels,
     split: LightSplit,
-    /// Alpha up to which there is a ray along the lobe.
-    widest_alpha: f32,
+    /// Roughness below which there is a ray along the lobe.
+    lobe: f32,
     lobes: Lobes,
     shade: Shade,
 }
@@ -48,10 +48,14 @@ pub struct TreeLights {
 impl TreeLights {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let (split, lobe) = (light_tree::split(settings)?, settings.f32("lobe")?);
+        // LIGHT_TREE, MOST_CLUSTERS, HAS_LOBE_RAYS: what a scene does not call for takes no registers.
+        let [rough, smooth] = [[1, split.most, 0], [1, split.most, 1]];
+        let (clear, tinted) = (&DIRECT_TREE_RAY, &DIRECT_TINTED_TREE_RAY);
         Ok(Self {
-            trace: RayKernels::new(build, &DIRECT_TREE_RAY, &DIRECT_TINTED_TREE_RAY)?,
-            split: light_tree::split(settings)?,
-            widest_alpha: settings.f32("lobe")?.powi(2),
+            trace: RayKernels::with_constants(build, clear, tinted, [&rough, &smooth])?,
+            split,
+            lobe,
             lobes: Lobes::new(build, settings, true)?,
             shade: Shade::new(build, settings)?,
         })
@@ -60,8 +64,9 @@ impl TreeLights {
     /// Adds the rays and the denoisers. `None` in scenes without a light for the tree.
     fn light(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Reflected> {
         let (lights, tree) = (i.scene.lights?, i.scene.light_tree?);
-        let (kernel, block) = (self.trace.of(view), view.block);
-        let (split, widest_alpha) = (self.split, self.widest_alpha);
+        let has_lobe_rays = view.facts.has_smooth(self.lobe);
+        let (kernel, block) = (self.trace.of_scene_with(view, has_lobe_rays), view.block);
+        let (split, widest_alpha) = (self.split, self.lobe.powi(2));
         let noisy = g.pass("direct.tree", Queue::AsyncCompute, |p| {
             let (block, scene) = (p.read(block), i.scene.trace(p));
             let (lights, tree) = (p.read(lights), p.read(tree));
@@ -85,7 +90,7 @@ impl TreeLights {
             })
         });
         // A mirror's ray along the lobe meets the same lamp in every frame.
-        Some(self.lobes.denoise(g, view, i, noisy, Hints::default().sharp(widest_alpha > 0.0)))
+        Some(self.lobes.denoise(g, view, i, noisy, Hints::default().sharp(has_lobe_rays)))
     }
 }
 

@@ -1,5 +1,5 @@
-//! Noisy light that surfaces reflect once, denoised: that of specular lobes apart from diffuse light where the scene has smooth surfaces, as a mirror
-//! shows lamps, of which the surface tells a denoiser nothing.
+//! Noisy light that surfaces reflect once, denoised: that of specular lobes apart from diffuse light where a surface is smooth, as a mirror shows
+//! lamps, of which the surface tells a denoiser nothing.
 use crate::contracts::DirectIn;
 use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Method, Options, Signal, Surfaces};
 use crate::precision;
@@ -21,24 +21,27 @@ pub struct Lobes {
     /// Of all light, or of diffuse light.
     denoiser: Denoiser,
     specular: Denoiser,
-    /// Light is split where any surface is smoother than this, perceptual roughness. `None`: nowhere.
-    limit: Option<f32>,
+    /// Light is split where a surface is smoother than this, perceptual roughness. 0: nowhere.
+    limit: f32,
     format: Format,
 }
 
 /// Light over the albedo.
 #[derive(Clone, Copy)]
 pub struct Reflected {
-    /// Of all lobes, over the albedo of all; with `specular` of diffuse light alone, over its own.
+    /// Of all lobes, over the albedo of all; with `specular` without what is apart.
     pub radiance: Handle<Image>,
-    /// Of the specular lobes, over their albedo.
+    /// Of the specular lobes of smooth surfaces, over their albedo.
     pub specular: Option<Handle<Image>>,
+    /// Roughness below which that is apart.
+    pub limit: f32,
 }
 
 /// What a pass finds.
 pub struct Noisy {
     radiance: Handle<Image>,
     specular: Option<SpecularSignal>,
+    limit: f32,
 }
 
 /// Where it writes that.
@@ -47,12 +50,14 @@ pub struct Targets {
     radiance: StorageToken,
     specular: Option<SpecularTargets>,
     format: Format,
+    limit: f32,
 }
 
 /// Settings. `split`: the default of the limit.
 pub fn settings(split: f64) -> Vec<SettingSpec> {
-    let about = "Roughness: where any surface of the scene is smoother, specular light has a denoiser of its own, which follows what mirrors show and \
-                 blurs it no wider than the lobe. Higher: more scenes have one, with its time and memory. 0: none has, and lamps in mirrors blur.";
+    let about = "Roughness: specular light of surfaces that are smoother has a denoiser of its own, which follows what mirrors show and blurs it no \
+                 wider than the lobe; from three quarters of it on a part, falling to none. Higher: more surfaces have one, with its time and memory. 0: none \
+                 has, and lamps in mirrors blur.";
     let specular = "The same of specular light, where it has a denoiser of its own. `pica-pica` and `recurrent-blur` find the history where the mirrored \
                     lamp was. Not asked for where `denoiser` is `none`.";
     let mut settings = denoise::settings();
@@ -69,7 +74,7 @@ impl Lobes {
         Ok(Self {
             denoiser: Denoiser::new(build, "direct", options)?,
             specular: Denoiser::new(build, "direct", Options { method, ..options })?,
-            limit: Some(settings.f32(SPLIT)?).filter(|limit| splits && options.method != Method::None && *limit > 0.0),
+            limit: if splits && options.method != Method::None { settings.f32(SPLIT)? } else { 0.0 },
             format: precision::format(settings)?,
         })
     }
@@ -78,11 +83,12 @@ impl Lobes {
     pub fn create(&self, p: &mut PassBuilder<'_>, facts: &SceneFacts, i: DirectIn) -> (Noisy, Targets) {
         let (like, format) = (i.gbuffer.depth, self.format);
         let (radiance, target) = p.create("radiance", ImageDesc::like(format, like));
-        let is_split = self.limit.is_some_and(|limit| facts.has_smooth(limit));
+        let limit = self.limit;
+        let is_split = limit > 0.0 && facts.has_smooth(limit);
         let (specular, specular_targets) =
             is_split.then(|| SpecularSignal::create(p, "specular", format, like)).unzip();
-        let targets = Targets { radiance: target, specular: specular_targets, format };
-        (Noisy { radiance: radiance.read(), specular }, targets)
+        let targets = Targets { radiance: target, specular: specular_targets, format, limit };
+        (Noisy { radiance: radiance.read(), specular, limit }, targets)
     }
 
     /// Adds the passes. `hints`: what more is known of the noise, of [`Hints::sharp`] that of specular light.
@@ -98,7 +104,7 @@ impl Lobes {
             let hints = noisy.hints.alike(hints.alike).sharp(hints.sharp);
             self.specular.add(g, view, DenoiseIn { hints, ..noisy }, "_specular")
         });
-        Reflected { radiance, specular }
+        Reflected { radiance, specular, limit: noisy.limit }
     }
 }
 
@@ -115,6 +121,7 @@ impl Targets {
             images.specular = c.id(specular.radiance).index();
             images.hit_distance = c.id(specular.hit_distance);
             images.width = c.id(specular.width);
+            images.limit = self.limit;
         }
         images
     }

@@ -62,6 +62,7 @@ impl Shade {
         let radiance = g.pass("direct.shade", Queue::Graphics, |p| {
             let (block, scene) = (p.read(block), i.scene.read(p));
             let surfaces = gbuffer.read(p, CHANNELS);
+            let limit = sampled.map_or(0.0, |sampled| sampled.limit);
             let specular = sampled.and_then(|sampled| sampled.specular).map(|image| p.sample(image));
             let sampled = sampled.map(|sampled| p.sample(sampled.radiance));
             let shadows = if lights == Lights::None { Default::default() } else { i.shadows.groups };
@@ -72,7 +73,12 @@ impl Shade {
                 let is = |k: usize| shadows[k].as_ref().is_some_and(is);
                 (0..SHADOW_GROUPS).map(|k| u32::from(is(k)) << k).sum::<u32>()
             };
-            let group_flags = bits(|group| group.coloured) | bits(|group| group.raw) << 8;
+            let lit = match lights {
+                Lights::All => LIGHTS_ALL,
+                Lights::Directional => LIGHTS_DIRECTIONAL,
+                Lights::None => LIGHTS_NONE,
+            };
+            let flags = bits(|group| group.coloured) | bits(|group| group.raw) << 8 | lit;
             // In 16 bits, highlights above 65504, such as sunlight on a mirror, are clamped to `greatest`.
             let (radiance, target) = p.create("radiance", ImageDesc::like(format, gbuffer.depth));
             let extent = p.extent(gbuffer.depth);
@@ -85,15 +91,11 @@ impl Shade {
                     greatest: format.greatest(),
                     sampled: sampled.map_or(NO_SAMPLED_LIGHT, |token| c.id(token).index()),
                     specular: specular.map_or(NO_LOBE, |token| c.id(token).index()),
+                    limit,
                     area,
                     visibility: groups.map(|group| group.map_or(SampledImage::default(), |token| c.id(token))),
                     shadow_lights,
-                    group_flags,
-                    lights: match lights {
-                        Lights::All => LIGHTS_ALL,
-                        Lights::Directional => LIGHTS_DIRECTIONAL,
-                        Lights::None => LIGHTS_NONE,
-                    },
+                    flags,
                 };
                 c.dispatch(kernel, &params, extent);
             })

@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 33] = [
+pub const FEATURES: [Feature; 34] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -68,6 +68,7 @@ pub const FEATURES: [Feature; 33] = [
     Feature::set("resampled gi", &["stages.gi=restir"]),
     Feature::set("sampled lights", &["stages.direct=ris"]),
     Feature::set("resampled lights", &["stages.direct=restir"]),
+    Feature::set("lights by the tree", &["stages.direct=light-tree"]),
     Feature::set("half surfels", &["gi.resolution=half"]),
     Feature::set("surfels at hits", &["stages.gi=ray-traced", "gi.cache=surfels"]),
     Feature::set("light of the sky", &["stages.gi=sky"]),
