@@ -39,6 +39,8 @@ const float DEPTH_STEPS = 65534.0;
 const float DEPTH_OCTAVES = 64.0;
 const uint DEPTH_TOLERANCE = 30u;
 const uint INSTANCE_BITS = 24u;
+// Pixels of the 3x3 that show the centre's instance, at most, where that is thinner than a pixel: a line has three.
+const uint THIN = 3u;
 
 // Reversed depth in 16 bits; 0 is background.
 uint depth_code(float depth) {
@@ -63,6 +65,8 @@ struct Around {
     uint instances;   // as instance_bit
     uint instance;    // of the centre, + 1
     float depth;      // of the centre
+    uint alike;       // pixels that show the same instance
+    ivec2 beside;     // a pixel of the instance that most of the others show, if one does
     bool seen;        // at least one of the colours is finite
 };
 
@@ -74,6 +78,11 @@ Around look_around(ViewBuffer view, vec2 at) {
     float smooth_weights = 0.0, count = 0.0, closest_depth = -1.0, farthest_depth = 2.0;
     around.instances = 0u;
     around.closest = around.centre;
+    around.beside = around.centre;
+    around.alike = 0u;
+    around.instance = load_uint(params.gbuffer.ids, around.centre).r;
+    around.depth = load(params.gbuffer.depth, around.centre).r;
+    uint most = 0u, votes = 0u;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
             ivec2 pixel = clamp(around.centre + ivec2(x, y), ivec2(0), last);
@@ -97,9 +106,13 @@ Around look_around(ViewBuffer view, vec2 at) {
             }
             farthest_depth = min(farthest_depth, depth);
             around.instances |= instance_bit(instance);
-            if (x == 0 && y == 0) {
-                around.depth = depth;
-                around.instance = instance;
+            if (instance == around.instance) {
+                around.alike++;
+            } else {
+                // Majority vote (Boyer and Moore 1991).
+                if (votes == 0u) most = instance;
+                if (instance == most) around.beside = pixel, votes++;
+                else votes--;
             }
         }
     }
@@ -113,18 +126,27 @@ Around look_around(ViewBuffer view, vec2 at) {
     return around;
 }
 
-// Whether the history shows the surface of the centre, by depth and instance.
-bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
+// Whether the history shows a surface, by depth and instance.
+bool showed(ViewBuffer view, uvec2 surfaces, ivec2 pixel, float depth, uint id) {
     uint expected = 0u;
-    if (around.instance != 0u) {
+    if (id != 0u) {
         SceneBuffer scene = SceneBuffer(params.scene);
-        Instance instance = InstanceBuffer(scene.at[0].instances).at[around.instance - 1u];
-        vec3 position = world_position(view, around.centre, around.depth);
+        Instance instance = InstanceBuffer(scene.at[0].instances).at[id - 1u];
+        vec3 position = world_position(view, pixel, depth);
         expected = depth_code(depth_before(view, position_before(instance, position)));
     }
     uint least = surfaces.x & 0xffffu, most = surfaces.x >> 16;
     bool near = expected + DEPTH_TOLERANCE >= least && expected <= most + DEPTH_TOLERANCE;
-    return near && (surfaces.y & instance_bit(around.instance)) != 0u;
+    return near && (surfaces.y & instance_bit(id)) != 0u;
+}
+
+// Whether the history shows the surface of the centre, or what is behind and beside it, where that is thinner than a pixel: samples of earlier
+// frames may have missed it.
+bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
+    if (showed(view, surfaces, around.centre, around.depth, around.instance)) return true;
+    if (around.alike > THIN || around.beside == around.centre) return false;
+    float depth = load(params.gbuffer.depth, around.beside).r;
+    return showed(view, surfaces, around.beside, depth, load_uint(params.gbuffer.ids, around.beside).r);
 }
 
 // A colour clipped towards the mean of the neighbourhood until it is inside the variance box (Salvi 2016, "An Excursion in Temporal

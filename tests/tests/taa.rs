@@ -1,11 +1,13 @@
 //! Temporal anti-aliasing and upsampling: static pixels converge to the mean over the pixel, moving objects leave no ghosts.
 use anyhow::{Context, Result, ensure};
-use glam::{DMat3, Vec3};
+use glam::{Affine3A, DMat3, Quat, Vec3};
 use magpie::gpu::Gpu;
-use magpie::scene::{Camera, Scene};
+use magpie::scene::{Camera, Material, Scene};
 use magpie_accuracy::metrics::{Picture, disocclusion, flicker, flip_ldr, mse, psnr};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
+use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{builtin, config_without_bounces, gpu};
+use std::f32::consts::PI;
 
 const SIZE: [u32; 2] = [240, 135];
 /// No shadows, to measure edges only.
@@ -218,6 +220,43 @@ fn a_moving_picture_is_better_than_its_samples_and_stays_sharp() -> Result<()> {
         println!("frame {frame} of a turn: error of the input {raw:.6}, of the picture {taa:.6}");
         ensure!(taa < 0.6 * raw, "frame {frame}: {taa} against {raw}");
     }
+    Ok(())
+}
+
+/// Things thinner than a pixel do not become single pixels of their colour while the camera moves, though most frames miss them.
+#[test]
+fn what_is_thinner_than_a_pixel_has_its_share_of_it() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = scene("rods", camera([0.0, 0.0, 4.0], [0.0; 3]));
+    let white = Material { unlit: true, ..material([0.8; 3], 0.0, 1.0) };
+    let wall = Affine3A::from_rotation_translation(Quat::from_rotation_x(0.5 * PI), Vec3::new(0.0, 0.0, -1.0));
+    add(&mut scene, plane(8.0), white, wall);
+    for k in 0..30_u8 {
+        let black = Material { unlit: true, ..material([0.01; 3], 0.0, 1.0) };
+        let at = Vec3::new(0.19 * f32::from(k) - 2.8, 0.0, 0.01 * f32::from(k));
+        let rod = Affine3A::from_rotation_translation(Quat::from_rotation_z(0.03 * f32::from(k)), at);
+        add(&mut scene, block(Vec3::new(0.0015, 4.0, 0.0015)), black, rod);
+    }
+    let view = |frame: usize| turned(&scene.cameras[0], 0.007 * frame as f64);
+    let last = 15;
+    let mut run = Run::new(&gpu, &scene, SIZE, &[TAA])?;
+    let seen: Vec<Seen> = (0..=last).map(|frame| run.see(&view(frame), 0.0)).collect::<Result<_>>()?;
+    run.renderer.cut();
+    let samples: Vec<Seen> = (0..64).map(|_| run.see(&view(last), 0.0)).collect::<Result<_>>()?;
+    let wanted = mean(samples.iter().map(|f| &f.input));
+    let dark = |picture: &Picture| {
+        let pixels = picture.pixels.iter().zip(&wanted.pixels);
+        pixels.filter(|(found, wanted)| found[1] < 0.5 * wanted[1]).count()
+    };
+    let (raw, taa) = (dark(&seen[last].input), dark(&seen[last].picture));
+    println!("pixels of less than half of their light: {raw} without, {taa} with anti-aliasing");
+    ensure!(raw > 100, "rods are hardly hit: {raw} pixels");
+    ensure!(taa * 10 < raw, "{taa} dark pixels of {raw}");
+    let errors = [&seen[last].input, &seen[last].picture].map(|found| mse(&found.encoded(), &wanted.encoded()));
+    let [raw, taa] = errors;
+    let (raw, taa) = (raw?, taa?);
+    println!("error of the input {raw:.6}, of the picture {taa:.6}");
+    ensure!(taa < 0.3 * raw, "{taa} against {raw}");
     Ok(())
 }
 
