@@ -14,7 +14,6 @@ use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 use std::{env, thread};
 
 /// A device with validation for the exclusive use of a test, or `None` if `MAGPIE_NO_GPU` is set. The absence of a device is an error.
-/// `MAGPIE_NO_VALIDATION` leaves the layers out, for runs of thousands of frames whose passes shorter runs have validated.
 pub fn gpu() -> Result<Option<BorrowedGpu>> {
     if env::var_os("MAGPIE_NO_GPU").is_some() {
         eprintln!("skipped: MAGPIE_NO_GPU is set");
@@ -49,8 +48,7 @@ struct Devices {
 }
 
 fn open() -> Result<Vec<Gpu>> {
-    let validation = env::var_os("MAGPIE_NO_VALIDATION").is_none();
-    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation, ..GpuOptions::default() };
+    let options = GpuOptions { device: env::var("MAGPIE_DEVICE").ok(), validation: true, ..GpuOptions::default() };
     let count = thread::available_parallelism().map_or(1, NonZero::get).min(4);
     (0..count)
         .map(|_| Gpu::new(&options).context("GPU tests need a device; `cargo xtask test --no-gpu` leaves them out"))
