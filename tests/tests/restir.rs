@@ -23,6 +23,8 @@ const RAW: [&str; 8] = [
     "stages.shadows=off",
 ];
 const RESTIR: &str = "stages.direct=restir";
+/// The unbiased weights with the least noise.
+const UNBIASED: [&str; 4] = [RESTIR, "direct.weights=unbiased", "direct.test=all", "direct.cap=5"];
 const SHOWN: Shown = Shown { size: [40, 22], time: 0.0 };
 
 fn is_full() -> bool {
@@ -61,7 +63,7 @@ fn the_mean_is_that_of_the_reference_however_samples_are_reused() -> Result<()> 
     let ways: [(&str, &[&str]); 3] = [
         ("pairwise, by power", &[RESTIR, "direct.source=power"]),
         ("pairwise, all tested", &[RESTIR, "direct.test=all", "direct.rounds=2"]),
-        ("unbiased, all tested", &[RESTIR, "direct.weights=unbiased", "direct.test=all", "direct.cap=5"]),
+        ("unbiased, all tested", &UNBIASED),
     ];
     means_agree("fence", &fence(), &ways, effort().1)
 }
@@ -78,12 +80,13 @@ fn biased_weights_darken() -> Result<()> {
     Ok(())
 }
 
-/// The same in whole scenes, with `MAGPIE_FULL`.
+/// The same in whole scenes, with `MAGPIE_FULL`. `unbiased` has rare bright pixels there: of 100 lamps it finds 0.988 ± 0.009 of the light in 4,096
+/// frames, and 0.988 ± 0.012 where nothing is tested before it is merged.
 fn means_agree_in(what: &str, scene: impl Fn() -> Result<Scene>) -> Result<()> {
     if !is_full() {
         return Ok(());
     }
-    let ways: [(&str, &[&str]); 2] = [("pairwise", &[RESTIR]), ("unbiased", &[RESTIR, "direct.weights=unbiased"])];
+    let ways: [(&str, &[&str]); 2] = [("pairwise", &[RESTIR]), ("unbiased, all tested", &UNBIASED)];
     means_agree(what, &scene()?, &ways, 0.01)
 }
 
