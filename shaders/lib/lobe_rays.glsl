@@ -29,6 +29,7 @@ const Found NOTHING_FOUND = Found(DARK, INFINITELY_FAR);
 // Where a pixel shows nothing.
 Seen seen_nothing() {
     Seen s;
+    s.start.position = vec3(0.0);
     s.v = vec3(0.0, 0.0, 1.0);
     s.bsdf = bsdf_of(no_surface());
     s.lobe_probability = 0.0;
