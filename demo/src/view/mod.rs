@@ -16,6 +16,7 @@ mod tour;
 mod truth;
 mod watch;
 mod window;
+mod window_library;
 
 use std::{
     path::{Path, PathBuf},
@@ -25,6 +26,7 @@ use std::{
 use winit::event_loop::EventLoop;
 
 use remembered::Remembered;
+use window_library::guarded;
 
 use crate::{
     args::ViewArguments,
@@ -93,8 +95,8 @@ pub fn view(arguments: &ViewArguments) -> Result<(), Failure> {
     if from_input {
         app.commands = Some(action::of_standard_input()?);
     }
-    event_loop.run_app(&mut app).map_err(no_display)?;
-    let findings = app.end(&outputs)?;
+    let ran = guarded(|| event_loop.run_app(&mut app).map_err(no_display));
+    let findings = guarded(|| ran.and_then(|()| app.end(&outputs)))?;
     for finding in findings.iter().take(FINDINGS_SHOWN) {
         console::complain(finding);
     }
