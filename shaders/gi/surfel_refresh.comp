@@ -61,7 +61,7 @@ void main() {
         samples = min(samples, LEFT[window]);
         break;
     }
-    // What was learned of directions is of no use where the light is another. Paths begin a block with even chances.
+    // What was learned of directions is of no use where the light is another. Paths begin a block.
     if (samples < min(pool.at[i].light.samples, FORGETS)) {
         for (uint pair = 0u; pair < GUIDE_SIDE * GUIDE_SIDE / 2u; pair++) pool.at[i].guide[pair] = 0u;
         pool.at[i].paths += GUIDE_BLOCK - pool.at[i].paths % GUIDE_BLOCK;

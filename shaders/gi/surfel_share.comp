@@ -2,6 +2,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/surfel_guide.glsl"
 #include "lib/surfels.glsl"
 #include "shared/denoise.glsl"
 // Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them; surfel_widen.comp then asks
@@ -108,6 +109,35 @@ uint frames_per_path() {
     return 1u << uint(clamp(round(log2(frames)), 0.0, LONGEST_PERIOD));
 }
 
+// Surfels around whose guides one takes.
+const uint GUIDES = 32u;
+
+// Adds a guide to the sums over guides: of squares, and of the weights of those that know a cell.
+void add_guide(inout vec2 sums[GUIDE_CELLS], uint guide[GUIDE_CELLS / 2], float weight) {
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) {
+        float square = guide_at(guide, cell);
+        if (square > 0.0) sums[cell] += weight * vec2(square, 1.0);
+    }
+}
+
+// The chances of directions for a surfel's next paths, by what it and those around have found.
+uvec4 chances_around(vec3 eye, PlacedSurfel s, uint surfel) {
+    SurfelPool pool = SurfelPool(params.pool);
+    uvec2 list = cell_list(params.grid, eye, s.position);
+    vec2 sums[GUIDE_CELLS];
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) sums[cell] = vec2(0.0);
+    add_guide(sums, pool.at[surfel].guide, 1.0);
+    uint step = max(list.y / GUIDES, 1u);
+    for (uint i = surfel % step; i < list.y; i += step) {
+        uint other = SurfelWords(params.grid.references).at[list.x + i];
+        float weight = other == surfel ? 0.0 : surfel_weight(params.grid, other, s.position, s.normal, ASKED).y;
+        if (weight > 0.0) add_guide(sums, pool.at[other].guide, weight);
+    }
+    float squares[GUIDE_CELLS];
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) squares[cell] = sums[cell].x / max(sums[cell].y, 1e-6);
+    return chances_of(squares);
+}
+
 void main() {
     uint i = gl_GlobalInvocationID.x;
     SurfelPool pool = SurfelPool(params.pool);
@@ -146,6 +176,8 @@ void main() {
         light.tilt = pool.at[i].light.tilt;
         light.openness = openness;
     }
+    uint paths = pool.at[i].paths;
+    if (params.guided != 0u && paths != 0u && block_start(paths) == paths) pool.at[i].chances = chances_around(view.at[0].eye, s, i);
     pool.at[i].openness = openness;
     pool.at[i].samples_around = around;
     placed.at[i].mean = light.mean;

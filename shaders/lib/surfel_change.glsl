@@ -10,8 +10,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer SurfelChange
 
 // Samples from which on a surfel has a say.
 const float HAS_SAY = 4.0;
-// Standard errors that count as a change; more where few surfels are asked.
-const float CHANGED = 3.0;
+// Standard errors that count as a change, as few as chance reaches in hardly any place in hundreds of frames; more where few surfels are asked.
+const float CHANGED = 3.5;
 const float CHANGED_FEW = 10.0;
 // Standard errors beyond which a surfel counts no more.
 const float FARTHEST = 16.0;

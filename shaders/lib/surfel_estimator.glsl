@@ -31,35 +31,46 @@ float noise_of_mean(Estimator e) {
 // Samples from which on their variance tells what is bright. Before, samples are limited to so many times the brightest one nearby.
 const float LIMITED_FROM = 8.0;
 const float YOUNG = 32.0;
+// Light that is no more than so many times as bright as the brightest nearby is no accident.
+const float BRIGHTER = 4.0;
+
+// What a path has brought.
+struct Sample {
+    vec3 radiance;
+    float density;  // of its direction, over that of cosine-distributed ones
+    vec3 along;     // part of the direction in the plane
+    float nearby;   // luminance of the brightest radiance of late of surfels around, 0 for none
+};
 
 // Share of the brightest sample of late that another sample takes from it.
 const float FADING = 0.001;
 
-// A sample whose luminance is above a limit, scaled down to it: one such sample may be an accident. If another as bright, or nearly, came before, to this
-// surfel or to one nearby, light comes from few directions, and the sample is taken as it is. Where all was dark any light is let in.
-vec3 limited(inout Estimator e, vec3 y, float limit, float nearby) {
-    float bright = luminance(y);
-    float known = max(e.brightest, nearby);
-    limit = max(e.samples < LIMITED_FROM ? YOUNG * known : limit, 2.0 * known);
+// A sample whose luminance is above a limit, scaled down to it: one such sample may be an accident. If light nearly as bright came before, to this surfel
+// or to one nearby, it comes from few directions, and the sample is taken as it is, however rarely its direction is drawn. Where all was dark any light is let in.
+vec3 limited(inout Estimator e, Sample new, float limit) {
+    float bright = luminance(new.radiance);
+    float known = max(e.brightest, new.nearby);
+    float most = max(e.samples < LIMITED_FROM ? YOUNG * known : limit * new.density, BRIGHTER * known);
     e.brightest = max(bright, (1.0 - FADING) * e.brightest);
-    return bright > limit && known > 0.0 ? y * (limit / bright) : y;
+    return new.radiance / new.density * (bright > most && known > 0.0 ? most / bright : 1.0);
 }
 
 // Blend of the multi-scale mean (Andersson and others, SEED, "Multiscale Mean Estimator", published with Halen and others 2021, "Global
 // Illumination Based on Surfels"). Two things differ: a sample far above the others is scaled down, where the original subtracts what is too much,
 // which turns an infinite sample into NaN; and the limit has no constant part, so that it holds for dim and bright scenes alike.
-void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
+vec3 add_to_multi_scale(inout Estimator e, Sample new, out float blend) {
     if (e.samples == 0.0) {
+        vec3 y = limited(e, new, 0.0);
         e.mean = y;
         e.short_mean = y;
         e.variance = y * y;
         e.variance_blend = 1.0;
         e.inconsistency = 1.0;
         blend = 1.0;
-        return;
+        return y;
     }
     vec3 deviation = sqrt(e.variance);
-    y = limited(e, y, luminance(1.1 * e.short_mean + 8.0 * deviation), nearby);
+    vec3 y = limited(e, new, luminance(1.1 * e.short_mean + 8.0 * deviation));
     vec3 before = y - e.short_mean;
     e.short_mean = mix(e.short_mean, y, SHORT_WINDOW);
     vec3 after = y - e.short_mean;
@@ -71,29 +82,28 @@ void add_to_multi_scale(inout Estimator e, inout vec3 y, inout float blend, floa
     blend = clamp(fast, 1.0 / 256.0, 1.0) * e.variance_blend;
     e.variance_blend = mix(e.variance_blend, clamp(luminance(0.5 * e.short_mean / deviation), 1.0 / 32.0, 1.0), 0.1);
     e.mean = mix(e.mean, y, blend);
+    return y;
 }
 
 // Mean over all samples. Later ones count more, as the first were taken before light had spread, or while it still changed; from MOST_SAMPLES on the mean
 // is exponential. Where the light changes, surfel_refresh.comp lets it begin anew.
-void add_to_running_mean(inout Estimator e, inout vec3 y, inout float blend, float nearby) {
+vec3 add_to_running_mean(inout Estimator e, Sample new, out float blend) {
     float count = min(e.samples + 1.0, MOST_SAMPLES);
     float power = count < FEW ? 3.0 : count < SOME ? 2.0 : 1.0;
     blend = (power + 1.0) / (count + power);
-    y = limited(e, y, 4.0 * luminance(e.mean) + 8.0 * luminance(sqrt(max(vec3(e.variance), 0.0))), nearby);
+    vec3 y = limited(e, new, 4.0 * luminance(e.mean) + 8.0 * luminance(sqrt(max(vec3(e.variance), 0.0))));
     vec3 before = y - e.mean;
     e.mean += blend * before;
     e.variance = mix(e.variance, before * before, 1.0 / count);
     e.short_mean = mix(e.short_mean, y, max(1.0 / count, SHORT_WINDOW));
+    return y;
 }
 
-// Adds the radiance `y` of a cosine-distributed direction; `along` is its part in the plane. `nearby`: luminance of the brightest sample of late of surfels
-// around, 0 for none.
-void add_sample(inout Estimator e, vec3 y, vec3 along, float nearby, uint kind) {
+void add_sample(inout Estimator e, Sample new, uint kind) {
     float blend;
-    if (kind == MULTI_SCALE) add_to_multi_scale(e, y, blend, nearby);
-    else add_to_running_mean(e, y, blend, nearby);
+    vec3 y = kind == MULTI_SCALE ? add_to_multi_scale(e, new, blend) : add_to_running_mean(e, new, blend);
     e.newest = mix(e.newest, y, share_of_newest(e));
-    for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * along, blend);
+    for (int channel = 0; channel < 3; channel++) e.tilt[channel] = mix(e.tilt[channel], y[channel] * new.along, blend);
     e.samples = min(e.samples + 1.0, MOST_SAMPLES);
 }
 

@@ -2,20 +2,24 @@
 #define LIB_SURFEL_GUIDE_GLSL
 #include "lib/colour.glsl"
 #include "lib/surfels.glsl"
-// From where a surfel's light comes, learned from its own paths. Directions are drawn from a unit square that is mapped to the hemisphere by its cosine;
+// From where a surfel's light comes, learned from its own paths and those of surfels around. Directions are drawn from a unit square that is mapped to the hemisphere by its cosine;
 // cells of that square in which the square of the luminance was greater before are drawn more often. Each sample is divided by the density that it was
 // drawn with, so the mean is what it is without a guide (adaptive importance sampling; for hemispheres: Müller et al. 2017, "Practical Path Guiding").
 
 const uint GUIDE_CELLS = GUIDE_SIDE * GUIDE_SIDE;
-// Share of the samples that the guide draws: what has been dark is looked at all the same, and no sample counts more than 1 / (1 - GUIDED).
-const float GUIDED = 0.7;
-// Paths between changes of the chances. Points of a low-discrepancy sequence depend on those before. Were the chances to follow each sample, the mean
-// would be wrong; so they stay for a block of paths, and each block has a sequence of its own.
+// Share of the samples that the guide draws at most: what has been dark is looked at all the same, and no sample counts more than 1 / (1 - GUIDED).
+const float GUIDED = 0.5;
+// Contrast of cells at which half of that share is left.
+const float ALIKE = 0.1;
+// Paths between changes of the chances, fewer at first. Points of a low-discrepancy sequence depend on those before. Were the chances to follow each sample,
+// the mean would be wrong; so they stay for a block of paths, and each block has a sequence of its own.
 const uint GUIDE_BLOCK = 32u;
+const uint FIRST_BLOCK = 8u;
 // Share of the newest sample in the mean of a cell.
 const float LEARNED = 0.15;
-// Squares of more are not representable.
+// Squares of more are not representable. No less than the other is stored: 0 is a cell that no path went to.
 const float GUIDE_LIMIT = 1e18;
+const float GUIDE_LEAST = 1e-30;
 
 // A point of the square.
 struct Guided {
@@ -24,26 +28,36 @@ struct Guided {
     float density;  // over that of even points
 };
 
+// The first path of the block of a path.
+uint block_start(uint path) {
+    return path - path % (path < GUIDE_BLOCK ? FIRST_BLOCK : GUIDE_BLOCK);
+}
+
 float guide_at(uint guide[GUIDE_CELLS / 2], uint cell) {
     vec2 pair = unpack_upper(guide[cell / 2u]);
     return (cell & 1u) == 0u ? pair.x : pair.y;
 }
 
-// The chances of cells by what has been learned so far, for a block of paths.
-uvec4 chances_of(uint guide[GUIDE_CELLS / 2]) {
+// The chances of cells for a block of paths, by the mean square of what was found in each, times any factor.
+uvec4 chances_of(float squares[GUIDE_CELLS]) {
     float sum = 0.0;
     float most = 0.0;
+    float sum_of_squares = 0.0;
     for (uint cell = 0u; cell < GUIDE_CELLS; cell++) {
-        float found = sqrt(guide_at(guide, cell));
+        float found = sqrt(squares[cell]);
         sum += found;
         most = max(most, found);
+        sum_of_squares += squares[cell];
     }
     uvec4 chances = uvec4(0u);
     if (!(sum > 0.0)) return chances;
-    float even = (1.0 - GUIDED) / float(GUIDE_CELLS);
-    float scale = 255.0 / (even + GUIDED * most / sum);
+    // 0 where cells are alike, whose differences are then only noise; 1 where one cell has all light.
+    float contrast = max(1.0 - sum * sum / (float(GUIDE_CELLS) * sum_of_squares), 0.0);
+    float share = GUIDED * contrast * contrast / (contrast * contrast + ALIKE * ALIKE);
+    float even = (1.0 - share) / float(GUIDE_CELLS);
+    float scale = 255.0 / (even + share * most / sum);
     for (uint cell = 0u; cell < GUIDE_CELLS; cell++) {
-        uint chance = uint(max(scale * (even + GUIDED * sqrt(guide_at(guide, cell)) / sum), 1.0));
+        uint chance = uint(max(scale * (even + share * sqrt(squares[cell]) / sum), 1.0));
         chances[cell / 4u] |= min(chance, 255u) << (8u * (cell % 4u));
     }
     return chances;
@@ -79,7 +93,8 @@ void learn(inout uint guide[GUIDE_CELLS / 2], uint cell, vec3 radiance) {
     float found = min(luminance(radiance), GUIDE_LIMIT);
     vec2 pair = unpack_upper(guide[cell / 2u]);
     bool is_first = (cell & 1u) == 0u;
-    float learned = mix(is_first ? pair.x : pair.y, found * found, LEARNED);
+    float before = is_first ? pair.x : pair.y;
+    float learned = max(mix(before, found * found, before > 0.0 ? LEARNED : 1.0), GUIDE_LEAST);
     guide[cell / 2u] = pack_upper(is_first ? vec2(learned, pair.y) : vec2(pair.x, learned));
 }
 

@@ -68,20 +68,20 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         }
 
         mat3 around = frame_of(start.normal);
-        if ((params.paths & SURFEL_GUIDED) != 0u && s.paths % GUIDE_BLOCK == 0u && s.paths != 0u) s.chances = chances_of(s.guide);
-        ivec2 block_key = key + ivec2(0, int(0x10001u * (s.paths / GUIDE_BLOCK)));
-        Guided drawn = guided(s.chances, sequence2(block_key, s.paths % GUIDE_BLOCK, SEQUENCE_SURFELS, seed));
+        uint block = block_start(s.paths);
+        ivec2 block_key = key + ivec2(0, int(0x10001u * (block / FIRST_BLOCK)));
+        Guided drawn = guided(s.chances, sequence2(block_key, s.paths - block, SEQUENCE_SURFELS, seed));
         vec3 l = sample_cosine(drawn.u);
         vec3 direction = around * l;
         Random random = random_of(surfel, s.paths, seed ^ s.born ^ SEQUENCE_SURFELS);
-        Path path = Path(params.hits, params.bounces, params.regularization, params.pool, (params.paths & SURFEL_EMITTERS) != 0u);
+        Path path = Path(params.hits, params.bounces, params.regularization, params.pool, params.emitters != 0u);
         float distance;
         vec3 radiance = follow(view, scene, path, surface_ray(start, direction, UNBOUNDED), drawn.density * l.z / PI, random, distance);
         if (is_taken(word_at(params.rays, 2u), radiance)) {
-            uint block = change_places(grid, placed.position - view.at[0].eye).y;
-            float nearby = uintBitsToFloat(SurfelChanges(params.changes).at[block].brightest);
+            uint place = change_places(grid, placed.position - view.at[0].eye).y;
+            float nearby = uintBitsToFloat(SurfelChanges(params.changes).at[place].brightest);
             learn(s.guide, drawn.cell, radiance);
-            add_sample(s.light, radiance / drawn.density, direction - l.z * start.normal, nearby, params.estimator);
+            add_sample(s.light, Sample(radiance, drawn.density, direction - l.z * start.normal, nearby), params.estimator);
         }
         s.paths++;
         if (is_needless(grid, view.at[0].eye, surfel, placed)) pool.at[surfel].bound.instance = 0u;
@@ -93,7 +93,6 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         pool.at[surfel].light = s.light;
         pool.at[surfel].nearness = s.nearness;
         pool.at[surfel].guide = s.guide;
-        pool.at[surfel].chances = s.chances;
     }
     count_rays(params.rays, paths_traced.x, paths_traced.y);
     uint traced = paths_traced.x + paths_traced.y;

@@ -34,11 +34,6 @@ pub const SURFEL_BACK: u32 = 1;
 /// [`SurfelBinding::side`]: of the triangles that rays see, which may be coarser than those of the picture.
 pub const SURFEL_OF_RAYS: u32 = 2;
 
-/// [`SurfelTraceParams::paths`]: from where they end, paths go on to emissive surfaces.
-pub const SURFEL_EMITTERS: u32 = 1;
-/// [`SurfelTraceParams::paths`]: directions are drawn more often from where light came before.
-pub const SURFEL_GUIDED: u32 = 2;
-
 /// A point of a triangle or sphere.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -345,8 +340,8 @@ pub struct SurfelTraceParams {
     pub regularization: f32,
     /// How samples are averaged: [`MULTI_SCALE`] or [`RUNNING_MEAN`].
     pub estimator: u32,
-    /// `SURFEL_EMITTERS` and `SURFEL_GUIDED`.
-    pub paths: u32,
+    /// 1 where paths go on to emissive surfaces from where they end, otherwise 0.
+    pub emitters: u32,
 }
 
 /// Push constants of `surfel_share.comp`.
@@ -369,6 +364,8 @@ pub struct SurfelShareParams {
     pub depth: SampledImage,
     /// Openness, or [`NO_IMAGE`](super::denoise::NO_IMAGE).
     pub openness: u32,
+    /// 1 where directions are drawn more often from where light came before, otherwise 0.
+    pub guided: u32,
 }
 
 /// Push constants of `surfel_widen.comp`.

@@ -253,7 +253,7 @@ void main() {
         // Twice the light in half of all directions, none in the others.
         bool lit = (hash4(uvec4(gl_GlobalInvocationID.x, i, 0u, 0u)).x & 1u) != 0u;
         float y = (lit ? 2.0 : 0.0) * (i < change ? before : after);
-        add_sample(e, vec3(i == spike ? spiked : y), vec3(0.0), 0.0, kind);
+        add_sample(e, Sample(vec3(i == spike ? spiked : y), 1.0, vec3(0.0), 0.0), kind);
         store(means, ivec2(gl_GlobalInvocationID.x, i), vec4(e.mean, e.samples));
     }
 }

@@ -344,6 +344,7 @@ impl Grid {
     pub fn share(&self, g: &mut FrameGraph, view: &View, i: LightingIn, state: State) -> State {
         let (kernel, capacity, division, block) = (self.share, self.options.capacity, self.division(view), view.block);
         let paths = self.options.most_old(view.facts.lets_light_through).max(1);
+        let guided = self.options.guided;
         let mut state = g.pass("gi.share", Queue::AsyncCompute, |p| {
             let (block, surfels) = (p.read(block), p.indirect(state.groups.read()));
             let gbuffer = i.gbuffer.read(p, &[Channel::Depth]);
@@ -359,6 +360,7 @@ impl Grid {
                     paths,
                     depth: gbuffer.images(c).depth,
                     openness: openness.map_or(NO_IMAGE, |token| c.id(token).index()),
+                    guided: u32::from(guided),
                 };
                 c.dispatch_indirect(kernel, &params, surfels, 0);
             })

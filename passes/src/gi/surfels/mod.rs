@@ -80,10 +80,9 @@ impl Surfels {
         state: State,
     ) -> State {
         let Some(hits) = HitShading::new(&i, false) else { return state };
-        let Options { bounces, regularization, estimator, feedback, guided, .. } = self.options;
+        let Options { bounces, regularization, estimator, feedback, .. } = self.options;
         let hits = hits.with_cache(feedback.then(|| state.cache()));
-        let emitters = if view.facts.emissive_instances > 0 { SURFEL_EMITTERS } else { 0 };
-        let paths = emitters | if guided { SURFEL_GUIDED } else { 0 };
+        let emitters = u32::from(view.facts.emissive_instances > 0);
         let (kernel, block) = (self.trace.of(view), view.block);
         g.pass(name, Queue::AsyncCompute, |p| {
             let (block, scene, hits, list) = (p.read(block), i.scene.trace(p), hits.read(p), list.read(p));
@@ -105,7 +104,7 @@ impl Surfels {
                     bounces,
                     regularization,
                     estimator,
-                    paths,
+                    emitters,
                 };
                 c.trace_indirect(kernel, scene.tlas, &params, list.threads, 0);
             })
