@@ -99,6 +99,7 @@ vec3 add_to_running_mean(inout Estimator e, Sample new, out float blend) {
     return y;
 }
 
+// Adds what a path has brought.
 void add_sample(inout Estimator e, Sample new, uint kind) {
     float blend;
     vec3 y = kind == MULTI_SCALE ? add_to_multi_scale(e, new, blend) : add_to_running_mean(e, new, blend);

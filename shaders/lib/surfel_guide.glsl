@@ -2,8 +2,8 @@
 #define LIB_SURFEL_GUIDE_GLSL
 #include "lib/colour.glsl"
 #include "lib/surfels.glsl"
-// From where a surfel's light comes, learned from its own paths and those of surfels around. Directions are drawn from a unit square that is mapped to the hemisphere by its cosine;
-// cells of that square in which the square of the luminance was greater before are drawn more often. Each sample is divided by the density that it was
+// From where a surfel's light comes, learned from its own paths and those of surfels around. Directions are drawn from a unit square that is mapped to the
+// hemisphere by its cosine; cells of that square in which the square of the luminance was greater before are drawn more often. Each sample is divided by the density that it was
 // drawn with, so the mean is what it is without a guide (adaptive importance sampling; for hemispheres: Müller et al. 2017, "Practical Path Guiding").
 
 const uint GUIDE_CELLS = GUIDE_SIDE * GUIDE_SIDE;
