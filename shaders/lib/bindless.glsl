@@ -13,13 +13,13 @@
 
 // Views of one table. An index must be used through the view that fits its image's format and whether it has layers. An image view with
 // several layers is an array.
-layout(set = 0, binding = 0) uniform texture2D images[];
-layout(set = 0, binding = 0) uniform utexture2D images_uint[];
-layout(set = 0, binding = 0) uniform texture2DArray image_arrays[];
+layout(set = 0, binding = 2) uniform texture2D images[];
+layout(set = 0, binding = 2) uniform utexture2D images_uint[];
+layout(set = 0, binding = 2) uniform texture2DArray image_arrays[];
 layout(set = 0, binding = 1) uniform image2D storage_images[];
 layout(set = 0, binding = 1) uniform uimage2D storage_images_uint[];
 layout(set = 0, binding = 1) uniform image2DArray storage_image_arrays[];
-layout(set = 0, binding = 2) uniform sampler samplers[];
+layout(set = 0, binding = 0) uniform sampler samplers[];
 
 // Three floats each: the positions of a mesh.
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer PositionBuffer { vec3 at[]; };

@@ -14,7 +14,7 @@ const SIZE: [u32; 2] = [112, 63];
 const FRAMES: usize = 8;
 /// Least and greatest number of timed frames. The fastest counts, since other work on the machine only adds time; more are timed until the
 /// order is right.
-const TIMED: [usize; 2] = [5, 40];
+const TIMED: [usize; 2] = [5, 400];
 /// Least ratio of a preset's time to the one before.
 const SLACK: f64 = 0.9;
 

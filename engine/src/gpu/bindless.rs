@@ -1,24 +1,30 @@
 //! The bindless descriptor set: sampled images, storage images and samplers, addressed by index.
 use super::GpuError;
 use super::device::lock;
+use super::pass_set::SpareSets;
 use crate::scene::{Sampler, Wrap};
 use ash::vk;
 use bytemuck::Pod;
-use magpie_shaders::{SampledImage, SamplerId, StorageImage};
+use magpie_shaders::SamplerId;
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Mutex;
 
 /// Descriptors in the set: enough for large scenes, below every desktop driver's limit, and small enough for one set per pass
 /// when the validation layers are on.
-const SAMPLED: u32 = 8_192;
+pub(super) const SAMPLED: u32 = 8_192;
 const STORAGE: u32 = 1_024;
 const SAMPLERS: u32 = 128;
 
 const KINDS: [(vk::DescriptorType, u32); 3] = [
-    (vk::DescriptorType::SAMPLED_IMAGE, SAMPLED),
-    (vk::DescriptorType::STORAGE_IMAGE, STORAGE),
     (vk::DescriptorType::SAMPLER, SAMPLERS),
+    (vk::DescriptorType::STORAGE_IMAGE, STORAGE),
+    (vk::DescriptorType::SAMPLED_IMAGE, SAMPLED),
 ];
+
+/// Bindings of `shaders/lib/bindless.glsl`. Only the last of a set may differ in length from set to set.
+pub(super) const SAMPLER_BINDING: u32 = 0;
+pub(super) const STORAGE_BINDING: u32 = 1;
+pub(super) const SAMPLED_BINDING: u32 = 2;
 
 pub(super) struct Bindless {
     pub layout: vk::DescriptorSetLayout,
@@ -27,8 +33,10 @@ pub(super) struct Bindless {
     sampled: Mutex<Slots>,
     storage: Mutex<Slots>,
     /// Indices of sampled images that no pass writes, which are the textures.
-    textures: Mutex<BTreeSet<u32>>,
-    samplers: Mutex<HashMap<Sampler, (u32, vk::Sampler)>>,
+    pub textures: Mutex<BTreeSet<u32>>,
+    /// Sets of passes that no frame uses at present; none without the validation layers.
+    pub spare: Mutex<SpareSets>,
+    pub samplers: Mutex<HashMap<Sampler, (u32, vk::Sampler)>>,
     anisotropy: f32,
 }
 
@@ -72,9 +80,10 @@ impl Bindless {
                     .stage_flags(vk::ShaderStageFlags::ALL)
             })
             .collect();
-        let flags = [vk::DescriptorBindingFlags::PARTIALLY_BOUND
+        let mut flags = [vk::DescriptorBindingFlags::PARTIALLY_BOUND
             | vk::DescriptorBindingFlags::UPDATE_AFTER_BIND
             | vk::DescriptorBindingFlags::UPDATE_UNUSED_WHILE_PENDING; 3];
+        flags[SAMPLED_BINDING as usize] |= vk::DescriptorBindingFlags::VARIABLE_DESCRIPTOR_COUNT;
         let mut flags = vk::DescriptorSetLayoutBindingFlagsCreateInfo::default().binding_flags(&flags);
         let info = vk::DescriptorSetLayoutCreateInfo::default()
             .bindings(&bindings)
@@ -83,7 +92,7 @@ impl Bindless {
         // SAFETY: all pointers outlive the call.
         let layout = unsafe { device.create_descriptor_set_layout(&info, None) }
             .map_err(GpuError::call("vkCreateDescriptorSetLayout"))?;
-        let (pool, set) = allocate(device, layout)?;
+        let (pool, set) = allocate(device, layout, SAMPLED)?;
         let slots = |limit, what| Mutex::new(Slots { free: Vec::new(), next: 0, limit, what });
         Ok(Self {
             layout,
@@ -92,6 +101,7 @@ impl Bindless {
             sampled: slots(SAMPLED, "sampled images"),
             storage: slots(STORAGE, "storage images"),
             textures: Mutex::default(),
+            spare: Mutex::default(),
             samplers: Mutex::default(),
             anisotropy,
         })
@@ -110,13 +120,13 @@ impl Bindless {
         if texture {
             lock(&self.textures).insert(index);
         }
-        self.write_image(device, 0, index, view, layout);
+        self.write_image(device, SAMPLED_BINDING, index, view, layout);
         Ok(index)
     }
 
     pub fn add_storage(&self, device: &ash::Device, view: vk::ImageView) -> Result<u32, GpuError> {
         let index = lock(&self.storage).take()?;
-        self.write_image(device, 1, index, view, vk::ImageLayout::GENERAL);
+        self.write_image(device, STORAGE_BINDING, index, view, vk::ImageLayout::GENERAL);
         Ok(index)
     }
 
@@ -129,7 +139,7 @@ impl Bindless {
         layout: vk::ImageLayout,
     ) {
         let info = [vk::DescriptorImageInfo { image_view: view, image_layout: layout, ..Default::default() }];
-        let kind = if binding == 0 { vk::DescriptorType::SAMPLED_IMAGE } else { vk::DescriptorType::STORAGE_IMAGE };
+        let (kind, _) = KINDS[binding as usize];
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.set)
             .dst_binding(binding)
@@ -140,12 +150,21 @@ impl Bindless {
         unsafe { device.update_descriptor_sets(&[write], &[]) };
     }
 
-    pub fn release(&self, sampled: &[u32], storage: &[u32]) {
-        for index in sampled {
-            lock(&self.textures).remove(index);
+    pub fn release(&self, device: &ash::Device, sampled: &[u32], storage: &[u32]) {
+        let mut textures = lock(&self.textures);
+        let before = textures.len();
+        textures.retain(|index| !sampled.contains(index));
+        if textures.len() < before {
+            lock(&self.spare).forget(device);
         }
+        drop(textures);
         lock(&self.sampled).free.extend(sampled);
         lock(&self.storage).free.extend(storage);
+    }
+
+    /// Every index of a sampled image in use is less than this.
+    pub fn sampled_end(&self) -> u32 {
+        lock(&self.sampled).next
     }
 
     /// Number of sampled and storage images in the set, without the two placeholders at index 0.
@@ -193,7 +212,7 @@ impl Bindless {
         let image_info = [vk::DescriptorImageInfo { sampler, ..Default::default() }];
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.set)
-            .dst_binding(2)
+            .dst_binding(SAMPLER_BINDING)
             .dst_array_element(index)
             .descriptor_type(vk::DescriptorType::SAMPLER)
             .image_info(&image_info);
@@ -211,18 +230,21 @@ impl Bindless {
             for (_, sampler) in lock(&self.samplers).values() {
                 device.destroy_sampler(*sampler, None);
             }
+            lock(&self.spare).forget(device);
             device.destroy_descriptor_pool(self.pool, None);
             device.destroy_descriptor_set_layout(self.layout, None);
         }
     }
 }
 
-/// A descriptor set of this layout, from a pool of its own.
-fn allocate(
+/// A descriptor set of this layout with so many sampled images, from a pool of its own.
+pub(super) fn allocate(
     device: &ash::Device,
     layout: vk::DescriptorSetLayout,
+    sampled: u32,
 ) -> Result<(vk::DescriptorPool, vk::DescriptorSet), GpuError> {
-    let sizes = KINDS.map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
+    let mut sizes = KINDS.map(|(ty, descriptor_count)| vk::DescriptorPoolSize { ty, descriptor_count });
+    sizes[SAMPLED_BINDING as usize].descriptor_count = sampled;
     let info = vk::DescriptorPoolCreateInfo::default()
         .max_sets(1)
         .pool_sizes(&sizes)
@@ -230,8 +252,10 @@ fn allocate(
     // SAFETY: all pointers outlive the call.
     let pool =
         unsafe { device.create_descriptor_pool(&info, None) }.map_err(GpuError::call("vkCreateDescriptorPool"))?;
-    let layouts = [layout];
-    let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+    let (layouts, lengths) = ([layout], [sampled]);
+    let mut lengths = vk::DescriptorSetVariableDescriptorCountAllocateInfo::default().descriptor_counts(&lengths);
+    let info =
+        vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts).push_next(&mut lengths);
     // SAFETY: the pool was made for one such set.
     let sets = unsafe { device.allocate_descriptor_sets(&info) };
     match sets {
@@ -241,47 +265,6 @@ fn allocate(
             unsafe { device.destroy_descriptor_pool(pool, None) };
             Err(GpuError::call("vkAllocateDescriptorSets")(e))
         }
-    }
-}
-
-/// The part of the bindless set that one pass uses: its images, and all textures and samplers.
-///
-/// Synchronization validation cannot know which elements of an array a shader reads, and assumes all of them. With a set per
-/// pass, it assumes what the pass declared. Only used with the validation layers on.
-pub(crate) struct PassSet {
-    gpu: super::Gpu,
-    pool: vk::DescriptorPool,
-    pub(super) set: vk::DescriptorSet,
-}
-
-impl PassSet {
-    pub fn new(gpu: &super::Gpu, sampled: &[SampledImage], stored: &[StorageImage]) -> Result<Self, GpuError> {
-        let (device, bindless) = (gpu.raw(), &gpu.0.bindless);
-        let (pool, set) = allocate(device, bindless.layout)?;
-        let copy = |binding, element| {
-            vk::CopyDescriptorSet::default()
-                .src_set(bindless.set)
-                .src_binding(binding)
-                .src_array_element(element)
-                .dst_set(set)
-                .dst_binding(binding)
-                .dst_array_element(element)
-                .descriptor_count(1)
-        };
-        let mut copies: Vec<_> = lock(&bindless.textures).iter().map(|i| copy(0, *i)).collect();
-        copies.extend(lock(&bindless.samplers).values().map(|(i, _)| copy(2, *i)));
-        copies.extend(sampled.iter().map(|i| copy(0, i.index())));
-        copies.extend(stored.iter().map(|i| copy(1, i.index())));
-        // SAFETY: every element was written when its image or sampler was made; the new set is not in use.
-        unsafe { device.update_descriptor_sets(&[], &copies) };
-        Ok(Self { gpu: gpu.clone(), pool, set })
-    }
-}
-
-impl Drop for PassSet {
-    fn drop(&mut self) {
-        // SAFETY: its owner waits for the device before it drops a frame.
-        unsafe { self.gpu.raw().destroy_descriptor_pool(self.pool, None) };
     }
 }
 

@@ -440,7 +440,7 @@ impl Inner {
                 None
             }
             Garbage::Image { image, views, sampled, storage, memory, owner } => {
-                self.bindless.release(&sampled, &storage);
+                self.bindless.release(&self.raw, &sampled, &storage);
                 // SAFETY: as above.
                 unsafe {
                     for view in views {

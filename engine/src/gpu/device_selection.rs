@@ -291,6 +291,7 @@ pub(super) fn needed() -> Features {
             .descriptor_indexing(true)
             .runtime_descriptor_array(true)
             .descriptor_binding_partially_bound(true)
+            .descriptor_binding_variable_descriptor_count(true)
             .descriptor_binding_update_unused_while_pending(true)
             .descriptor_binding_sampled_image_update_after_bind(true)
             .descriptor_binding_storage_image_update_after_bind(true)
@@ -334,6 +335,7 @@ impl Features {
             shader_sampled_image_array_dynamic_indexing shader_storage_image_array_dynamic_indexing
             fragment_stores_and_atomics vertex_pipeline_stores_and_atomics full_draw_index_uint32 geometry_shader);
         compare!(v12: descriptor_indexing runtime_descriptor_array descriptor_binding_partially_bound
+            descriptor_binding_variable_descriptor_count
             descriptor_binding_update_unused_while_pending descriptor_binding_sampled_image_update_after_bind
             descriptor_binding_storage_image_update_after_bind shader_sampled_image_array_non_uniform_indexing
             buffer_device_address timeline_semaphore scalar_block_layout host_query_reset);

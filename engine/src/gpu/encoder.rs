@@ -1,6 +1,6 @@
 //! Command recording. Its methods are safe to call, but only the graph's execution does so, in an order that the plan has checked.
 use super::access::{self, Scope};
-use super::bindless::PassSet;
+use super::pass_set::PassSet;
 use super::pipeline::PUSH_BYTES;
 use super::query::{Counting, Work};
 use super::ray_pipeline::RAY_PUSH_BYTES;
@@ -211,7 +211,7 @@ impl CommandEncoder {
 
     /// Binds this set in place of the whole bindless set for all following commands.
     pub fn bind_pass_set(&mut self, set: &PassSet) {
-        self.bind(set.set);
+        self.bind(set.raw());
     }
 
     fn bind(&mut self, set: vk::DescriptorSet) {

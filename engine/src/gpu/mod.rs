@@ -20,6 +20,7 @@ mod heap;
 mod image;
 mod instance;
 mod marker;
+mod pass_set;
 mod pipeline;
 mod pipeline_cache;
 mod placeholder;
@@ -37,7 +38,6 @@ pub use accel::{Accel, AccelDesc, AccelGeometry, AccelInstance, AccelSizes, Comp
 pub use adopt::{AppDevice, Owner, SemaphoreValue};
 /// The Vulkan bindings whose types describe what an application and Magpie share.
 pub use ash;
-pub(crate) use bindless::PassSet;
 pub use blend::Blend;
 pub use buffer::{Buffer, BufferMemory, BufferUse};
 pub use device::{Gpu, GpuOptions};
@@ -52,6 +52,7 @@ pub(crate) use heap::Heap;
 pub(crate) use image::ImageInfo;
 pub use image::{Image, ImageUse};
 pub(crate) use marker::Moment;
+pub(crate) use pass_set::PassSet;
 pub use pipeline::{Kernel, Pipelines, RasterDesc, RasterKernel};
 pub(crate) use pipeline::{PUSH_BYTES, PushBlock};
 pub(crate) use query::{Statistics, Timestamps};
