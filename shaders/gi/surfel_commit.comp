@@ -47,6 +47,8 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     s.light_shared = no_shared_light();
     if (around.known) s.light_shared = shared_around(view.at[0].eye, start.position, start.normal);
     else s.light_shared.mean = around.light;
+    s.excess = vec3(0.0);
+    s.excess_passed = vec3(0.0);
     s.openness = -1.0;
     s.samples_around = 0.0;
     s.light.mean = s.light_shared.mean;
@@ -69,6 +71,7 @@ bool spawn(ViewBuffer view, uint surfel, SurfelBinding at) {
     placed.mean = s.light.newest;
     placed.tilt = s.light.tilt;
     placed.openness = s.light_shared.openness;
+    placed.excess = vec3(0.0);
     placed.nearness = s.nearness;
     SurfelPool(params.pool).at[surfel] = s;
     PlacedSurfelBufferWrite(params.grid.placed).at[surfel] = placed;

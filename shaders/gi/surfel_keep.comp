@@ -16,5 +16,5 @@ void main() {
     SurfelPool pool = SurfelPool(params.pool);
     if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
     PlacedSurfelBuffer placed = PlacedSurfelBuffer(params.grid.placed);
-    pool.at[i].light_shared = SharedLight(placed.at[i].mean, placed.at[i].tilt, placed.at[i].openness, 1u);
+    pool.at[i].light_shared = SharedLight(placed.at[i].mean, placed.at[i].tilt, placed.at[i].openness, 1u, pool.at[i].excess_passed);
 }

@@ -52,6 +52,7 @@ void main() {
             placed.mean = s.light.newest;
             placed.tilt = s.light.tilt;
             placed.openness = s.light_shared.openness;
+            placed.excess = vec3(0.0);
             placed.nearness = s.nearness;
             PlacedSurfelBufferWrite(params.grid.placed).at[i] = placed;
             uint block = change_places(params.grid, placed.position - view.at[0].eye).y;

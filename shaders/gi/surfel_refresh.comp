@@ -56,6 +56,9 @@ void main() {
         pool.at[i].light_shared.mean = of_late;
         pool.at[i].light_shared.tilt = pool.at[i].light.tilt;
         pool.at[i].light.mean = of_late;
+        pool.at[i].light_shared.excess = vec3(0.0);
+        pool.at[i].excess = vec3(0.0);
+        pool.at[i].excess_passed = vec3(0.0);
         pool.at[i].light.short_mean = of_late;
         pool.at[i].light.variance = of_late * of_late;
         samples = min(samples, LEFT[window]);

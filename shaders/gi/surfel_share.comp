@@ -2,12 +2,13 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
+#include "lib/surfel_estimator.glsl"
 #include "lib/surfel_guide.glsl"
 #include "lib/surfels.glsl"
 #include "shared/denoise.glsl"
 // Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them; surfel_widen.comp then asks
 // farther away. Later they take what those share as a guess that counts as so many samples more; as the others do the same, light of ever more surfels is
-// averaged from frame to frame, until their own samples are enough. What surfels keep for themselves is their own.
+// averaged from frame to frame, until their own samples are enough. What surfels keep for themselves is their own, but for light that they found by chance.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelShareParams params; };
 
@@ -34,10 +35,27 @@ const float MOST_OF_OWN = 2.0;
 const float ENOUGH_OF_CELL = 256.0;
 // Binary logarithm of the frames after which a surfel asks at the latest.
 const float LONGEST_PERIOD = 3.0;
+// One path that finds rare light makes its surfel a bright disc. What a surfel's own mean has beyond so many times what others share is excess, as far as it is
+// unsure: by the standard error of the mean, over the mean. Excess does not light the surfel but its surroundings, to which it spreads from ask to ask.
+const float LIKELY = 1.5;
+const vec2 UNSURE = vec2(0.15, 0.3);
+// Share of a surfel's own excess in what it passes on: the less, the wider and the later excess spreads.
+const float OWN_EXCESS = 0.1;
+// Excess beyond so many times the light around is left out until others have found such light.
+const float MOST_EXCESS = 6.0;
+// Frames after which a surfel that stands alone asks, for its excess.
+const uint SELDOM = 16u;
 // Share of the newest frame in the mean of openness.
 const float NEWEST_OPENNESS = 0.125;
 // Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
 const float SEEN = 0.1;
+
+// Means over what others share.
+struct Others {
+    vec3 mean;
+    vec3 excess;
+    float weights;
+};
 
 // Openness that the picture shows at a surfel's centre; below 0 if it does not show it.
 float seen_openness(ViewBuffer view, PlacedSurfel s) {
@@ -53,7 +71,7 @@ float seen_openness(ViewBuffer view, PlacedSurfel s) {
     return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, inout Others others, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
@@ -77,16 +95,23 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
         if (most < SETTLED || light.is_known == 0u) {
             light.mean = pool.at[other].light.mean;
             light.tilt = pool.at[other].light.tilt;
+            light.excess = vec3(0.0);
+        }
+        if (other != surfel) {
+            others.mean += weight * light.mean;
+            others.excess += weight * light.excess;
+            others.weights += weight;
         }
         add_shared(sum, light, weight, weights, seen);
     }
 }
 
-// What surfels around one share, itself among them.
-SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around) {
+// What surfels around one share, itself among them, and what others do.
+SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around, out Others others) {
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
+    others = Others(vec3(0.0), vec3(0.0), 0.0);
     around = 0.0;
     bool young = samples < YOUNGEST;
     float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
@@ -96,11 +121,31 @@ SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float sample
         for (int y = cells.low.y; y <= cells.high.y; y++) {
             for (int x = cells.low.x; x <= cells.high.x; x++) {
                 ivec3 cell = ivec3(x, y, z);
-                if (holds(cells, cell)) add_cell(sum, weights, seen, around, cell, cells.level, s.position, s.normal, reach, surfel, most);
+                if (holds(cells, cell)) add_cell(sum, weights, seen, around, others, cell, cells.level, s.position, s.normal, reach, surfel, most);
             }
         }
     }
+    if (others.weights > 0.0) {
+        others.mean /= others.weights;
+        others.excess /= others.weights;
+    }
     return mean_shared(sum, weights, seen);
+}
+
+// Share of a surfel's own mean that is likely.
+float likely_share(Estimator e, Others others) {
+    float mean = luminance(e.mean);
+    float likely = LIKELY * luminance(others.mean);
+    if (others.weights == 0.0 || !(mean > likely)) return 1.0;
+    float error = sqrt(luminance(max(vec3(e.variance), 0.0)) * noise_of_mean(e));
+    return mix(1.0, likely / mean, smoothstep(UNSURE.x, UNSURE.y, error / mean));
+}
+
+// What a surfel passes on of its own excess before others have their part.
+vec3 limited_excess(vec3 excess, Others others) {
+    float bright = luminance(excess);
+    float most = MOST_EXCESS * luminance(others.mean + others.excess);
+    return bright > most ? excess * (most / bright) : excess;
 }
 
 // Frames from path to path of those that are not settled: more than one where the budget is too small for all.
@@ -158,29 +203,31 @@ void main() {
     SharedLight light = pool.at[i].light_shared;
     // Each asks about as often as it has new samples; those of a workgroup in the same frame, as one that asks takes as long as all.
     bool is_new = pool.at[i].born == view.at[0].frame;
-    uint period = is_new ? 1u : samples < YOUNGEST ? frames_per_path() : samples < SETTLED ? 2u : 4u;
+    uint period = is_new ? 1u : samples < YOUNGEST ? frames_per_path() : samples < SETTLED ? 2u : samples < ALONE ? 4u : SELDOM;
     float around = WELL_KNOWN;
-    bool asks = samples < ALONE && (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
+    bool asks = (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {
         float samples_around;
-        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around);
+        Others others;
+        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around, others);
         bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
         if (samples < YOUNGEST && !has_forgotten) around = min(samples_around, WELL_KNOWN);
-        float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * (1.0 - samples / ALONE);
+        float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * max(1.0 - samples / ALONE, 0.0);
         float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
-        light.mean = mix(light.mean, pool.at[i].light.mean, own);
-        for (int channel = 0; channel < 3; channel++) light.tilt[channel] = mix(light.tilt[channel], pool.at[i].light.tilt[channel], own);
+        vec3 mean = pool.at[i].light.mean;
+        float likely = samples < YOUNGEST ? 1.0 : likely_share(pool.at[i].light, others);
+        pool.at[i].excess = others.excess;
+        pool.at[i].excess_passed = mix(others.excess, limited_excess((1.0 - likely) * mean, others), OWN_EXCESS);
+        light.mean = mix(light.mean, likely * mean, own);
+        for (int channel = 0; channel < 3; channel++) light.tilt[channel] = mix(light.tilt[channel], likely * pool.at[i].light.tilt[channel], own);
         if (openness >= 0.0) light.openness = light.openness < 0.0 ? openness : mix(light.openness, openness, own);
-    } else if (samples >= ALONE) {
-        light.mean = pool.at[i].light.mean;
-        light.tilt = pool.at[i].light.tilt;
-        light.openness = openness;
     }
     uint paths = pool.at[i].paths;
     if (params.guided != 0u && paths != 0u && block_start(paths) == paths) pool.at[i].chances = chances_around(view.at[0].eye, s, i);
     pool.at[i].openness = openness;
     pool.at[i].samples_around = around;
     placed.at[i].mean = light.mean;
+    placed.at[i].excess = pool.at[i].excess;
     placed.at[i].tilt = light.tilt;
     placed.at[i].openness = light.openness;
     placed.at[i].samples = samples;

@@ -18,7 +18,7 @@ const uint ASKED_OF_CELL = 2u;
 SharedLight shared_before(uint surfel) {
     if (params.turn == 1u) return SurfelPool(params.pool).at[surfel].light_shared;
     Placed placed = Placed(params.grid.placed);
-    return SharedLight(placed.at[surfel].mean, placed.at[surfel].tilt, placed.at[surfel].openness, 1u);
+    return SharedLight(placed.at[surfel].mean, placed.at[surfel].tilt, placed.at[surfel].openness, 1u, placed.at[surfel].excess);
 }
 
 void add_cell(inout SharedLight sum, inout float weights, inout float seen, uint cell, uint surfel, PlacedSurfel s) {
@@ -65,7 +65,7 @@ void main() {
     Placed placed = Placed(params.grid.placed);
     PlacedSurfel s = placed.at[i];
     float known = pool.at[i].samples_around / WELL_KNOWN;
-    SharedLight near = SharedLight(s.mean, s.tilt, s.openness, 1u);
+    SharedLight near = SharedLight(s.mean, s.tilt, s.openness, 1u, s.excess);
     SharedLight light = near;
     if (known < 1.0) light = shared_widely(ViewBuffer(params.view).at[0].eye, i, s, near);
     if (params.turn == 0u) {
@@ -73,6 +73,7 @@ void main() {
         return;
     }
     placed.at[i].mean = mix(light.mean, near.mean, known);
+    placed.at[i].excess = mix(light.excess, near.excess, known);
     for (int channel = 0; channel < 3; channel++) placed.at[i].tilt[channel] = mix(light.tilt[channel], near.tilt[channel], known);
     placed.at[i].openness = mix(light.openness, near.openness, known);
 }

@@ -177,12 +177,14 @@ SharedLight no_shared_light() {
     for (int channel = 0; channel < 3; channel++) none.tilt[channel] = vec3(0.0);
     none.openness = -1.0;
     none.is_known = 0u;
+    none.excess = vec3(0.0);
     return none;
 }
 
 // Adds to sums of what surfels share, whose weights are `weights`, and `seen` for openness.
 void add_shared(inout SharedLight sum, SharedLight light, float weight, inout float weights, inout float seen) {
     sum.mean += weight * light.mean;
+    sum.excess += weight * light.excess;
     for (int channel = 0; channel < 3; channel++) sum.tilt[channel] += weight * light.tilt[channel];
     sum.is_known = 1u;
     weights += weight;
@@ -194,6 +196,7 @@ void add_shared(inout SharedLight sum, SharedLight light, float weight, inout fl
 SharedLight mean_shared(SharedLight sum, float weights, float seen) {
     if (weights > 0.0) {
         sum.mean /= weights;
+        sum.excess /= weights;
         for (int channel = 0; channel < 3; channel++) sum.tilt[channel] /= weights;
     }
     if (seen > 0.0) sum.openness /= seen;
@@ -207,7 +210,7 @@ vec3 surfel_light(SurfelGrid grid, uint surfel, vec3 normal) {
     PlacedSurfelBuffer placed = PlacedSurfelBuffer(grid.placed);
     vec3 along;
     for (int channel = 0; channel < 3; channel++) along[channel] = dot(placed.at[surfel].tilt[channel], normal);
-    vec3 light = placed.at[surfel].mean * (0.5 + 0.5 * dot(placed.at[surfel].normal, normal)) + (8.0 / 3.0) * along;
+    vec3 light = (placed.at[surfel].mean + placed.at[surfel].excess) * (0.5 + 0.5 * dot(placed.at[surfel].normal, normal)) + (8.0 / 3.0) * along;
     return mix(light, vec3(0.0), lessThan(light, vec3(0.0)));
 }
 

@@ -74,6 +74,10 @@ pub struct Surfel {
     /// Mean square of the luminance found in each of [`GUIDE_SIDE`]² cells of the square from which directions are drawn: the upper halves of
     /// two floats.
     pub guide: [u32; 8],
+    /// Its part of the light that few surfels have found by chance, irradiance over pi.
+    pub excess: [f32; 3],
+    /// [`SharedLight::excess`] for the next frame.
+    pub excess_passed: [f32; 3],
     /// Chances of these cells in the present block of paths: bytes, in proportion; all 0 if they are even.
     pub chances: [u32; 4],
 }
@@ -114,6 +118,8 @@ pub struct SharedLight {
     pub openness: f32,
     /// 1 if there is any light, 0 before a surfel has shared for the first time.
     pub is_known: u32,
+    /// What it passes on of light that few surfels have found by chance, irradiance over pi. It is not in `mean`.
+    pub excess: [f32; 3],
 }
 
 /// A surfel in this frame, as it is looked up.
@@ -134,6 +140,8 @@ pub struct PlacedSurfel {
     pub tilt: [[f32; 3]; 3],
     /// [`SharedLight::openness`].
     pub openness: f32,
+    /// [`Surfel::excess`] for the picture, 0 for paths.
+    pub excess: [f32; 3],
     /// [`Surfel::nearness`].
     pub nearness: [u32; 8],
 }

@@ -63,13 +63,16 @@ fn truth(gpu: &Gpu, scene: &Scene, effort: Effort) -> Result<Estimate> {
     truth_of(options, gpu, scene, Shown { size: effort.size, time: 0.0 }, effort.samples)
 }
 
-/// Scenes in which surfels are compared in every run: the least light, over that of the reference, and the greatest error of blocks.
-const COMPARED: [(&str, f64, f64); 4] = [
-    ("cornell", 0.95, 0.1),
-    ("white room", 0.95, 0.1),
-    ("emissive room", 0.95, 0.1),
-    // Light from one direction of a hundred: after 64 frames few surfels have seen it often.
-    ("door slit, 10 cm", 0.8, 0.45),
+/// Scenes in which surfels are compared in every run: the least light, over that of the reference, the greatest error of blocks, and the
+/// greatest relMSE.
+const COMPARED: [(&str, f64, f64, f64); 5] = [
+    ("cornell", 0.95, 0.1, 0.02),
+    ("white room", 0.95, 0.1, 0.01),
+    ("emissive room", 0.95, 0.1, 0.06),
+    // Light from one direction of a hundred: after 64 frames few surfels have seen it often. Where each shows what it has found as its own,
+    // relMSE is 0.14 and 0.27, of bright discs.
+    ("door slit, 5 cm", 0.4, 0.75, 0.05),
+    ("door slit, 10 cm", 0.8, 0.45, 0.15),
 ];
 
 /// Surfels have the light of the reference, also where it comes through a slit, from surfaces that shine, or after many bounces.
@@ -78,7 +81,9 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
     let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
     let mut failed = Vec::new();
     for (name, scene) in scenes()? {
-        let Some((_, least, most)) = COMPARED.into_iter().find(|(compared, ..)| *compared == name) else { continue };
+        let Some((_, least, most, most_square)) = COMPARED.into_iter().find(|(compared, ..)| *compared == name) else {
+            continue;
+        };
         let started = Instant::now();
         let truth = truth(&gpu, &scene, QUICK)?;
         let found = Frames::new(&gpu, &scene, SURFELS, &[], QUICK.size)?.after(QUICK.frames - 1)?;
@@ -88,8 +93,8 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
             "{name}: light {light:.3}, relMSE {error:.4}, blocks of 8x8 {blocks:.3}, {:.1} s",
             started.elapsed().as_secs_f64()
         );
-        if !(least..1.05).contains(&light) || !blocks.is_finite() || blocks > most {
-            failed.push(format!("{name}: light {light}, error of blocks {blocks}"));
+        if !(least..1.05).contains(&light) || !(blocks <= most && error <= most_square) {
+            failed.push(format!("{name}: light {light}, error of blocks {blocks}, relMSE {error}"));
         }
     }
     ensure!(failed.is_empty(), "{failed:#?}");
