@@ -40,7 +40,7 @@ const float LONGEST_PERIOD = 3.0;
 const float LIKELY = 1.5;
 const vec2 UNSURE = vec2(0.15, 0.3);
 // Share of a surfel's own excess in what it passes on: the less, the wider and the later excess spreads.
-const float OWN_EXCESS = 0.1;
+const float OWN_EXCESS = 0.15;
 // Excess beyond so many times the light around is left out until others have found such light.
 const float MOST_EXCESS = 6.0;
 // Frames after which a surfel that stands alone asks, for its excess.

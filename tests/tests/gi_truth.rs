@@ -93,7 +93,8 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
             "{name}: light {light:.3}, relMSE {error:.4}, blocks of 8x8 {blocks:.3}, {:.1} s",
             started.elapsed().as_secs_f64()
         );
-        if !(least..1.05).contains(&light) || !(blocks <= most && error <= most_square) {
+        let right = (least..1.05).contains(&light) && blocks <= most && error <= most_square;
+        if !right {
             failed.push(format!("{name}: light {light}, error of blocks {blocks}, relMSE {error}"));
         }
     }
