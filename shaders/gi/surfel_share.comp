@@ -4,6 +4,7 @@
 #include "lib/gbuffer.glsl"
 #include "lib/surfel_estimator.glsl"
 #include "lib/surfel_guide.glsl"
+#include "lib/surfel_plane.glsl"
 #include "lib/surfels.glsl"
 #include "shared/denoise.glsl"
 // Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them; surfel_widen.comp then asks
@@ -43,6 +44,10 @@ const vec2 UNSURE = vec2(0.15, 0.3);
 const float OWN_EXCESS = 0.15;
 // Excess beyond so many times the light around is left out until others have found such light.
 const float MOST_EXCESS = 6.0;
+// Share that a surfel keeps of its own mean at most where the means of others differ by no more than chance: there the guess knows more, however many samples
+// are its own. They differ by more where their variance is above that of chance by so many standard errors.
+const float OWN_IN_EVEN_LIGHT = 0.15;
+const float SURE = 1.0;
 // Frames after which a surfel that stands alone asks, for its excess.
 const uint SELDOM = 16u;
 // Share of the newest frame in the mean of openness.
@@ -50,11 +55,21 @@ const float NEWEST_OPENNESS = 0.125;
 // Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
 const float SEEN = 0.1;
 
+// Variance of the luminance of a surfel's own mean.
+float variance_of_mean(Estimator e) {
+    return luminance(max(vec3(e.variance), 0.0)) * noise_of_mean(e);
+}
+
 // Means over what others share.
 struct Others {
     vec3 mean;
     vec3 excess;
     float weights;
+    float squared_weights;
+    // Of the luminance of what each has found itself: its mean, the mean of its square, and its variance by chance.
+    float own;
+    float own_square;
+    float chance;
 };
 
 // Openness that the picture shows at a surfel's centre; below 0 if it does not show it.
@@ -71,10 +86,11 @@ float seen_openness(ViewBuffer view, PlacedSurfel s) {
     return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, inout Others others, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, inout Others others, inout Plane plane, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
+    mat3 along = frame_of(normal);
     uint step = most < SETTLED ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
     for (uint i = surfel % step; i < list.y; i += step) {
         uint other = SurfelWords(params.grid.references).at[list.x + i];
@@ -92,6 +108,13 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
         around += weight * min(pool.at[other].light.samples, SETTLED);
         weight *= min(pool.at[other].light.samples, most);
         SharedLight light = pool.at[other].light_shared;
+        if (other != surfel && most == SETTLED) {
+            float own_light = luminance(pool.at[other].light.mean);
+            others.own += weight * own_light;
+            others.own_square += weight * own_light * own_light;
+            others.chance += weight * variance_of_mean(pool.at[other].light);
+            others.squared_weights += weight * weight;
+        }
         if (most < SETTLED || light.is_known == 0u) {
             light.mean = pool.at[other].light.mean;
             light.tilt = pool.at[other].light.tilt;
@@ -102,16 +125,18 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
             others.excess += weight * light.excess;
             others.weights += weight;
         }
+        add_to_plane(plane, -vec2(dot(offset, along[0]), dot(offset, along[1])) / reach, luminance(light.mean), weight);
         add_shared(sum, light, weight, weights, seen);
     }
 }
 
 // What surfels around one share, itself among them, and what others do.
-SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around, out Others others) {
+SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around, out Others others, out Plane plane) {
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
-    others = Others(vec3(0.0), vec3(0.0), 0.0);
+    others = Others(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, 0.0, 0.0);
+    plane = NO_PLANE;
     around = 0.0;
     bool young = samples < YOUNGEST;
     float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
@@ -121,13 +146,17 @@ SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float sample
         for (int y = cells.low.y; y <= cells.high.y; y++) {
             for (int x = cells.low.x; x <= cells.high.x; x++) {
                 ivec3 cell = ivec3(x, y, z);
-                if (holds(cells, cell)) add_cell(sum, weights, seen, around, others, cell, cells.level, s.position, s.normal, reach, surfel, most);
+                if (holds(cells, cell)) add_cell(sum, weights, seen, around, others, plane, cell, cells.level, s.position, s.normal, reach, surfel, most);
             }
         }
     }
     if (others.weights > 0.0) {
         others.mean /= others.weights;
         others.excess /= others.weights;
+        others.own /= others.weights;
+        others.own_square /= others.weights;
+        others.chance /= others.weights;
+        others.squared_weights /= others.weights * others.weights;
     }
     return mean_shared(sum, weights, seen);
 }
@@ -137,8 +166,16 @@ float likely_share(Estimator e, Others others) {
     float mean = luminance(e.mean);
     float likely = LIKELY * luminance(others.mean);
     if (others.weights == 0.0 || !(mean > likely)) return 1.0;
-    float error = sqrt(luminance(max(vec3(e.variance), 0.0)) * noise_of_mean(e));
+    float error = sqrt(variance_of_mean(e));
     return mix(1.0, likely / mean, smoothstep(UNSURE.x, UNSURE.y, error / mean));
+}
+
+// How much what others have found differs from surfel to surfel: from 0, by no more than chance, to 1, by far more than this one's mean by chance.
+float structure_share(Estimator e, Others others) {
+    float differences = max(others.own_square - others.own * others.own, 0.0);
+    float chance = others.chance * (1.0 + SURE * sqrt(2.0 * others.squared_weights));
+    float structure = max(differences - chance, 0.0);
+    return structure > 0.0 ? structure / (structure + variance_of_mean(e)) : 0.0;
 }
 
 // What a surfel passes on of its own excess before others have their part.
@@ -154,43 +191,12 @@ uint frames_per_path() {
     return 1u << uint(clamp(round(log2(frames)), 0.0, LONGEST_PERIOD));
 }
 
-// Surfels around whose guides one takes.
-const uint GUIDES = 32u;
-
-// Adds a guide to the sums over guides: of squares, and of the weights of those that know a cell.
-void add_guide(inout vec2 sums[GUIDE_CELLS], uint guide[GUIDE_CELLS / 2], float weight) {
-    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) {
-        float square = guide_at(guide, cell);
-        if (square > 0.0) sums[cell] += weight * vec2(square, 1.0);
-    }
-}
-
-// The chances of directions for a surfel's next paths, by what it and those around have found.
-uvec4 chances_around(vec3 eye, PlacedSurfel s, uint surfel) {
-    SurfelPool pool = SurfelPool(params.pool);
-    uvec2 list = cell_list(params.grid, eye, s.position);
-    vec2 sums[GUIDE_CELLS];
-    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) sums[cell] = vec2(0.0);
-    add_guide(sums, pool.at[surfel].guide, 1.0);
-    uint step = max(list.y / GUIDES, 1u);
-    for (uint i = surfel % step; i < list.y; i += step) {
-        uint other = SurfelWords(params.grid.references).at[list.x + i];
-        float weight = other == surfel ? 0.0 : surfel_weight(params.grid, other, s.position, s.normal, ASKED).y;
-        if (weight > 0.0) add_guide(sums, pool.at[other].guide, weight);
-    }
-    float squares[GUIDE_CELLS];
-    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) squares[cell] = sums[cell].x / max(sums[cell].y, 1e-6);
-    return chances_of(squares);
-}
-
 void main() {
     uint i = gl_GlobalInvocationID.x;
     SurfelPool pool = SurfelPool(params.pool);
     if (i >= params.capacity) return;
     Placed placed = Placed(params.grid.placed);
     if (pool.at[i].bound.instance == 0u) {
-        // Those that went in this frame are still in lists, with the light that paths take, which is that of a single one.
-        placed.at[i].radius = 0.0;
         pool.at[i].samples_around = 0.0;
         return;
     }
@@ -209,21 +215,28 @@ void main() {
     if (asks) {
         float samples_around;
         Others others;
-        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around, others);
+        Plane plane;
+        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around, others, plane);
         bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
         if (samples < YOUNGEST && !has_forgotten) around = min(samples_around, WELL_KNOWN);
         float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * max(1.0 - samples / ALONE, 0.0);
         float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
+        if (!has_forgotten) own = mix(min(own, OWN_IN_EVEN_LIGHT), own, structure_share(pool.at[i].light, others));
         vec3 mean = pool.at[i].light.mean;
         float likely = samples < YOUNGEST ? 1.0 : likely_share(pool.at[i].light, others);
         pool.at[i].excess = others.excess;
         pool.at[i].excess_passed = mix(others.excess, limited_excess((1.0 - likely) * mean, others), OWN_EXCESS);
+        if (samples >= YOUNGEST && !has_forgotten) {
+            float here = at_surfel(plane);
+            light.mean *= here;
+            for (int channel = 0; channel < 3; channel++) light.tilt[channel] *= here;
+        }
         light.mean = mix(light.mean, likely * mean, own);
         for (int channel = 0; channel < 3; channel++) light.tilt[channel] = mix(light.tilt[channel], likely * pool.at[i].light.tilt[channel], own);
         if (openness >= 0.0) light.openness = light.openness < 0.0 ? openness : mix(light.openness, openness, own);
     }
     uint paths = pool.at[i].paths;
-    if (params.guided != 0u && paths != 0u && block_start(paths) == paths) pool.at[i].chances = chances_around(view.at[0].eye, s, i);
+    if (params.guided != 0u && paths != 0u && block_start(paths) == paths) pool.at[i].chances = chances_around(params.grid, pool, view.at[0].eye, s, i, ASKED);
     pool.at[i].openness = openness;
     pool.at[i].samples_around = around;
     placed.at[i].mean = light.mean;

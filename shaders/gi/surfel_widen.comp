@@ -61,8 +61,14 @@ SharedLight shared_widely(vec3 eye, uint surfel, PlacedSurfel s, SharedLight own
 void main() {
     uint i = gl_GlobalInvocationID.x;
     SurfelPool pool = SurfelPool(params.pool);
-    if (i >= params.capacity || pool.at[i].bound.instance == 0u) return;
+    if (i >= params.capacity) return;
     Placed placed = Placed(params.grid.placed);
+    if (pool.at[i].bound.instance == 0u) {
+        // Those that went in this frame are still in lists, with the light that paths take, which is that of a single one. Not before: others ask for this radius
+        // while light is shared.
+        placed.at[i].radius = 0.0;
+        return;
+    }
     PlacedSurfel s = placed.at[i];
     float known = pool.at[i].samples_around / WELL_KNOWN;
     SharedLight near = SharedLight(s.mean, s.tilt, s.openness, 1u, s.excess);

@@ -98,4 +98,32 @@ void learn(inout uint guide[GUIDE_CELLS / 2], uint cell, vec3 radiance) {
     guide[cell / 2u] = pack_upper(is_first ? vec2(learned, pair.y) : vec2(pair.x, learned));
 }
 
+// Surfels around whose guides one takes.
+const uint GUIDES = 32u;
+
+// Adds a guide to the sums over guides: of squares, and of the weights of those that know a cell.
+void add_guide(inout vec2 sums[GUIDE_CELLS], uint guide[GUIDE_CELLS / 2], float weight) {
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) {
+        float square = guide_at(guide, cell);
+        if (square > 0.0) sums[cell] += weight * vec2(square, 1.0);
+    }
+}
+
+// The chances of directions for a surfel's next paths, by what it and those within so many radii have found.
+uvec4 chances_around(SurfelGrid grid, SurfelPool pool, vec3 eye, PlacedSurfel s, uint surfel, float reach) {
+    uvec2 list = cell_list(grid, eye, s.position);
+    vec2 sums[GUIDE_CELLS];
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) sums[cell] = vec2(0.0);
+    add_guide(sums, pool.at[surfel].guide, 1.0);
+    uint step = max(list.y / GUIDES, 1u);
+    for (uint i = surfel % step; i < list.y; i += step) {
+        uint other = SurfelWords(grid.references).at[list.x + i];
+        float weight = other == surfel ? 0.0 : surfel_weight(grid, other, s.position, s.normal, reach).y;
+        if (weight > 0.0) add_guide(sums, pool.at[other].guide, weight);
+    }
+    float squares[GUIDE_CELLS];
+    for (uint cell = 0u; cell < GUIDE_CELLS; cell++) squares[cell] = sums[cell].x / max(sums[cell].y, 1e-6);
+    return chances_of(squares);
+}
+
 #endif

@@ -4,7 +4,7 @@ use magpie::gpu::Gpu;
 use magpie::scene::Scene;
 use magpie_passes::reference::{Estimate, Only, ReferenceOptions};
 use magpie_tests::against::{Shown, light_and_block_error, truth_of};
-use magpie_tests::gi::{Frames, SURFELS, light_and_error, ways};
+use magpie_tests::gi::{Frames, SURFELS, light_and_error, mean, ways};
 use magpie_tests::harness::{asset, builtin, gpu_without_validation, save_picture};
 use magpie_tests::rooms;
 use std::env;
@@ -102,6 +102,9 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
     Ok(())
 }
 
+/// Mean radiance of the pictures, to which those of a scene are brightened alike.
+const BRIGHTNESS: f64 = 0.18;
+
 /// All of them as a table, with `MAGPIE_FULL`, and of each scene a picture of the reference and of each way.
 #[test]
 fn all_ways_against_the_reference() -> Result<()> {
@@ -121,6 +124,8 @@ fn all_ways_against_the_reference() -> Result<()> {
             println!("| {name} | {} | {light:.3} | {error:.4} | {blocks:.3} |", way.label);
             pictures.push(found);
         }
+        let brighter = BRIGHTNESS / mean(&truth.mean);
+        pictures.iter_mut().flatten().for_each(|radiance| *radiance *= brighter);
         save_picture(&format!("gi_truth {name}"), FULL.size[0], pictures.len() as u32, &pictures)?;
     }
     Ok(())

@@ -71,7 +71,7 @@ impl Estimate {
         // as several processes may write the same estimate.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let part = path.with_extension(format!("exr.{}-{now}.part", std::process::id()));
-        let written = Image::from_layer(layer).write().to_file(&part);
+        let written = Image::from_layer(layer).write().non_parallel().to_file(&part);
         let moved = written.and_then(|()| std::fs::rename(&part, path).map_err(Error::from));
         moved.map_err(|source| EstimateFileError::File { path: path.display().to_string(), source })
     }
