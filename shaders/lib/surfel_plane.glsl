@@ -31,7 +31,7 @@ void add_to_plane(inout Plane sum, vec2 place, float light, float weight) {
 }
 
 // Light of the plane at the surfel, over the mean: they differ where most of the others are on one side, as along an edge. It stays between the least and the
-// most that one of them shares. Beyond, light would grow from frame to frame where surfels take it from each other.
+// most that one of them shares, so that surfels which take light from each other can't raise it from frame to frame.
 float at_surfel(Plane sum) {
     if (!(sum.light > 0.0)) return 1.0;
     float scale = 1.0 / sum.weights;

@@ -102,6 +102,18 @@ fn surfels_have_the_light_of_the_reference() -> Result<()> {
     Ok(())
 }
 
+/// Surfels take light from each other in every frame, and it does not grow by that: light is after 256 frames what it was after 64.
+#[test]
+fn light_stays_what_it_is() -> Result<()> {
+    let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
+    let mut frames = Frames::new(&gpu, &builtin("cornell")?, SURFELS, &[], FULL.size)?;
+    let early = mean(&frames.after(63)?);
+    let late = mean(&frames.after(191)?);
+    println!("Cornell: light {early:.4} in frame 64, {late:.4} in frame 256");
+    ensure!((late / early - 1.0).abs() < 0.03, "light {early} in frame 64, {late} in frame 256");
+    Ok(())
+}
+
 /// Mean radiance of the pictures, to which those of a scene are brightened alike.
 const BRIGHTNESS: f64 = 0.18;
 
