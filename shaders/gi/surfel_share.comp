@@ -55,11 +55,6 @@ const float NEWEST_OPENNESS = 0.125;
 // Distance of a surfel to what the picture shows in its place, over its radius, up to which it is seen.
 const float SEEN = 0.1;
 
-// Variance of the luminance of a surfel's own mean.
-float variance_of_mean(Estimator e) {
-    return luminance(max(vec3(e.variance), 0.0)) * noise_of_mean(e);
-}
-
 // Means over what others share.
 struct Others {
     vec3 mean;
@@ -71,6 +66,25 @@ struct Others {
     float own_square;
     float chance;
 };
+
+const Others NO_OTHERS = Others(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, 0.0, 0.0);
+
+void add_other(inout Others sum, SharedLight light, Estimator found, float weight) {
+    float own = luminance(found.mean);
+    sum.mean += weight * light.mean;
+    sum.excess += weight * light.excess;
+    sum.weights += weight;
+    sum.squared_weights += weight * weight;
+    sum.own += weight * own;
+    sum.own_square += weight * own * own;
+    sum.chance += weight * variance_of_mean(found);
+}
+
+Others mean_of_others(Others sum) {
+    if (sum.weights == 0.0) return sum;
+    float scale = 1.0 / sum.weights;
+    return Others(scale * sum.mean, scale * sum.excess, sum.weights, scale * scale * sum.squared_weights, scale * sum.own, scale * sum.own_square, scale * sum.chance);
+}
 
 // Openness that the picture shows at a surfel's centre; below 0 if it does not show it.
 float seen_openness(ViewBuffer view, PlacedSurfel s) {
@@ -86,12 +100,23 @@ float seen_openness(ViewBuffer view, PlacedSurfel s) {
     return abs(dot(apart, s.normal)) < SEEN * s.radius && dot(apart, apart) < s.radius * s.radius ? load(params.openness, pixel).r : -1.0;
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout float around, inout Others others, inout Plane plane, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
+// What surfels around one share.
+struct Around {
+    SharedLight sum;
+    float weights;
+    float seen;
+    float samples;
+    Others others;
+    Plane plane;  // not for the youngest
+};
+
+void add_cell(inout Around around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
     SurfelPool pool = SurfelPool(params.pool);
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
     mat3 along = frame_of(normal);
-    uint step = most < SETTLED ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
+    bool young = most < SETTLED;
+    uint step = young ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
     for (uint i = surfel % step; i < list.y; i += step) {
         uint other = SurfelWords(params.grid.references).at[list.x + i];
         vec3 centre = PlacedSurfelBuffer(params.grid.placed).at[other].position;
@@ -105,39 +130,23 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, inou
         if (weight > 0.0) weight *= reached(params.grid, other, own, offset - dot(offset, own) * own);
         if (weight == 0.0) continue;
         weight *= float(step);
-        around += weight * min(pool.at[other].light.samples, SETTLED);
+        around.samples += weight * min(pool.at[other].light.samples, SETTLED);
         weight *= min(pool.at[other].light.samples, most);
         SharedLight light = pool.at[other].light_shared;
-        if (other != surfel && most == SETTLED) {
-            float own_light = luminance(pool.at[other].light.mean);
-            others.own += weight * own_light;
-            others.own_square += weight * own_light * own_light;
-            others.chance += weight * variance_of_mean(pool.at[other].light);
-            others.squared_weights += weight * weight;
-        }
-        if (most < SETTLED || light.is_known == 0u) {
+        if (young || light.is_known == 0u) {
             light.mean = pool.at[other].light.mean;
             light.tilt = pool.at[other].light.tilt;
             light.excess = vec3(0.0);
         }
-        if (other != surfel) {
-            others.mean += weight * light.mean;
-            others.excess += weight * light.excess;
-            others.weights += weight;
-        }
-        add_to_plane(plane, -vec2(dot(offset, along[0]), dot(offset, along[1])) / reach, luminance(light.mean), weight);
-        add_shared(sum, light, weight, weights, seen);
+        if (!young) add_to_plane(around.plane, -vec2(dot(offset, along[0]), dot(offset, along[1])) / reach, luminance(light.mean), weight);
+        if (other != surfel) add_other(around.others, light, pool.at[other].light, weight);
+        add_shared(around.sum, light, weight, around.weights, around.seen);
     }
 }
 
-// What surfels around one share, itself among them, and what others do.
-SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float samples, out float around, out Others others, out Plane plane) {
-    SharedLight sum = no_shared_light();
-    float weights = 0.0;
-    float seen = 0.0;
-    others = Others(vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0, 0.0, 0.0);
-    plane = NO_PLANE;
-    around = 0.0;
+// What surfels around one share, itself among them; means in `sum` and `others`.
+Around found_around(vec3 eye, uint surfel, PlacedSurfel s, float samples) {
+    Around around = Around(no_shared_light(), 0.0, 0.0, 0.0, NO_OTHERS, NO_PLANE);
     bool young = samples < YOUNGEST;
     float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
     float reach = s.radius * (young ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
@@ -146,19 +155,13 @@ SharedLight shared_by_others(vec3 eye, uint surfel, PlacedSurfel s, float sample
         for (int y = cells.low.y; y <= cells.high.y; y++) {
             for (int x = cells.low.x; x <= cells.high.x; x++) {
                 ivec3 cell = ivec3(x, y, z);
-                if (holds(cells, cell)) add_cell(sum, weights, seen, around, others, plane, cell, cells.level, s.position, s.normal, reach, surfel, most);
+                if (holds(cells, cell)) add_cell(around, cell, cells.level, s.position, s.normal, reach, surfel, most);
             }
         }
     }
-    if (others.weights > 0.0) {
-        others.mean /= others.weights;
-        others.excess /= others.weights;
-        others.own /= others.weights;
-        others.own_square /= others.weights;
-        others.chance /= others.weights;
-        others.squared_weights /= others.weights * others.weights;
-    }
-    return mean_shared(sum, weights, seen);
+    around.sum = mean_shared(around.sum, around.weights, around.seen);
+    around.others = mean_of_others(around.others);
+    return around;
 }
 
 // Share of a surfel's own mean that is likely.
@@ -213,12 +216,11 @@ void main() {
     float around = WELL_KNOWN;
     bool asks = (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {
-        float samples_around;
-        Others others;
-        Plane plane;
-        light = shared_by_others(view.at[0].eye, i, s, samples, samples_around, others, plane);
+        Around found = found_around(view.at[0].eye, i, s, samples);
+        Others others = found.others;
+        light = found.sum;
         bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
-        if (samples < YOUNGEST && !has_forgotten) around = min(samples_around, WELL_KNOWN);
+        if (samples < YOUNGEST && !has_forgotten) around = min(found.samples, WELL_KNOWN);
         float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * max(1.0 - samples / ALONE, 0.0);
         float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
         if (!has_forgotten) own = mix(min(own, OWN_IN_EVEN_LIGHT), own, structure_share(pool.at[i].light, others));
@@ -227,7 +229,7 @@ void main() {
         pool.at[i].excess = others.excess;
         pool.at[i].excess_passed = mix(others.excess, limited_excess((1.0 - likely) * mean, others), OWN_EXCESS);
         if (samples >= YOUNGEST && !has_forgotten) {
-            float here = at_surfel(plane);
+            float here = at_surfel(found.plane);
             light.mean *= here;
             for (int channel = 0; channel < 3; channel++) light.tilt[channel] *= here;
         }

@@ -66,7 +66,7 @@ void main() {
     if (pool.at[i].bound.instance == 0u) {
         // Those that went in this frame are still in lists, with the light that paths take, which is that of a single one. Not before: others ask for this radius
         // while light is shared.
-        placed.at[i].radius = 0.0;
+        if (params.turn == 1u) placed.at[i].radius = 0.0;
         return;
     }
     PlacedSurfel s = placed.at[i];

@@ -28,6 +28,11 @@ float noise_of_mean(Estimator e) {
     return 2.0 / max(e.samples, 1.0);
 }
 
+// Variance of the luminance of the running mean.
+float variance_of_mean(Estimator e) {
+    return luminance(max(vec3(e.variance), 0.0)) * noise_of_mean(e);
+}
+
 // Samples from which on their variance tells what is bright. Before, samples are limited to so many times the brightest one nearby.
 const float LIMITED_FROM = 8.0;
 const float YOUNG = 32.0;
