@@ -25,6 +25,8 @@ const float CLIP_DEVIATIONS = 1.0;
 // its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus an absolute part.
 const vec2 STEP = vec2(7.0, 0.02);
 const vec2 DRIFT = vec2(1.25, 0.01);
+// Parts of these limits from which on the history counts less, and from which on it has changed: an edge between them would show.
+const vec2 CHANGE = vec2(0.8, 1.2);
 // Temporal variance of that luma over its spatial variance: before it is known, and at least, for edges that few samples hit.
 const float PRIOR = 0.06;
 const float LEAST_VARIANCE = 0.01;
@@ -34,6 +36,11 @@ const float FAST = 0.125;
 const float LEFT_AFTER_CHANGE = 1.0;
 // Weight of a sample far outside of its pixel. Not 0, so that pixels without samples of their own show something.
 const float LEAST_WEIGHT = 0.03;
+// While the history is shorter than BRIEF samples, the blend of an even 3x3 counts as a sample of the pixel's own, so that all pixels take
+// in new light alike; else a change of light would show the pattern of the samples. Deviation over mean: up to the first it is even, from
+// the second on it is not.
+const vec2 EVEN = vec2(0.03, 0.2);
+const float BRIEF = 16.0;
 // Depth is stored as its logarithm, in steps of 0.07 %; a history may differ by DEPTH_TOLERANCE of them.
 const float DEPTH_STEPS = 65534.0;
 const float DEPTH_OCTAVES = 64.0;
@@ -176,14 +183,14 @@ void main() {
     vec2 scale = vec2(view.at[0].size) / size;
     vec2 at = (vec2(pixel) + 0.5) * scale - view.at[0].jitter;
     Around around = look_around(view, at);
-    float weight = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
+    float own = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
     vec3 now = load(params.colour, around.centre).rgb;
     if (!is_taken(params.not_finite, now)) {
         now = vec3(0.0);
-        weight = 0.0;
+        own = 0.0;
     }
-    if (weight < 1.0) {
-        now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, weight);
+    if (own < 1.0) {
+        now = mix(rgb_of_ycocg(tone_expand(around.smooth_mean, params.exposure)), now, own);
     }
 
     // Reprojection. Edges move with the foreground.
@@ -214,18 +221,21 @@ void main() {
     }
 
     float samples = moments.w, luma = around.mean.x;
-    bool changed = false;
+    float changed = 0.0;
     if (samples > 0.0 && around.seen) {
         float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
         float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
-        bool steady = step_off <= STEP.x * deviation + STEP.y && drift <= DRIFT.x * deviation + DRIFT.y;
-        float kept = steady ? calm : 0.0;
+        float off = max(step_off / (STEP.x * deviation + STEP.y), drift / (DRIFT.x * deviation + DRIFT.y));
+        float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, off);
+        float kept = calm * steady;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
-        changed = calm > 0.0 && !steady;
-        if (changed) samples = min(samples, LEFT_AFTER_CHANGE);
+        if (calm > 0.0) changed = 1.0 - steady;
+        samples = mix(samples, min(samples, LEFT_AFTER_CHANGE), changed);
         history = mix(clipped, history, kept);
         samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
     }
+    float even = 1.0 - smoothstep(EVEN.x, EVEN.y, around.deviation.x / (around.mean.x + 1e-6));
+    float weight = own > 0.0 ? max(own, even * (1.0 - min(samples / BRIEF, 1.0))) : 0.0;
 
     // Update of the mean. A short one is weighted by tone, against flicker of bright samples; that of static pixels is plain.
     float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
@@ -237,7 +247,7 @@ void main() {
     next.z = mix(moments.z, luma, max(share, FAST));
     // Moments restart where the pixel moves, has changed, or was disoccluded.
     vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
-    next = mix(fresh, next, samples > 0.0 && !changed ? still : 0.0);
+    next = mix(fresh, next, samples > 0.0 ? still * (1.0 - changed) : 0.0);
     if (!around.seen) next = vec4(moments.xyz, samples);
 
     store(params.next_picture, pixel, vec4(picture, 1.0));

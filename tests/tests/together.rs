@@ -35,6 +35,29 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
+/// What repeats every `period` pixels in a part of an image, over the mean there: the deviation of the means of pixels in the same place of
+/// their period, less the mean of the period around each.
+fn pattern(image: &Pixels, [left, top]: [u32; 2], [across, down]: [u32; 2], period: u32) -> f64 {
+    let values = image.values();
+    let light =
+        |x: u32, y: u32| values[(y * image.extent.width + x) as usize][..3].iter().copied().map(f64::from).sum::<f64>();
+    let half = (period / 2) as i32;
+    let around = |x: u32, y: u32| {
+        let near = (-half..=half).flat_map(|j| (-half..=half).map(move |i| (i, j)));
+        let sum = near.map(|(i, j)| light(x.saturating_add_signed(i), y.saturating_add_signed(j))).sum::<f64>();
+        sum / f64::from(period * period)
+    };
+    let places = (0..period * period).map(|place| {
+        let column = (0..across).map(|i| i * period + place % period);
+        let cells = column.flat_map(|x| (0..down).map(move |j| (left + x, top + j * period + place / period)));
+        cells.map(|(x, y)| light(x, y) - around(x, y)).sum::<f64>() / f64::from(across * down)
+    });
+    let squares = places.map(|mean| mean * mean).sum::<f64>() / f64::from(period * period);
+    let cells = (0..across * period).flat_map(|i| (0..down * period).map(move |j| (left + i, top + j)));
+    let mean = cells.map(|(x, y)| light(x, y)).sum::<f64>() / f64::from(across * down * period * period);
+    squares.sqrt() / mean
+}
+
 /// The last of [`FRAMES`] frames: linear radiance, or another image.
 fn last(
     gpu: &Gpu,
@@ -243,5 +266,26 @@ fn bumps_keep_no_shadow_noisy() -> Result<()> {
         errors.push(error);
     }
     ensure!(errors[1] < 1.2 * errors[0], "{} with a normal map, {} without", errors[1], errors[0]);
+    Ok(())
+}
+
+/// With four fifths of the pixels each way, one output pixel of five has no sample of its own in a frame, in each direction. While the light
+/// grows, as in the first frames, such pixels must not stay behind.
+#[test]
+fn growing_light_shows_no_pattern_of_samples() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    let presets = ["shadows", "ao", "direct", "gi", "reflections", "post"].map(|slot| format!("stages.{slot}=high"));
+    let options = RenderOptions { width: 320, height: 180, ..RenderOptions::default() };
+    let mut renderer =
+        Renderer::new(&gpu, &scene, &Slots::default(), &config(&presets.each_ref().map(String::as_str))?, options)?;
+    for frame in 1..=8 {
+        let request = FrameRequest { camera: &scene.cameras[0], time: 0.0, view: None, read_back: true };
+        let image = renderer.frame(request)?.context("no frame")?.images.context("no image")?.linear;
+        // The front of the tall block.
+        let found = pattern(&image, [128, 82], [6, 7], 5);
+        println!("frame {frame}: pattern of {:.2} %", 100.0 * found);
+        ensure!(found < 0.012, "frame {frame}: {found} of the light repeats with the grid of samples");
+    }
     Ok(())
 }
