@@ -6,6 +6,7 @@
 #include "lib/not_finite.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/resample.glsl"
+#include "lib/surface_codes.glsl"
 #include "shared/post.glsl"
 // Temporal anti-aliasing (Karis 2014, "High Quality Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing
 // Techniques"), and upsampling where the frame is smaller than the picture. Static pixels converge to the plain mean of their samples:
@@ -41,24 +42,8 @@ const float LEAST_WEIGHT = 0.03;
 // the second on it is not.
 const vec2 EVEN = vec2(0.03, 0.2);
 const float BRIEF = 16.0;
-// Depth is stored as its logarithm, in steps of 0.07 %; a history may differ by DEPTH_TOLERANCE of them.
-const float DEPTH_STEPS = 65534.0;
-const float DEPTH_OCTAVES = 64.0;
-const uint DEPTH_TOLERANCE = 30u;
-const uint INSTANCE_BITS = 24u;
 // Pixels of the 3x3 that show the centre's instance, at most, where that is thinner than a pixel: a line has three.
 const uint THIN = 3u;
-
-// Reversed depth in 16 bits; 0 is background.
-uint depth_code(float depth) {
-    if (!(depth > 0.0)) return 0u;
-    return 1u + uint(clamp(log2(depth) / DEPTH_OCTAVES + 1.0, 0.0, 1.0) * DEPTH_STEPS + 0.5);
-}
-
-// One of 24 bits for each instance; consecutive instances have different ones.
-uint instance_bit(uint instance) {
-    return 1u << (instance % INSTANCE_BITS);
-}
 
 // This frame's neighbourhood of an output pixel.
 struct Around {

@@ -1,0 +1,22 @@
+#ifndef LIB_SURFACE_CODES_GLSL
+#define LIB_SURFACE_CODES_GLSL
+// Depth and instance of what a pixel saw, in so few bits that each pixel can keep them for the next frame.
+
+// Depth is stored as its logarithm, in steps of 0.07 %; a history may differ by DEPTH_TOLERANCE of them.
+const float DEPTH_STEPS = 65534.0;
+const float DEPTH_OCTAVES = 64.0;
+const uint DEPTH_TOLERANCE = 30u;
+const uint INSTANCE_BITS = 24u;
+
+// Reversed depth in 16 bits; 0 is background.
+uint depth_code(float depth) {
+    if (!(depth > 0.0)) return 0u;
+    return 1u + uint(clamp(log2(depth) / DEPTH_OCTAVES + 1.0, 0.0, 1.0) * DEPTH_STEPS + 0.5);
+}
+
+// One of 24 bits for each instance; consecutive instances have different ones.
+uint instance_bit(uint instance) {
+    return 1u << (instance % INSTANCE_BITS);
+}
+
+#endif
