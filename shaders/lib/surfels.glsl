@@ -235,7 +235,7 @@ const float CONFIDENT = 64.0;
 const float KNOWN = 0.05;
 const float REACH = 4.0;
 // Samples around a surfel with which its light needs none of a wider surrounding.
-const float WELL_KNOWN = 256.0;
+const float WELL_KNOWN = 512.0;
 
 // Sums over a list of surfels.
 struct SurfelSums {
