@@ -90,6 +90,7 @@ void main() {
             // The history is shortened where something has changed (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
             // Adaptive Temporal Filtering", section 3.3).
             forgotten = load(params.gradient, pixel / int(GRADIENT_STRATUM));
+            if (params.noisy.packing == SIGNAL_RADIANCE) forgotten = forgotten.xxxx;
             frames *= vec4(1.0) - forgotten;
         }
         frames = min(floor(frames) + (taken ? 1.0 : 0.0), params.longest);

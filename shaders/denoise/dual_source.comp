@@ -32,6 +32,7 @@ void main() {
         vec4 before = history.value;
         vec4 spread = history.variance;
         float past = history.frames.x;
+        if (params.gradient != NO_IMAGE) past *= 1.0 - load(params.gradient, pixel / int(GRADIENT_STRATUM)).r;
         vec4 reach = FARTHEST * sqrt(samples.variance + spread / max(past, 1.0));
         vec4 near = clamp(before, samples.mean - reach, samples.mean + reach);
         // The history is shortened by as much as clamping has moved it.

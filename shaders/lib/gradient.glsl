@@ -1,19 +1,13 @@
 #ifndef LIB_GRADIENT_GLSL
 #define LIB_GRADIENT_GLSL
+#include "lib/gradient_squares.glsl"
 #include "lib/octahedral.glsl"
-#include "lib/random.glsl"
 #include "lib/shadow_rays.glsl"
 #include "shared/denoise.glsl"
 // Temporal gradients: one pixel out of each square of GRADIENT_STRATUM stores its surface, and its rays are traced again in the next frame
 // with the same random numbers, from where that surface is by then (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
 // Adaptive Temporal Filtering", section 3.1). If nothing has changed they give the same result, regardless of noise, jitter and camera
 // motion.
-
-// The pixel of a square that is stored in a frame: a different one in each frame.
-ivec2 gradient_pixel(ViewBuffer view, ivec2 square, uint frame) {
-    uint turn = hash4(uvec4(square, frame, view.at[0].seed)).x % (GRADIENT_STRATUM * GRADIENT_STRATUM);
-    return square * int(GRADIENT_STRATUM) + ivec2(turn % GRADIENT_STRATUM, turn / GRADIENT_STRATUM);
-}
 
 // Stores what a pixel shows, if it is the one of its square that is stored in this frame, in two texels of two words: reversed depth and
 // shading normal, instance + 1 and primitive. Zeros for the background.
@@ -69,14 +63,6 @@ bool remembered(ViewBuffer view, SceneBuffer scene, uint kept, ivec2 square, out
     at.surface.geometric_normal = at.start.normal;
     at.pixel = 2.0 * length(m[1].xyz) / size.y * length(offset);
     return true;
-}
-
-// The square of the previous frame that corresponds to this one, by the motion vector of its middle.
-ivec2 square_before(ViewBuffer view, ivec2 square, uint motion) {
-    ivec2 size = ivec2(view.at[0].size);
-    ivec2 middle = min(square * int(GRADIENT_STRATUM) + int(GRADIENT_STRATUM / 2u), size - 1);
-    vec2 was = vec2(middle) - load(motion, middle).xy * vec2(size);
-    return ivec2(floor(was / float(GRADIENT_STRATUM)));
 }
 
 #endif

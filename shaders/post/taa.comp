@@ -23,9 +23,9 @@ const vec2 STILL_PIXELS = vec2(0.001, 0.1);
 // Half size of the box of colours that a moving history is clipped to, in standard deviations.
 const float CLIP_DEVIATIONS = 1.0;
 // A change is detected from the mean luma of the 3x3, which varies less with jitter than single samples. STEP limits how far it may be from
-// its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus an absolute part.
-const vec2 STEP = vec2(7.0, 0.02);
-const vec2 DRIFT = vec2(1.25, 0.01);
+// its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus a part of the luma itself and a constant.
+const vec3 STEP = vec3(7.0, 0.02, 0.01);
+const vec3 DRIFT = vec3(1.25, 0.01, 0.005);
 // Parts of these limits from which on the history counts less, and from which on it has changed: an edge between them would show.
 const vec2 CHANGE = vec2(0.8, 1.2);
 // Temporal variance of that luma over its spatial variance: before it is known, and at least, for edges that few samples hit.
@@ -210,7 +210,8 @@ void main() {
     if (samples > 0.0 && around.seen) {
         float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
         float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
-        float off = max(step_off / (STEP.x * deviation + STEP.y), drift / (DRIFT.x * deviation + DRIFT.y));
+        vec3 scale = vec3(deviation, max(luma, moments.x), 1.0);
+        float off = max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale));
         float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, off);
         float kept = calm * steady;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
@@ -227,8 +228,9 @@ void main() {
     float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
     float shares = own_share + old_share;
     vec3 picture = shares > 0.0 ? (own_share * now + old_share * history) / shares : now;
-    float share = 1.0 / (1.0 + samples), off = luma - moments.x;
-    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off * off), 0.0, samples + weight);
+    // The variance is that around the fast mean, which a change raises only as long as that mean does not know it.
+    float share = 1.0 / (1.0 + samples), off = luma - moments.x, off_fast = luma - moments.z;
+    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off_fast * off_fast), 0.0, samples + weight);
     next.z = mix(moments.z, luma, max(share, FAST));
     // Moments restart where the pixel moves, has changed, or was disoccluded.
     vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);

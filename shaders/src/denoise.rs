@@ -242,6 +242,8 @@ pub struct DualSourceParams {
     pub accumulated_deviation: u32,
     /// Output: number of samples in the mean, R16F.
     pub frames: StorageImage,
+    /// As in [`AccumulateParams`], of radiance.
+    pub gradient: u32,
     /// Output: shares of the surface's history and of the reflected image's, 0 where there is none; or [`NO_IMAGE`].
     pub source: u32,
     /// Limit of that number.

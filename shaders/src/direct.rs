@@ -85,6 +85,30 @@ pub struct TreeLightParams {
     pub widest_alpha: f32,
 }
 
+/// Push constants of `light_change.comp`: how much the light of lamps has changed, in one pixel of nine.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LightChangeParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
+    /// The [`LightTables`](super::light_sampling::LightTables).
+    pub lights: Address,
+    /// The [`LightTree`](super::light_tree::LightTree).
+    pub tree: Address,
+    /// The G-buffer.
+    pub gbuffer: GBufferImages,
+    /// `drawn` one frame ago.
+    pub previous: SampledImage,
+    /// Output, RG32 uint: the lamp that was chosen, + 1, and a point of it, two numbers of 16 bits.
+    pub drawn: StorageImage,
+    /// Output: change, 0 to 1.
+    pub change: StorageImage,
+    /// 0 in the first frame.
+    pub valid: u32,
+}
+
 /// Push constants of `shade.comp`: radiance from every light, and emission.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]

@@ -83,7 +83,7 @@ pub struct BenchMotionArguments {
     #[command(flatten)]
     pub scene: BenchSceneArguments,
     /// The slot
-    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections", "gi"])]
+    #[arg(long, value_name = "SLOT", default_value = "shadows", value_parser = ["shadows", "ao", "reflections", "gi", "direct"])]
     pub slot: String,
     /// Compare the picture at the end of the frame in place of the slot's image
     #[arg(long)]

@@ -3,6 +3,7 @@ use super::all_lights::AllLights;
 use super::light_tree::TreeLights;
 use super::{emitters, light_tree, lobes, shade};
 use crate::contracts::{DirectIn, DirectOut};
+use crate::parts::denoise;
 use crate::precision;
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -24,6 +25,7 @@ pub fn settings() -> Vec<SettingSpec> {
     settings.extend(emitters::settings(lobes::SMOOTH));
     // Where lamps are few these change nothing; `light-tree` sweeps them.
     settings.extend(light_tree::own_settings().into_iter().map(|spec| SettingSpec { sweep: Vec::new(), ..spec }));
+    settings.push(SettingSpec { sweep: Vec::new(), ..denoise::adaptive_to_lamps() });
     settings.push(precision::setting());
     settings
 }

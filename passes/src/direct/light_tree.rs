@@ -1,9 +1,10 @@
 //! `light-tree`: a light of each cluster into which the light tree is split, with a shadow ray each, and a denoiser. Directional lights are
 //! evaluated at every pixel.
+use super::light_change::LightChange;
 use super::lobes::{self, Lobes, Reflected};
 use super::shade::{self, Lights, Shade};
 use crate::contracts::{Channel, DirectIn, DirectOut, RAY_START};
-use crate::parts::denoise::Hints;
+use crate::parts::denoise::{self, Hints};
 use crate::parts::light_tree;
 use crate::precision;
 use crate::ray_kernels::RayKernels;
@@ -31,6 +32,7 @@ pub fn settings() -> Vec<SettingSpec> {
     let mut settings = own_settings();
     settings.push(SettingSpec { sweep: Vec::new(), ..shade::area() });
     settings.extend(lobes::settings(lobes::SMOOTH));
+    settings.push(denoise::adaptive_to_lamps());
     settings.push(precision::setting());
     settings
 }
@@ -41,6 +43,7 @@ pub struct TreeLights {
     split: LightSplit,
     /// Roughness below which there is a ray along the lobe.
     lobe: f32,
+    change: LightChange,
     lobes: Lobes,
     shade: Shade,
 }
@@ -56,6 +59,7 @@ impl TreeLights {
             trace: RayKernels::with_constants(build, clear, tinted, [&rough, &smooth])?,
             split,
             lobe,
+            change: LightChange::new(build, settings)?,
             lobes: Lobes::new(build, settings, true)?,
             shade: Shade::new(build, settings)?,
         })
@@ -90,7 +94,8 @@ impl TreeLights {
             })
         });
         // A mirror's ray along the lobe meets the same lamp in every frame.
-        Some(self.lobes.denoise(g, view, i, noisy, Hints::default().sharp(has_lobe_rays)))
+        let hints = Hints::default().sharp(has_lobe_rays).change(self.change.add(g, view, i));
+        Some(self.lobes.denoise(g, view, i, noisy, hints))
     }
 }
 

@@ -101,7 +101,7 @@ impl Lobes {
         let radiance = self.denoiser.add(g, view, all, "");
         let specular = noisy.specular.map(|specular| {
             let noisy = specular.noisy(i.gbuffer, i.reprojected);
-            let hints = noisy.hints.alike(hints.alike).sharp(hints.sharp);
+            let hints = noisy.hints.alike(hints.alike).sharp(hints.sharp).change(hints.change);
             self.specular.add(g, view, DenoiseIn { hints, ..noisy }, "_specular")
         });
         Reflected { radiance, specular, limit: noisy.limit }

@@ -2,6 +2,7 @@
 mod all_lights;
 mod auto;
 mod emitters;
+mod light_change;
 mod light_tree;
 mod lobes;
 mod sampled;

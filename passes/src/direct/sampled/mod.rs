@@ -6,6 +6,7 @@
 mod passes;
 mod settings;
 
+use super::light_change::LightChange;
 use super::lobes::Lobes;
 use super::shade::{Lights, Shade};
 use crate::contracts::{DirectIn, DirectOut};
@@ -21,6 +22,7 @@ pub use settings::settings;
 /// One light sample for each pixel.
 pub struct Sampled {
     passes: Passes,
+    change: LightChange,
     lobes: Lobes,
     shade: Shade,
     options: Options,
@@ -32,6 +34,7 @@ impl Sampled {
         let options = Options::read(settings, reuse)?;
         Ok(Self {
             passes: Passes::new(build, options)?,
+            change: LightChange::new(build, settings)?,
             lobes: Lobes::new(build, settings, true)?,
             shade: Shade::new(build, settings)?,
             options,
@@ -61,6 +64,7 @@ impl Effect for Sampled {
             let noisy = self.passes.add(g, view, i, lights, &self.lobes);
             // A mirror's candidate along the lobe meets the same lamp in every frame.
             let hints = Hints::default().alike(self.options.alike()).sharp(self.options.widest_alpha > 0.0);
+            let hints = hints.change(self.change.add(g, view, i));
             self.lobes.denoise(g, view, i, noisy, hints)
         });
         let any = view.facts.lights.iter().any(|light| light.kind == LightKind::Directional);

@@ -1,5 +1,6 @@
 //! Settings of `ris` and `restir`.
 use crate::direct::{lobes, shade};
+use crate::parts::denoise;
 use crate::precision;
 use magpie::slot::{SettingSpec, Settings, SlotError};
 use magpie_shaders::resampling::*;
@@ -23,6 +24,7 @@ pub fn settings(reuse: bool) -> Vec<SettingSpec> {
     }
     settings.push(SettingSpec { sweep: Vec::new(), ..shade::area() });
     settings.extend(lobes::settings(lobes::SMOOTH));
+    settings.push(denoise::adaptive_to_lamps());
     settings.push(precision::setting());
     settings
 }

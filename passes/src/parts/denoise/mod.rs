@@ -16,7 +16,9 @@ use bilateral::Bilateral;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::denoise::{SAMPLES_SHARP, SAMPLES_WEIGHTED};
-pub use options::{Method, Options, adaptive, is_adaptive, precision, settings, settings_with};
+pub use options::{
+    Method, Options, adaptive, adaptive_to_lamps, is_adaptive, is_adaptive_to_lamps, precision, settings, settings_with,
+};
 use pica_pica::PicaPica;
 use recurrent_blur::RecurrentBlur;
 pub use signal::{Content, Precision, Signal};

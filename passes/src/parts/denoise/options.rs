@@ -187,6 +187,18 @@ pub fn adaptive() -> SettingSpec {
     .sweep_all()
 }
 
+/// The same for effects that lamps light.
+pub fn adaptive_to_lamps() -> SettingSpec {
+    let about = "Of denoisers with a history: in one pixel of nine a lamp is compared with what it was in the previous frame, and history is discarded where its \
+                 light has changed. Lamps that are switched or move show at once, with some noise, for no ray.";
+    SettingSpec::switch("adaptive", about, true).sweep_all()
+}
+
+/// Whether the denoiser has a history and is to follow lamps.
+pub fn is_adaptive_to_lamps(settings: &Settings) -> Result<bool, SlotError> {
+    Ok(!["bilateral", "none"].contains(&settings.choice("denoiser")?) && settings.switch("adaptive")?)
+}
+
 /// Whether the denoiser uses [`Hints::change`](super::Hints::change).
 pub fn is_adaptive(settings: &Settings) -> Result<bool, SlotError> {
     Ok(["svgf", "recurrent-blur"].contains(&settings.choice("denoiser")?) && settings.switch("adaptive")?)

@@ -2,6 +2,7 @@
 //! for Real-Time Ray Tracing", Ray Tracing Gems, chapter 25, section 25.3.2).
 //!
 //! The passes are `accumulate` → `clean_up`. What accumulates is the history of the next frame, so that the blur of the clean-up does not add up.
+use super::changes::Changes;
 use super::inputs::{Before, Samples, TwoHistories, index_of};
 use super::signal::Packed;
 use super::{DenoiseIn, Options};
@@ -21,6 +22,7 @@ const SOURCE: Format = Format::Rg8Unorm;
 pub struct PicaPica {
     effect: &'static str,
     scope: HistoryScope,
+    changes: Changes,
     accumulate: Kernel,
     clean_up: Kernel,
     options: Options,
@@ -37,7 +39,7 @@ impl PicaPica {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let (accumulate, clean_up) = (build.kernel(&DENOISE_DUAL_SOURCE_COMP)?, build.kernel(&DENOISE_CLEAN_UP_COMP)?);
-        Ok(Self { effect, scope: HistoryScope::new(), accumulate, clean_up, options })
+        Ok(Self { effect, scope: HistoryScope::new(), changes: Changes::new(build)?, accumulate, clean_up, options })
     }
 
     /// Adds the passes. `name` is appended to their names and to those of the histories.
@@ -52,7 +54,9 @@ impl PicaPica {
         let (previous, next) = packing.history(g, &self.scope, &format!("accumulated{name}"), noisy);
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(FRAMES, noisy));
+        let gradient = self.changes.add(g, i.hints.change, &|step: &str| format!("{}.{step}{name}", self.effect));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
+            let gradient = gradient.map(|gradient| p.sample(gradient));
             let samples = Samples::declare(p, view, &i, packing.layout, TwoHistories::CHANNELS);
             let before = Before { signal: previous, frames: previous_frames, fast: None };
             let histories = TwoHistories::declare(p, &i, before);
@@ -72,6 +76,7 @@ impl PicaPica {
                     accumulated,
                     accumulated_deviation,
                     frames: c.id(frames),
+                    gradient: index_of(c, gradient),
                     source: source.map_or(NO_IMAGE, |t| c.id(t).index()),
                     longest,
                     greatest: packing.values.greatest(),

@@ -1,12 +1,15 @@
 //! Effects in motion, `magpie bench motion`: error of each frame against that frame's ground truth, for raw rays and for each denoiser.
+mod contestants;
 mod paths;
 mod report;
 
+pub use contestants::{CONTESTANTS, Contestant};
 pub use paths::{Moment, Path, Turned, around, paths, paths_of_light, stand};
 pub use report::MotionReport;
 
 use crate::FrameBenchError;
-use magpie::config::{Catalogue, Config, Value};
+use contestants::{DIRECT, GI, config};
+use magpie::config::{Config, Value};
 use magpie::gpu::Gpu;
 use magpie::prelude::{Extent, Rays};
 use magpie::scene::Scene;
@@ -27,7 +30,7 @@ pub const WARM_UP: u32 = 40;
 /// Options of `magpie bench motion`.
 #[derive(Clone, Debug)]
 pub struct MotionOptions {
-    /// Name of the slot: `gi`, or one with a denoiser.
+    /// Name of the slot: `gi`, `direct`, or one with a denoiser.
     pub slot: String,
     /// Compares the picture at the end of the frame in place of the slot's image.
     pub picture: bool,
@@ -51,7 +54,7 @@ impl MotionOptions {
     /// Whether what is compared is light, without a greatest value, and no share.
     #[must_use]
     pub fn is_radiance(&self) -> bool {
-        self.picture || matches!(self.slot.as_str(), "reflections" | GI)
+        self.picture || matches!(self.slot.as_str(), "reflections" | GI | DIRECT)
     }
 
     /// Whether `name` takes part: it is wanted, or none of the `names` of its kind is.
@@ -60,69 +63,6 @@ impl MotionOptions {
         is_wanted(name) || !names.iter().any(|name| is_wanted(name))
     }
 }
-
-/// A variant of the slot's settings to compare.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Contestant {
-    /// Text in the legend.
-    pub label: &'static str,
-    /// Implementation of the slot.
-    implementation: &'static str,
-    changes: &'static [(&'static str, &'static str)],
-    /// The one slot that has it; without, it takes part where the implementation has a denoiser.
-    only_in: Option<&'static str>,
-}
-
-/// The implementation of slots that trace.
-const TRACED: &str = "ray-traced";
-const TRUE: &[(&str, &str)] = &[("rays", "8"), ("denoiser", "none")];
-/// Nothing that one frame takes from another, and as many bounces as there can be.
-const TRUE_GI: &[(&str, &str)] = &[
-    ("rays", "8"),
-    ("denoiser", "none"),
-    ("reuse", "false"),
-    ("cache", "none"),
-    ("bounces", "8"),
-    ("regularization", "0"),
-];
-/// The slot of diffuse indirect light, which has implementations that need no denoiser.
-const GI: &str = "gi";
-
-impl Contestant {
-    const fn new(label: &'static str, changes: &'static [(&'static str, &'static str)]) -> Self {
-        Self { label, implementation: TRACED, changes, only_in: None }
-    }
-
-    const fn of_gi(
-        label: &'static str,
-        implementation: &'static str,
-        changes: &'static [(&'static str, &'static str)],
-    ) -> Self {
-        Self { label, implementation, changes, only_in: Some(GI) }
-    }
-}
-
-/// The variants to compare, the raw one first. What an effect has no settings for is skipped.
-pub const CONTESTANTS: [Contestant; 18] = [
-    Contestant::new("one ray", &[("rays", "1"), ("denoiser", "none")]),
-    Contestant::new("svgf", &[("rays", "1"), ("denoiser", "svgf")]),
-    Contestant::new("svgf, fixed history", &[("rays", "1"), ("denoiser", "svgf"), ("adaptive", "false")]),
-    Contestant::new("svgf, reconstructed", &[("rays", "1"), ("denoiser", "svgf"), ("reconstruct", "true")]),
-    Contestant::new("pica-pica, raw", &[("rays", "1"), ("denoiser", "pica-pica"), ("reconstruct", "false")]),
-    Contestant::new("pica-pica", &[("rays", "1"), ("denoiser", "pica-pica"), ("reconstruct", "true")]),
-    Contestant::new("pica-pica, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "pica-pica")]),
-    Contestant::new("blur", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "false")]),
-    Contestant::new("blur, reconstructed", &[("rays", "1"), ("denoiser", "recurrent-blur"), ("reconstruct", "true")]),
-    Contestant::new("blur, quarter rays", &[("pixels_per_ray", "4"), ("denoiser", "recurrent-blur")]),
-    Contestant { implementation: "hybrid", ..Contestant::new("hybrid", &[("pixels_per_ray", "16")]) },
-    Contestant::of_gi("svgf, cache of surfels", TRACED, &[("rays", "1"), ("denoiser", "svgf"), ("cache", "surfels")]),
-    Contestant::of_gi("surfels", "surfels", &[]),
-    Contestant::of_gi("surfels, half", "surfels", &[("resolution", "half")]),
-    Contestant::of_gi("surfels, multi-scale", "surfels", &[("estimator", "multi-scale")]),
-    Contestant::of_gi("screen-space", "screen-space", &[]),
-    Contestant::of_gi("sky", "sky", &[]),
-    Contestant::new("eight rays", TRUE),
-];
 
 /// What is compared: an image of the slot, or the picture.
 #[derive(Clone, Debug)]
@@ -287,36 +227,6 @@ impl Bench {
     }
 }
 
-/// The configuration of a contestant; settings that its implementation does not have are skipped. None if the slot does not have the
-/// implementation, or it has no denoiser and is not meant for this slot.
-fn config(options: &MotionOptions, of: Contestant) -> Result<Option<Config>, FrameBenchError> {
-    let catalogue: Catalogue = Slots::default().catalogue();
-    let known = catalogue.slot(&options.slot).and_then(|s| s.implementation(of.implementation));
-    let has = |key: &str| known.is_none_or(|i| i.settings.iter().any(|s| s.key == key));
-    let takes_part = match of.only_in {
-        Some(slot) => slot == options.slot && known.is_some(),
-        None => of.implementation == TRACED || (known.is_some() && has("denoiser")),
-    };
-    if !takes_part {
-        return Ok(None);
-    }
-    let mut config = options.config.clone();
-    if options.slot != GI && !options.picture && !config.stages.contains_key(GI) {
-        // It changes no image of the slot, but where rays end at what it keeps.
-        config.set(&format!("stages.{GI}=off"))?;
-    }
-    if config.stages.get(&options.slot).is_some_and(|chosen| chosen != of.implementation) {
-        // They are those of another implementation.
-        config.settings.remove(&options.slot);
-    }
-    config.set(&format!("stages.{}={}", options.slot, of.implementation))?;
-    for (key, value) in of.changes.iter().filter(|(key, _)| has(key)) {
-        config.set(&format!("{}.{key}={value}", options.slot))?;
-    }
-    catalogue.check(&config, "bench motion")?;
-    Ok(Some(config))
-}
-
 /// Ground truths.
 #[derive(Default)]
 struct Truths {
@@ -329,8 +239,13 @@ struct Truths {
 /// Ground truths of all frames. Each frame of the renderer has different rays, so that their mean converges.
 fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Truths, FrameBenchError> {
     let of_gi = options.slot == GI;
-    let contestant = Contestant::new("truth", if of_gi { TRUE_GI } else { TRUE });
-    let Some(mut config) = config(options, contestant)? else { return Ok(Truths::default()) };
+    let Some(mut config) = config(options, Contestant::truth(&options.slot))? else { return Ok(Truths::default()) };
+    if options.slot == DIRECT {
+        // Shadows of suns are in its light.
+        for change in ["stages.shadows=ray-traced", "shadows.rays=8", "shadows.denoiser=none"] {
+            config.set(change)?;
+        }
+    }
     // The slots of the truth have the size of the picture.
     if let Some(scale) = config.settings.get_mut("post").and_then(|post| post.get_mut("resolution_scale")) {
         *scale = Value::Float(1.0);
@@ -496,7 +411,7 @@ pub fn run(
     mut progress: impl FnMut(&str),
 ) -> Result<MotionReport, FrameBenchError> {
     let mut paths = paths(scene, options.frames);
-    if options.slot == GI {
+    if [GI, DIRECT].contains(&options.slot.as_str()) {
         paths.extend(paths_of_light(scene, options.frames));
     }
     let labels = CONTESTANTS.map(|contestant| contestant.label);

@@ -1,0 +1,58 @@
+//! How much the light of lamps has changed since the previous frame, for denoisers with a history.
+use crate::contracts::{Channel, DirectIn};
+use crate::parts::denoise::is_adaptive_to_lamps;
+use magpie::gpu::Kernel;
+use magpie::graph::HistoryScope;
+use magpie::prelude::*;
+use magpie::slot::{Build, Settings, SlotError};
+use magpie_shaders::DIRECT_LIGHT_CHANGE_COMP;
+use magpie_shaders::denoise::GRADIENT_STRATUM;
+use magpie_shaders::direct::LightChangeParams;
+
+const READ: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::Ids, Channel::Motion];
+
+/// Compares lamps with what they were, in one pixel of nine.
+pub struct LightChange {
+    /// None where the denoiser asks for nothing.
+    kernel: Option<Kernel>,
+    scope: HistoryScope,
+}
+
+impl LightChange {
+    /// Creates the pipeline.
+    pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
+        let kernel = is_adaptive_to_lamps(settings)?.then(|| build.kernel(&DIRECT_LIGHT_CHANGE_COMP)).transpose()?;
+        Ok(Self { kernel, scope: HistoryScope::new() })
+    }
+
+    /// Adds the pass. Returns [`Hints::change`](crate::parts::denoise::Hints::change), in scenes with a light tree.
+    pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
+        let (kernel, lights, tree) = (self.kernel?, i.scene.lights?, i.scene.light_tree?);
+        let Extent { width, height } = g.extent(i.gbuffer.depth);
+        let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
+        let drawn = g.history(&self.scope, "drawn".to_owned(), ImageDesc::fixed(Format::Rg32Uint, extent));
+        let block = view.block;
+        Some(g.pass("direct.light_change", Queue::AsyncCompute, |p| {
+            let (block, scene) = (p.read(block), i.scene.read(p));
+            let (lights, tree) = (p.read(lights), p.read(tree));
+            let gbuffer = i.gbuffer.read(p, READ);
+            let previous = p.sample(drawn.previous);
+            let (_, drawn_target) = p.write(drawn.next);
+            let (change, target) = p.create("change", ImageDesc::fixed(Format::R8Unorm, extent));
+            (change.read(), move |c: &mut Record<'_>| {
+                let params = LightChangeParams {
+                    view: c.id(block),
+                    scene: c.id(scene),
+                    lights: c.id(lights),
+                    tree: c.id(tree),
+                    gbuffer: gbuffer.images(c),
+                    previous: c.id(previous),
+                    drawn: c.id(drawn_target),
+                    change: c.id(target),
+                    valid: drawn.valid.into(),
+                };
+                c.dispatch(kernel, &params, extent);
+            })
+        }))
+    }
+}

@@ -1,0 +1,69 @@
+//! Direct light where lamps go off or move: how soon each way to choose lights follows, with each denoiser, by `magpie bench motion`.
+use anyhow::{Context, Result, ensure};
+use magpie::config::Config;
+use magpie::prelude::Rays;
+use magpie_bench::motion::{Course, MotionOptions, paths, paths_of_light, walk};
+use magpie_tests::harness::gpu_without_validation;
+use magpie_tests::rooms;
+
+const SIZE: [u32; 2] = [48, 36];
+const FRAMES: u32 = 48;
+
+/// Frame after a change by which each has gone 90 % of the way, at most; and after so many frames, how much of it may be missing.
+const WITHIN: usize = 4;
+const MISSING: [(usize, f64); 2] = [(4, 0.1), (40, 0.05)];
+/// The same for the picture with anti-aliasing.
+const PICTURE_WITHIN: usize = 6;
+
+const CONTESTANTS: [&str; 8] = [
+    "tree, raw",
+    "tree, svgf",
+    "tree, pica-pica",
+    "tree, blur",
+    "restir, raw",
+    "restir, svgf",
+    "restir, pica-pica",
+    "restir, blur",
+];
+
+#[test]
+fn light_is_where_lamps_are() -> Result<()> {
+    let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
+    let scene = rooms::coloured_lamp();
+    let paths = [paths(&scene, FRAMES), paths_of_light(&scene, FRAMES)].concat();
+    // Anti-aliasing takes in slowly what changes over several frames.
+    for (name, picture) in [("switch", false), ("off", false), ("aside", false), ("switch", true), ("off", true)] {
+        let path = paths.iter().find(|path| path.name == name).context(name)?;
+        let mut config = Config::default();
+        config.set("stages.gi=off")?;
+        if picture {
+            config.set("post.anti_aliasing=taa")?;
+        }
+        let options = MotionOptions {
+            slot: "direct".to_owned(),
+            picture,
+            only: CONTESTANTS.map(str::to_owned).to_vec(),
+            size: SIZE,
+            frames: FRAMES,
+            rays: Rays::Software,
+            seed: 0,
+            config,
+            commit: String::new(),
+        };
+        let courses = walk(&gpu, path, &options, &|_, _, _| Ok(0.0))?;
+        for label in CONTESTANTS {
+            let course = courses.iter().find(|course: &&Course| course.label == label).context(label)?;
+            let settled = course.settled_within(0.1);
+            let missing = [4, 12, 40].map(|frame| course.missing_in(frame));
+            let what = format!("{name}, {label}{}", if picture { ", with anti-aliasing" } else { "" });
+            println!("{what}: 90 % in frame {settled:?}, missing after 4, 12, 40: {missing:.4?}");
+            let within = if picture { PICTURE_WITHIN } else { WITHIN };
+            ensure!(settled.is_some_and(|frame| frame <= within), "{what}: 90 % in frame {settled:?}");
+            for (frame, most) in MISSING.into_iter().filter(|_| !picture) {
+                let missing = course.missing_in(frame).context("too few frames")?;
+                ensure!(missing.abs() <= most, "{what}: {missing} missing after {frame} frames");
+            }
+        }
+    }
+    Ok(())
+}
