@@ -1,6 +1,6 @@
 //! How much the light of lamps has changed since the previous frame, for denoisers with a history.
 use crate::contracts::{Channel, DirectIn};
-use crate::parts::denoise::is_adaptive_to_lamps;
+use crate::parts::denoise::{Changes, is_adaptive_to_lamps};
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
@@ -14,25 +14,29 @@ const READ: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::Ids, Channe
 /// Compares lamps with what they were, in one pixel of nine.
 pub struct LightChange {
     /// None where the denoiser asks for nothing.
-    kernel: Option<Kernel>,
+    kernels: Option<(Kernel, Changes)>,
     scope: HistoryScope,
 }
 
 impl LightChange {
     /// Creates the pipeline.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let kernel = is_adaptive_to_lamps(settings)?.then(|| build.kernel(&DIRECT_LIGHT_CHANGE_COMP)).transpose()?;
-        Ok(Self { kernel, scope: HistoryScope::new() })
+        let kernels = if is_adaptive_to_lamps(settings)? {
+            Some((build.kernel(&DIRECT_LIGHT_CHANGE_COMP)?, Changes::new(build)?))
+        } else {
+            None
+        };
+        Ok(Self { kernels, scope: HistoryScope::new() })
     }
 
-    /// Adds the pass. Returns [`Hints::change`](crate::parts::denoise::Hints::change), in scenes with a light tree.
+    /// Adds the passes. Returns [`Hints::change`](crate::parts::denoise::Hints::change), in scenes with a light tree.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
-        let (kernel, lights, tree) = (self.kernel?, i.scene.lights?, i.scene.light_tree?);
+        let ((kernel, changes), lights, tree) = (self.kernels?, i.scene.lights?, i.scene.light_tree?);
         let Extent { width, height } = g.extent(i.gbuffer.depth);
         let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
         let drawn = g.history(&self.scope, "drawn".to_owned(), ImageDesc::fixed(Format::Rg32Uint, extent));
         let block = view.block;
-        Some(g.pass("direct.light_change", Queue::AsyncCompute, |p| {
+        let change = g.pass("direct.light_change", Queue::AsyncCompute, |p| {
             let (block, scene) = (p.read(block), i.scene.read(p));
             let (lights, tree) = (p.read(lights), p.read(tree));
             let gbuffer = i.gbuffer.read(p, READ);
@@ -53,6 +57,7 @@ impl LightChange {
                 };
                 c.dispatch(kernel, &params, extent);
             })
-        }))
+        });
+        Some(changes.add(g, change, "direct", ""))
     }
 }

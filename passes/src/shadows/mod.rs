@@ -5,7 +5,9 @@ mod penumbra_width;
 mod ray_traced;
 
 use crate::contracts::{ShadowGroup, ShadowIn, ShadowOut};
-use crate::parts::denoise::{self, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces, is_adaptive};
+use crate::parts::denoise::{
+    self, Changes, Content, DenoiseIn, Denoiser, Hints, Options, Signal, Surfaces, is_adaptive,
+};
 use choice::{Choice, Group, Technique};
 use magpie::prelude::*;
 use magpie::scene::SceneFacts;
@@ -73,6 +75,7 @@ struct Shadows {
     rays: RayTraced,
     penumbra_width: PenumbraWidth,
     maps: MapShadows,
+    changes: Changes,
     denoiser: Denoiser,
     adaptive: bool,
 }
@@ -84,6 +87,7 @@ impl Shadows {
             rays: RayTraced::new(build, settings)?,
             penumbra_width: PenumbraWidth::new(build)?,
             maps: MapShadows::new(build, settings)?,
+            changes: Changes::new(build)?,
             denoiser: Denoiser::new(build, "shadows", Options::read(settings)?)?,
             adaptive: is_adaptive(settings)?,
         })
@@ -103,6 +107,7 @@ impl Shadows {
         if !self.rays.is_noisy(&group.lights) {
             return visibility;
         }
+        let change = change.map(|change| self.changes.add(g, change, "shadows", name));
         let content = Content::Visibility { channels: group.channels() as u32 };
         let width = penumbra.map(|penumbra| self.penumbra_width.add(g, penumbra, i.gbuffer.depth, name));
         let moved = if self.adaptive { self.rays.moved(group) } else { 0 };

@@ -1,4 +1,4 @@
-//! Where the signal has changed since the previous frame: the blurred hint [`Hints::change`](super::Hints::change).
+//! The hint [`Hints::change`](super::Hints::change) from changes of single pixels.
 use magpie::gpu::Kernel;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
@@ -18,17 +18,11 @@ impl Changes {
         Ok(Self(build.kernel(&DENOISE_BLUR_GRADIENT_COMP)?))
     }
 
-    /// Adds the blurs `PASS_0` and so on. Returns the share of the history to discard, 0 to 1, if there is a hint.
-    pub fn add(
-        self,
-        g: &mut FrameGraph,
-        change: Option<Handle<Image>>,
-        pass: &dyn Fn(&str) -> String,
-    ) -> Option<Handle<Image>> {
-        let blurs = |change| {
-            (0..BLURS).fold(change, |change, blur| self.blur(g, change, blur, &pass(&format!("blur_gradient_{blur}"))))
-        };
-        change.map(blurs)
+    /// Adds the blurs `EFFECT.blur_gradient_0` and so on. `change`: of one pixel out of each 3x3, 0 to 1 per channel: an image of a third of the width and
+    /// height, rounded up. `name` is appended to the names of the passes.
+    pub fn add(self, g: &mut FrameGraph, change: Handle<Image>, effect: &str, name: &str) -> Handle<Image> {
+        let pass = |blur| format!("{effect}.blur_gradient_{blur}{name}");
+        (0..BLURS).fold(change, |change, blur| self.blur(g, change, blur, &pass(blur)))
     }
 
     fn blur(self, g: &mut FrameGraph, change: Handle<Image>, blur: u32, pass: &str) -> Handle<Image> {

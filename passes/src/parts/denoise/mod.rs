@@ -13,6 +13,7 @@ mod svgf;
 
 use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
+pub use changes::Changes;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::denoise::{SAMPLES_SHARP, SAMPLES_WEIGHTED};
@@ -37,8 +38,8 @@ pub struct Surfaces {
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct Hints {
-    /// Change of the signal since the previous frame, 0 to 1 per channel, for one pixel out of each 3x3: an image of a third of the width and
-    /// height, rounded up. The denoiser shortens the history where it is above 0.
+    /// Share of the history to discard as the signal has changed since the previous frame, 0 to 1 per channel, of radiance in the first: what
+    /// [`Changes`] gives.
     pub change: Option<Handle<Image>>,
     /// Width on the screen of the source of each channel's noise, such as a penumbra: pixels over
     /// [`WIDEST_NOISE`](magpie_shaders::denoise::WIDEST_NOISE), 0 to 1. Filters are no wider than this, and 0 means no noise.

@@ -2,7 +2,6 @@
 //! for Real-Time Ray Tracing", Ray Tracing Gems, chapter 25, section 25.3.2).
 //!
 //! The passes are `accumulate` → `clean_up`. What accumulates is the history of the next frame, so that the blur of the clean-up does not add up.
-use super::changes::Changes;
 use super::inputs::{Before, Samples, TwoHistories, index_of};
 use super::signal::Packed;
 use super::{DenoiseIn, Options};
@@ -22,7 +21,6 @@ const SOURCE: Format = Format::Rg8Unorm;
 pub struct PicaPica {
     effect: &'static str,
     scope: HistoryScope,
-    changes: Changes,
     accumulate: Kernel,
     clean_up: Kernel,
     options: Options,
@@ -39,7 +37,7 @@ impl PicaPica {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let (accumulate, clean_up) = (build.kernel(&DENOISE_DUAL_SOURCE_COMP)?, build.kernel(&DENOISE_CLEAN_UP_COMP)?);
-        Ok(Self { effect, scope: HistoryScope::new(), changes: Changes::new(build)?, accumulate, clean_up, options })
+        Ok(Self { effect, scope: HistoryScope::new(), accumulate, clean_up, options })
     }
 
     /// Adds the passes. `name` is appended to their names and to those of the histories.
@@ -54,9 +52,8 @@ impl PicaPica {
         let (previous, next) = packing.history(g, &self.scope, &format!("accumulated{name}"), noisy);
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(FRAMES, noisy));
-        let gradient = self.changes.add(g, i.hints.change, &|step: &str| format!("{}.{step}{name}", self.effect));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
-            let gradient = gradient.map(|gradient| p.sample(gradient));
+            let gradient = i.hints.change.map(|change| p.sample(change));
             let samples = Samples::declare(p, view, &i, packing.layout, TwoHistories::CHANNELS);
             let before = Before { signal: previous, frames: previous_frames, fast: None };
             let histories = TwoHistories::declare(p, &i, before);

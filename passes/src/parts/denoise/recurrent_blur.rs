@@ -1,8 +1,7 @@
 //! The denoiser `recurrent-blur`: what is blurred in one frame is the history of the next, and the longer the history the narrower the blur
 //! (Zhdan 2021, "ReBLUR: A Hierarchical Recurrent Denoiser", Ray Tracing Gems II, chapter 49).
 //!
-//! The passes are (`blur_gradient_N` →) `accumulate` → `mend_history` → `blur` → `post_blur`.
-use super::changes::Changes;
+//! The passes are `accumulate` → `mend_history` → `blur` → `post_blur`.
 use super::inputs::{Before, Samples, TwoHistories, index_of};
 use super::signal::{Packed, PackedWrite};
 use super::{DenoiseIn, Options};
@@ -20,7 +19,6 @@ const WIDTH: Format = Format::R8Unorm;
 pub struct RecurrentBlur {
     effect: &'static str,
     scope: HistoryScope,
-    changes: Changes,
     accumulate: Kernel,
     mend_history: Kernel,
     blur: Kernel,
@@ -59,7 +57,6 @@ impl RecurrentBlur {
         Ok(Self {
             effect,
             scope: HistoryScope::new(),
-            changes: Changes::new(build)?,
             accumulate: build.kernel(&DENOISE_ACCUMULATE_BLURRED_COMP)?,
             mend_history: build.kernel(&DENOISE_MEND_HISTORY_COMP)?,
             blur: build.kernel(&DENOISE_BLUR_COMP)?,
@@ -75,9 +72,8 @@ impl RecurrentBlur {
         let frames = ImageDesc::like(i.signal.content.counts(), i.signal.image);
         let History { previous: previous_frames, next: next_frames, .. } =
             g.history(&self.scope, format!("frames{name}"), frames);
-        let gradient = self.changes.add(g, i.hints.change, &pass);
         let before = |fast| Before { signal, frames: previous_frames, fast: Some(fast) };
-        let accumulated = self.accumulate(g, view, i, &before, gradient, name);
+        let accumulated = self.accumulate(g, view, i, &before, name);
         let mended = self.mend_history(g, view, i, accumulated, next_frames, &pass("mend_history"));
         let first = Blur { from: mended.signal, mended, accumulated, next: None };
         let (blurred, _) = self.blur(g, view, i, first, &pass("blur"));
@@ -91,7 +87,6 @@ impl RecurrentBlur {
         view: &View,
         i: DenoiseIn,
         before: &dyn Fn(Handle<Image>) -> Before,
-        gradient: Option<Handle<Image>>,
         name: &str,
     ) -> Accumulated {
         let (kernel, options, content, noisy) = (self.accumulate, self.options, i.signal.content, i.signal.image);
@@ -101,7 +96,7 @@ impl RecurrentBlur {
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
             let samples = Samples::declare(p, view, &i, packing.layout, TwoHistories::CHANNELS);
             let histories = TwoHistories::declare(p, &i, before(previous_fast));
-            let gradient = gradient.map(|gradient| p.sample(gradient));
+            let gradient = i.hints.change.map(|change| p.sample(change));
             let (signal, target) = packing.create(p, "accumulated", noisy);
             let (counted, frames_target) = p.create("frames", ImageDesc::like(content.counts(), noisy));
             let (fast, fast_target) = p.write(next_fast);

@@ -1,8 +1,7 @@
 //! The denoiser `svgf`: spatiotemporal variance-guided filtering (Schied et al. 2017).
 //!
-//! The passes are (`blur_gradient_N` →) `accumulate` → `spatial_variance` → `level_N`. The result of the first level is the history of the next
+//! The passes are `accumulate` → `spatial_variance` → `level_N`. The result of the first level is the history of the next
 //! frame. Between passes, values are packed together with their standard deviations.
-use super::changes::Changes;
 use super::inputs::{Samples, index_of};
 use super::signal::{Packed, PackedWrite};
 use super::{DenoiseIn, Options};
@@ -23,7 +22,6 @@ pub struct Svgf {
 
 #[derive(Clone, Copy)]
 struct Kernels {
-    changes: Changes,
     accumulate: Kernel,
     spatial_variance: Kernel,
     level: Kernel,
@@ -52,19 +50,10 @@ struct Level {
     history: Option<PackedWrite>,
 }
 
-/// History for [`Svgf::accumulate`].
-#[derive(Clone, Copy)]
-struct Previous {
-    filtered: Packed,
-    /// Share of the history to discard, 0 to 1.
-    gradient: Option<Handle<Image>>,
-}
-
 impl Svgf {
     /// Creates the pipelines.
     pub fn new(build: &Build<'_>, effect: &'static str, options: Options) -> Result<Self, SlotError> {
         let kernels = Kernels {
-            changes: Changes::new(build)?,
             accumulate: build.kernel(&DENOISE_ACCUMULATE_COMP)?,
             spatial_variance: build.kernel(&DENOISE_SPATIAL_VARIANCE_COMP)?,
             level: build.kernel(&DENOISE_LEVEL_COMP)?,
@@ -77,8 +66,7 @@ impl Svgf {
         let pass = |step: &str| format!("{}.{step}{name}", self.effect);
         let packing = i.signal.content.packing(self.options.precision);
         let (filtered, next) = packing.history(g, &self.scope, &format!("filtered{name}"), i.signal.image);
-        let gradient = self.kernels.changes.add(g, i.hints.change, &pass);
-        let accumulated = self.accumulate(g, view, i, Previous { filtered, gradient }, name);
+        let accumulated = self.accumulate(g, view, i, filtered, name);
         let mut filtered = self.spatial_variance(g, view, i, accumulated, &pass("spatial_variance"));
         let (mut next, mut result) = (Some(next), i.signal.image);
         for index in 0..self.options.levels {
@@ -89,7 +77,7 @@ impl Svgf {
         result
     }
 
-    fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, previous: Previous, name: &str) -> Accumulated {
+    fn accumulate(&self, g: &mut FrameGraph, view: &View, i: DenoiseIn, history: Packed, name: &str) -> Accumulated {
         let (kernel, longest) = (self.kernels.accumulate, self.options.history as f32);
         let (content, noisy) = (i.signal.content, i.signal.image);
         let packing = content.packing(self.options.precision);
@@ -99,8 +87,8 @@ impl Svgf {
             g.history(&self.scope, format!("frames{name}"), ImageDesc::like(content.frames(), noisy));
         g.pass(&format!("{}.accumulate{name}", self.effect), Queue::AsyncCompute, |p| {
             let samples = Samples::declare(p, view, &i, packing.layout, &[]);
-            let gradient = previous.gradient.map(|gradient| p.sample(gradient));
-            let (previous_filtered, previous_frames) = (p.sample(previous.filtered.values), p.sample(previous_frames));
+            let gradient = i.hints.change.map(|change| p.sample(change));
+            let (previous_filtered, previous_frames) = (p.sample(history.values), p.sample(previous_frames));
             let previous_moments = previous_moments.sample(p);
             let (signal, signal_target) = packing.create(p, "accumulated", noisy);
             let (_, moments) = next_moments.write(p);
