@@ -27,4 +27,13 @@ vec3 catmull_rom(uint image, uint bilinear, vec2 uv, vec2 size) {
     return non_negative(sum / (own + left + right + above + below));
 }
 
+// Weight of a sample far outside of its pixel. Not 0, so that pixels without samples of their own show something.
+const float LEAST_WEIGHT = 0.03;
+
+// Weight of a sample at a distance of `off` from a pixel's centre, in output pixels: 1 in the pixel's square, little beyond.
+float sample_weight(vec2 off) {
+    vec2 beyond = max(abs(off) - 0.5, vec2(0.0));
+    return max(exp(-100.0 * dot(beyond, beyond)), LEAST_WEIGHT);
+}
+
 #endif

@@ -7,6 +7,10 @@ const float DEPTH_STEPS = 65534.0;
 const float DEPTH_OCTAVES = 64.0;
 const uint DEPTH_TOLERANCE = 30u;
 const uint INSTANCE_BITS = 24u;
+// Beside the bits of instances: whether the light changes, and how still the pixel is.
+const uint CHANGES_BIT = 1u << INSTANCE_BITS;
+const uint STILLNESS_SHIFT = INSTANCE_BITS + 1u;
+const float MOST_STILLNESS = 127.0;
 
 // Reversed depth in 16 bits; 0 is background.
 uint depth_code(float depth) {

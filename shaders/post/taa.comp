@@ -25,18 +25,20 @@ const float CLIP_DEVIATIONS = 1.0;
 // A change is detected from the mean luma of the 3x3, which varies less with jitter than single samples. STEP limits how far it may be from
 // its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus a part of the luma itself and a constant.
 const vec3 STEP = vec3(7.0, 0.02, 0.01);
-const vec3 DRIFT = vec3(1.25, 0.01, 0.005);
+const vec3 DRIFT = vec3(1.0, 0.01, 0.005);
 // Parts of these limits from which on the history counts less, and from which on it has changed: an edge between them would show.
 const vec2 CHANGE = vec2(0.8, 1.2);
 // Temporal variance of that luma over its spatial variance: before it is known, and at least, for edges that few samples hit.
 const float PRIOR = 0.06;
 const float LEAST_VARIANCE = 0.01;
-// Weight of a new sample in the fast mean.
-const float FAST = 0.125;
+// Weight of a new sample in the fast mean: of steady light, and of light that changes.
+const vec2 FAST = vec2(0.125, 0.3);
 // Weight of the history after a change, in samples.
 const float LEFT_AFTER_CHANGE = 1.0;
-// Weight of a sample far outside of its pixel. Not 0, so that pixels without samples of their own show something.
-const float LEAST_WEIGHT = 0.03;
+// Light mostly changes over several frames. From one in which it did, later samples count more than earlier ones: a new sample adds only this much to the weight
+// of the history, until that is SETTLED.
+const float ADDED_WHILE_CHANGING = 1.0 / 3.0;
+const float SETTLED = 8.0;
 // While the history is shorter than BRIEF samples, the blend of an even 3x3 counts as a sample of the pixel's own, so that all pixels take
 // in new light alike; else a change of light would show the pattern of the samples. Deviation over mean: up to the first it is even, from
 // the second on it is not.
@@ -152,12 +154,6 @@ vec3 clip_to(Around around, vec3 colour) {
     return non_negative(rgb_of_ycocg(tone_expand(around.mean + off / farthest, params.exposure)));
 }
 
-// Weight of a sample at a distance of `off` from a pixel's centre, in output pixels: 1 in the pixel's square, little beyond.
-float sample_weight(vec2 off) {
-    vec2 beyond = max(abs(off) - 0.5, vec2(0.0));
-    return max(exp(-100.0 * dot(beyond, beyond)), LEAST_WEIGHT);
-}
-
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -190,14 +186,16 @@ void main() {
     vec4 moments = vec4(0.0);
     vec3 history = vec3(0.0);
     float calm = 0.0;
+    bool changes = false;
     if (params.valid != 0u && on_screen(before)) {
         ivec2 pixel_before = ivec2(before * size);
         uvec2 surfaces = load_uint(params.surfaces, pixel_before).xy;
-        calm = still * float(surfaces.y >> INSTANCE_BITS) / 255.0;
+        calm = still * float(surfaces.y >> STILLNESS_SHIFT) / MOST_STILLNESS;
         if (calm > 0.99 || was_seen(view, around, surfaces)) {
             moments = load(params.moments, pixel_before);
             history = still > 0.99 ? load(params.picture, pixel_before).rgb
                                    : catmull_rom(params.picture, params.sampler_id, before, size);
+            changes = (surfaces.y & CHANGES_BIT) != 0u;
             if (!is_taken(params.not_finite, vec4(history, dot(moments, vec4(1.0))))) {
                 moments = vec4(0.0);
                 history = vec3(0.0);
@@ -206,10 +204,10 @@ void main() {
     }
 
     float samples = moments.w, luma = around.mean.x;
-    float changed = 0.0;
+    float changed = 0.0, fast = changes ? FAST.y : FAST.x;
     if (samples > 0.0 && around.seen) {
         float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
-        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, FAST) - moments.x);
+        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, fast) - moments.x);
         vec3 scale = vec3(deviation, max(luma, moments.x), 1.0);
         float off = max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale));
         float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, off);
@@ -218,6 +216,7 @@ void main() {
         if (calm > 0.0) changed = 1.0 - steady;
         samples = mix(samples, min(samples, LEFT_AFTER_CHANGE), changed);
         history = mix(clipped, history, kept);
+        changes = changed > 0.5 || (changes && samples < SETTLED);
         samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
     }
     float even = 1.0 - smoothstep(EVEN.x, EVEN.y, around.deviation.x / (around.mean.x + 1e-6));
@@ -227,19 +226,20 @@ void main() {
     float own_share = weight * mix(tone_weight(ycocg_of(now), params.exposure), 1.0, still);
     float old_share = samples * mix(tone_weight(ycocg_of(history), params.exposure), 1.0, still);
     float shares = own_share + old_share;
+    float added = changes ? ADDED_WHILE_CHANGING * weight : weight;
     vec3 picture = shares > 0.0 ? (own_share * now + old_share * history) / shares : now;
     // The variance is that around the fast mean, which a change raises only as long as that mean does not know it.
     float share = 1.0 / (1.0 + samples), off = luma - moments.x, off_fast = luma - moments.z;
-    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off_fast * off_fast), 0.0, samples + weight);
-    next.z = mix(moments.z, luma, max(share, FAST));
+    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off_fast * off_fast), 0.0, samples + added);
+    next.z = mix(moments.z, luma, max(share, fast));
     // Moments restart where the pixel moves, has changed, or was disoccluded.
-    vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + weight);
+    vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + added);
     next = mix(fresh, next, samples > 0.0 ? still * (1.0 - changed) : 0.0);
     if (!around.seen) next = vec4(moments.xyz, samples);
 
     store(params.next_picture, pixel, vec4(picture, 1.0));
     store(params.next_moments, pixel, next);
-    uint stillness = uint(still * 255.0 + 0.5);
+    uint stillness = uint(still * MOST_STILLNESS + 0.5);
     uint depths = around.depth_least | (around.depth_most << 16);
-    store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | (stillness << INSTANCE_BITS), 0u, 0u));
+    store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | (changes ? CHANGES_BIT : 0u) | (stillness << STILLNESS_SHIFT), 0u, 0u));
 }
