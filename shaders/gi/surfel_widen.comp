@@ -13,6 +13,10 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { Pla
 const float ASKED = 2.0 * REACH;
 // Surfels of a cell that are asked, about. Those of one cell share nearly the same.
 const uint ASKED_OF_CELL = 2u;
+// Samples for which all count that are near, whichever way they face, for a surfel in its first frame with fewer samples around than SPARSE: the few paths from a
+// narrow surface may all have met shade.
+const float NEAR_BY = 16.0;
+const float SPARSE = 64.0;
 
 // What a surfel shares before this turn.
 SharedLight shared_before(uint surfel) {
@@ -21,8 +25,10 @@ SharedLight shared_before(uint surfel) {
     return SharedLight(placed.at[surfel].mean, placed.at[surfel].tilt, placed.at[surfel].openness, 1u, placed.at[surfel].excess);
 }
 
-void add_cell(inout SharedLight sum, inout float weights, inout float seen, uint cell, uint surfel, PlacedSurfel s) {
+// `near`: the mean of all that are near, times its weight.
+void add_cell(inout SharedLight sum, inout float weights, inout float seen, inout vec4 near, uint cell, uint surfel, PlacedSurfel s) {
     SurfelPool pool = SurfelPool(params.pool);
+    bool is_sparse = s.samples <= 1.0 && pool.at[surfel].samples_around < SPARSE;
     uvec2 list = SurfelCells(params.grid.cells).at[cell];
     uint step = max(list.y / ASKED_OF_CELL, 1u);
     for (uint i = surfel % step; i < list.y; i += step) {
@@ -31,10 +37,12 @@ void add_cell(inout SharedLight sum, inout float weights, inout float seen, uint
         float square = dot(offset, offset) / (ASKED * ASKED * s.radius * s.radius);
         if (!(square < 1.0)) continue;
         vec3 normal = PlacedSurfelBuffer(params.grid.placed).at[other].normal;
-        float weight = disc_weight(square, REACH * s.radius, normal, offset, s.normal).y * pool.at[other].samples_around;
-        if (weight > 0.0) weight *= reached(params.grid, other, normal, offset - dot(offset, normal) * normal);
-        if (weight > 0.0) weight *= reached(params.grid, surfel, s.normal, dot(offset, s.normal) * s.normal - offset);
-        if (weight > 0.0) add_shared(sum, shared_before(other), weight, weights, seen);
+        vec2 likeness = disc_weight(square, REACH * s.radius, normal, offset, s.normal) * pool.at[other].samples_around;
+        if ((is_sparse ? likeness.x : likeness.y) == 0.0) continue;
+        likeness *= reached(params.grid, surfel, s.normal, dot(offset, s.normal) * s.normal - offset);
+        if (likeness.y > 0.0) likeness.y *= reached(params.grid, other, normal, offset - dot(offset, normal) * normal);
+        if (is_sparse) near += likeness.x * vec4(shared_before(other).mean, 1.0);
+        if (likeness.y > 0.0) add_shared(sum, shared_before(other), likeness.y, weights, seen);
     }
 }
 
@@ -43,17 +51,23 @@ SharedLight shared_widely(vec3 eye, uint surfel, PlacedSurfel s, SharedLight own
     SharedLight sum = no_shared_light();
     float weights = 0.0;
     float seen = 0.0;
+    vec4 near = vec4(0.0);
     SurfelCellsAround around = cells_around(params.grid, s.position - eye, s.normal, ASKED * s.radius, s.radius);
     for (int z = around.low.z; z <= around.high.z; z++) {
         for (int y = around.low.y; y <= around.high.y; y++) {
             for (int x = around.low.x; x <= around.high.x; x++) {
                 ivec3 cell = ivec3(x, y, z);
-                if (holds(around, cell)) add_cell(sum, weights, seen, cell_index(params.grid, cell, around.level), surfel, s);
+                if (holds(around, cell)) add_cell(sum, weights, seen, near, cell_index(params.grid, cell, around.level), surfel, s);
             }
         }
     }
     if (weights == 0.0) return own;
     SharedLight wide = mean_shared(sum, weights, seen);
+    if (near.w > 0.0) {
+        float alike = weights / (weights + NEAR_BY);
+        wide.mean = mix(near.rgb / near.w, wide.mean, alike);
+        for (int channel = 0; channel < 3; channel++) wide.tilt[channel] *= alike;
+    }
     if (seen == 0.0) wide.openness = own.openness;
     return wide;
 }

@@ -10,6 +10,12 @@ float alpha_of_pdf(float pdf) {
     return min(inversesqrt(4.0 * PI * max(pdf, 1e-12)), 1.0);
 }
 
+// The share for the next path of a mean that has taken in so many. It falls with the square root of their number, the fastest at which the variance of the mean
+// does not grow: wide lobes while a mean of few would be bright specks, and nearly none of their error later (Kaplanyan and Dachsbacher 2013).
+float regularization_after(float paths, float share) {
+    return share * inversesqrt(max(paths, 1.0));
+}
+
 // Whether a light that is sampled with a pdf, per steradian, is smaller than a lobe of that alpha. Rays along lobes do not count it then.
 bool is_small(float light_pdf, float least_alpha) {
     return light_pdf * (4.0 * PI * least_alpha * least_alpha) > 1.0;

@@ -74,7 +74,7 @@ void trace_surfel(SurfelTraceParams params, uvec2 invocation) {
         vec3 l = sample_cosine(drawn.u);
         vec3 direction = around * l;
         Random random = random_of(surfel, s.paths, seed ^ s.born ^ SEQUENCE_SURFELS);
-        Path path = Path(params.hits, params.bounces, params.regularization, params.pool, params.emitters != 0u);
+        Path path = Path(params.hits, params.bounces, regularization_after(s.light.samples, params.regularization), params.pool, params.emitters != 0u);
         float distance;
         vec3 radiance = follow(view, scene, path, surface_ray(start, direction, UNBOUNDED), drawn.density * l.z / PI, random, distance);
         if (is_taken(word_at(params.rays, 2u), radiance)) {

@@ -195,8 +195,9 @@ void main() {
             moments = load(params.moments, pixel_before);
             history = still > 0.99 ? load(params.picture, pixel_before).rgb
                                    : catmull_rom(params.picture, params.sampler_id, before, size);
-            changes = (surfaces.y & CHANGES_BIT) != 0u;
-            if (!is_taken(params.not_finite, vec4(history, dot(moments, vec4(1.0))))) {
+            if (is_taken(params.not_finite, vec4(history, dot(moments, vec4(1.0))))) {
+                changes = (surfaces.y & CHANGES_BIT) != 0u;
+            } else {
                 moments = vec4(0.0);
                 history = vec3(0.0);
             }

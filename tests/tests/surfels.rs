@@ -76,12 +76,36 @@ fn light_is_that_of_the_reference() -> Result<()> {
     let truth = truth_of(options, &gpu, &scene, Shown { size: SIZE, time: 0.0 }, 256)?.mean;
     let mut frames = Frames::new(&gpu, &scene, &[])?;
     let mut last = f64::INFINITY;
-    for (frame, others, least, error) in [(1, 0, 0.75, 0.5), (8, 6, 0.9, 0.2), (64, 55, 0.97, 0.08)] {
+    for (frame, others, least, error) in [(1, 0, 0.9, 0.5), (8, 6, 0.9, 0.2), (64, 55, 0.97, 0.08)] {
         let [light, blocks] = light_and_block_error(&frames.light(others)?, &truth, SIZE[0]);
         println!("frame {frame}: light {light:.3}, error of blocks {blocks:.3}");
         ensure!((least..1.05).contains(&light), "frame {frame}: light {light}");
         ensure!(blocks < error && blocks < last, "frame {frame}: error {blocks}");
         last = blocks;
+    }
+    Ok(())
+}
+
+/// Below this share of the truth, light counts as black.
+const BLACK: f64 = 0.1;
+
+/// In the first frame, leaves and narrow things are not black where the reference has light, although few surfels with one path each lie on them.
+#[test]
+fn first_frames_have_no_black_patches() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = builtin("courtyard")?;
+    let cameras = scene.cameras.clone();
+    for name in ["close", "alcove"] {
+        scene.cameras = cameras.iter().filter(|camera| camera.name == name).cloned().collect();
+        let options = ReferenceOptions { only: Only::Gi, ..ReferenceOptions::default() };
+        let truth = truth_of(options, &gpu, &scene, Shown { size: SIZE, time: 0.0 }, 128)?.mean;
+        let found = Frames::new(&gpu, &scene, &[])?.light(0)?;
+        let is_lit = |wanted: DVec3| wanted.element_sum() > 3e-3;
+        let is_black = |found: DVec3, wanted: DVec3| found.element_sum() < BLACK * wanted.element_sum();
+        let black = found.iter().zip(&truth).filter(|(f, w)| is_lit(**w) && is_black(**f, **w)).count();
+        let black = black as f64 / truth.iter().filter(|wanted| is_lit(**wanted)).count() as f64;
+        println!("{name}: {:.2} % of the first frame are black", 100.0 * black);
+        ensure!(black < 0.005, "{name}: {black} of the first frame is black");
     }
     Ok(())
 }

@@ -70,17 +70,17 @@ impl Surfels {
         })
     }
 
-    /// Adds the paths of listed surfels.
+    /// Adds the paths of listed surfels, which meet `bounces` surfaces where no surfels know the light.
     fn trace(
         &self,
         g: &mut FrameGraph,
         view: &View,
         i: LightingIn,
-        (list, name): (PixelList, &str),
+        (list, name, bounces): (PixelList, &str, u32),
         state: State,
     ) -> State {
         let Some(hits) = HitShading::new(&i, false) else { return state };
-        let Options { bounces, regularization, estimator, feedback, .. } = self.options;
+        let Options { regularization, estimator, feedback, .. } = self.options;
         let hits = hits.with_cache(feedback.then(|| state.cache()));
         let emitters = u32::from(view.facts.emissive_instances > 0);
         let (kernel, block) = (self.trace.of(view), view.block);
@@ -261,13 +261,14 @@ impl Surfels {
         let state = self.grid.begin(g, view);
         let (state, free, keys) = self.grid.place(g, view, i, state);
         let state = self.grid.build(g, view, state, false);
-        let list = self.lists.add(g, "surfels", keys, Some(self.options.most_old(view.facts.lets_light_through)));
-        let state = self.trace(g, view, i, (list, "gi.trace"), state);
+        let tinted = view.facts.lets_light_through;
+        let list = self.lists.add(g, "surfels", keys, Some(self.options.most_old(tinted)));
+        let state = self.trace(g, view, i, (list, "gi.trace", self.options.bounces), state);
         // What this frame's picture and paths ask for.
         let (state, asked) = self.ask(g, view, i, state);
         let (state, list) = self.commit(g, view, i, state, &asked, free);
         let state = self.grid.build(g, view, state, true);
-        let state = self.trace(g, view, i, (list, "gi.trace_new"), state);
+        let state = self.trace(g, view, i, (list, "gi.trace_new", self.options.first_bounces(tinted)), state);
         let state = self.grid.refresh(g, view, state);
         let state = self.grid.share(g, view, i, state);
         show::show(g, view, i, &state, self.grid.division(view), self.options.capacity, self.show);

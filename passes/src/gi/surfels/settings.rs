@@ -36,6 +36,9 @@ pub struct Options {
 /// Share of the rays that is kept free for surfels in their first frame.
 const FOR_NEW: u32 = 4;
 
+/// Surfaces that the first path of a surfel meets at least: in the first frame no surfels know the light at which paths could end.
+const FIRST_BOUNCES: u32 = 4;
+
 impl Options {
     /// Reads the settings.
     pub fn read(settings: &Settings) -> Result<Self, SlotError> {
@@ -61,24 +64,30 @@ impl Options {
     }
 
     /// Rays of a path at most. `tinted`: there are surfaces that let light straight through, beyond each of which another ray starts.
-    const fn rays_of_path(&self, tinted: bool) -> u32 {
+    const fn rays_of_path(bounces: u32, tinted: bool) -> u32 {
         if tinted {
             // Along the path; towards a light from each of its surfaces past opaque things, through sheets, and beyond the last.
-            MOST_TURNS + self.bounces * (MOST_SHEETS + 2)
+            MOST_TURNS + bounces * (MOST_SHEETS + 2)
         } else {
             // To each surface, to a light from each, and beyond the last.
-            2 * self.bounces + 1
+            2 * bounces + 1
         }
     }
 
+    /// Surfaces that the first path of a surfel meets. Where surfaces let light through it meets no more than others: the bound on its rays would leave room for
+    /// two thirds of the surfels only.
+    pub fn first_bounces(&self, tinted: bool) -> u32 {
+        if self.feedback && !tinted { self.bounces.max(FIRST_BOUNCES) } else { self.bounces }
+    }
+
     /// Rays of a surfel in its first frame at most. It looks into all sectors at once.
-    pub const fn rays_of_new(&self, tinted: bool) -> u32 {
-        SECTORS + self.rays_of_path(tinted)
+    pub fn rays_of_new(&self, tinted: bool) -> u32 {
+        SECTORS + Self::rays_of_path(self.first_bounces(tinted), tinted)
     }
 
     /// Greatest number of older surfels that trace in one frame.
     pub const fn most_old(&self, tinted: bool) -> u32 {
-        (self.budget - self.budget / FOR_NEW) / (1 + self.rays_of_path(tinted))
+        (self.budget - self.budget / FOR_NEW) / (1 + Self::rays_of_path(self.bounces, tinted))
     }
 }
 
