@@ -13,9 +13,9 @@ void main() {
     vec3 from_eye = PlacedSurfelBuffer(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye;
     Estimator e = pool.at[i].light;
     SurfelChanges changes = SurfelChanges(params.changes);
-    for (uint window = 0u; window < 2u; window++) {
-        float change = change_of(e, window);
-        uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
+    for (uint test = 0u; test < CHANGE_TESTS; test++) {
+        float change = change_of(e, test, ViewBuffer(params.view).at[0].frame);
+        uvec2 places = change_places(params.grid, from_eye) + test * 2u * (params.grid.cell_mask + 1u);
         for (int place = 0; place < 2; place++) {
             atomicAdd(changes.at[places[place]].sum, int(round(256.0 * change)));
             atomicAdd(changes.at[places[place]].squares, uint(round(64.0 * change * change)));

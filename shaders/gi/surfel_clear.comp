@@ -24,7 +24,7 @@ void main() {
     }
     if (params.begins != 0u && i <= params.grid.cell_mask) SurfelWords(params.wishes).at[i] = 0u;
     if (params.begins != 0u && i <= params.grid.cell_mask) {
-        for (uint part = 0u; part < 4u; part++) {
+        for (uint part = 0u; part < 2u * CHANGE_TESTS; part++) {
             SurfelChanges(params.changes).at[part * (params.grid.cell_mask + 1u) + i] = SurfelChange(0, 0u, 0u, 0u);
         }
     }

@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Placed { PlacedSurfel at[]; };
 
 // Samples that are left where the light has changed, about as many as the windows hold.
-const float LEFT[2] = float[](2.0, 12.0);
+const float LEFT[CHANGE_TESTS] = float[](2.0, 2.0, 12.0);
 const float LEFT_LIKELY = 4.0;
 // Samples below which what is left is so little that directions are learned anew.
 const float FORGETS = 16.0;
@@ -21,11 +21,11 @@ const float FORGETS = 16.0;
 const vec2 CHANGES_ELSEWHERE = vec2(0.005, 0.05);
 
 // How much tells that the light at a surfel has changed, over what it takes: in its cell, or in its block if its cell does not say otherwise.
-float evidence(vec3 from_eye, uint window) {
-    uvec2 places = change_places(params.grid, from_eye) + window * 2u * (params.grid.cell_mask + 1u);
+float evidence(vec3 from_eye, uint test) {
+    uvec2 places = change_places(params.grid, from_eye) + test * 2u * (params.grid.cell_mask + 1u);
     float cell = change_at(SurfelChanges(params.changes).at[places.x]);
     float block = change_at(SurfelChanges(params.changes).at[places.y]);
-    return max(abs(cell), cell * block > 0.0 ? abs(block) : 0.0);
+    return (test == COLOUR ? OF_COLOUR : 1.0) * max(abs(cell), cell * block > 0.0 ? abs(block) : 0.0);
 }
 
 void main() {
@@ -39,16 +39,16 @@ void main() {
     float elsewhere = float(counters.counts.changed[1]) / float(max(counters.counts.live, 1u));
     float likely = smoothstep(CHANGES_ELSEWHERE.x, CHANGES_ELSEWHERE.y, elsewhere);
     float samples = pool.at[i].light.samples;
-    for (uint window = 0u; window < 2u; window++) {
-        float found = evidence(from_eye, window);
+    for (uint test = 0u; test < CHANGE_TESTS; test++) {
+        float found = evidence(from_eye, test);
         if (found < 1.0) {
             // Not enough to throw away what is known, but the likelier a change is, the sooner that shall count no more.
-            float evident = likely * found;
+            float evident = test == COLOUR ? 0.0 : likely * found;
             if (evident > 0.0) samples = min(samples, LEFT_LIKELY / (evident * evident));
             continue;
         }
         atomicAdd(counters.counts.changed[0], 1u);
-        vec3 of_late = window == 0u ? vec3(pool.at[i].light.newest) : vec3(pool.at[i].light.short_mean);
+        vec3 of_late = light_of_late(pool.at[i].light, test);
         // What is darker than before has less tilt as well.
         float before = luminance(pool.at[i].light.mean);
         float left = before > 0.0 ? min(luminance(of_late) / before, 1.0) : 0.0;
@@ -61,7 +61,7 @@ void main() {
         pool.at[i].excess_passed = vec3(0.0);
         pool.at[i].light.short_mean = of_late;
         pool.at[i].light.variance = of_late * of_late;
-        samples = min(samples, LEFT[window]);
+        samples = min(samples, LEFT[test]);
         break;
     }
     // What was learned of directions is of no use where the light is another. Paths begin a block.

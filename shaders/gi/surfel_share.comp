@@ -107,7 +107,7 @@ struct Around {
     float seen;
     float samples;
     Others others;
-    Plane plane;  // not for the youngest
+    Plane plane;  // not where light is fresh
 };
 
 void add_cell(inout Around around, ivec3 cell, int level, vec3 position, vec3 normal, float reach, uint surfel, float most) {
@@ -115,8 +115,8 @@ void add_cell(inout Around around, ivec3 cell, int level, vec3 position, vec3 no
     uvec2 list = SurfelCells(params.grid.cells).at[cell_index(params.grid, cell, level)];
     vec3 eye = ViewBuffer(params.view).at[0].eye;
     mat3 along = frame_of(normal);
-    bool young = most < SETTLED;
-    uint step = young ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
+    bool fresh = most < SETTLED;
+    uint step = most < MOST_OF_OWN * YOUNGEST ? max(uint(float(list.y) * most / ENOUGH_OF_CELL), 1u) : 1u;
     for (uint i = surfel % step; i < list.y; i += step) {
         uint other = SurfelWords(params.grid.references).at[list.x + i];
         vec3 centre = PlacedSurfelBuffer(params.grid.placed).at[other].position;
@@ -133,23 +133,22 @@ void add_cell(inout Around around, ivec3 cell, int level, vec3 position, vec3 no
         around.samples += weight * min(pool.at[other].light.samples, SETTLED);
         weight *= min(pool.at[other].light.samples, most);
         SharedLight light = pool.at[other].light_shared;
-        if (young || light.is_known == 0u) {
+        if (fresh || light.is_known == 0u) {
             light.mean = pool.at[other].light.mean;
             light.tilt = pool.at[other].light.tilt;
             light.excess = vec3(0.0);
         }
-        if (!young) add_to_plane(around.plane, -vec2(dot(offset, along[0]), dot(offset, along[1])) / reach, luminance(light.mean), weight);
+        if (!fresh) add_to_plane(around.plane, -vec2(dot(offset, along[0]), dot(offset, along[1])) / reach, luminance(light.mean), weight);
         if (other != surfel) add_other(around.others, light, pool.at[other].light, weight);
         add_shared(around.sum, light, weight, around.weights, around.seen);
     }
 }
 
 // What surfels around one share, itself among them; means in `sum` and `others`.
-Around found_around(vec3 eye, uint surfel, PlacedSurfel s, float samples) {
+Around found_around(vec3 eye, uint surfel, PlacedSurfel s, float samples, bool fresh) {
     Around around = Around(no_shared_light(), 0.0, 0.0, 0.0, NO_OTHERS, NO_PLANE);
-    bool young = samples < YOUNGEST;
-    float most = young ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
-    float reach = s.radius * (young ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
+    float most = fresh ? MOST_OF_OWN * max(samples, 1.0) : SETTLED;
+    float reach = s.radius * (samples < YOUNGEST ? clamp(sqrt(ENOUGH / max(samples, 1.0)), 1.0, REACH) : ASKED);
     SurfelCellsAround cells = cells_around(params.grid, s.position - eye, s.normal, reach, 0.5 * reach);
     for (int z = cells.low.z; z <= cells.high.z; z++) {
         for (int y = cells.low.y; y <= cells.high.y; y++) {
@@ -216,16 +215,18 @@ void main() {
     float around = WELL_KNOWN;
     bool asks = (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {
-        Around found = found_around(view.at[0].eye, i, s, samples);
+        bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
+        // After a change, what others share is still what it was: their own means are asked until light has spread.
+        bool fresh = samples < YOUNGEST || (has_forgotten && samples < SPREADING);
+        Around found = found_around(view.at[0].eye, i, s, samples, fresh);
         Others others = found.others;
         light = found.sum;
-        bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
         if (samples < YOUNGEST && !has_forgotten) around = min(found.samples, WELL_KNOWN);
         float guess = (has_forgotten ? min(GUESS_OF_OWN * samples, GUESS) : GUESS) * max(1.0 - samples / ALONE, 0.0);
         float own = samples < YOUNGEST ? 0.0 : samples / (samples + guess);
         if (!has_forgotten) own = mix(min(own, OWN_IN_EVEN_LIGHT), own, structure_share(pool.at[i].light, others));
         vec3 mean = pool.at[i].light.mean;
-        float likely = samples < YOUNGEST ? 1.0 : likely_share(pool.at[i].light, others);
+        float likely = fresh ? 1.0 : likely_share(pool.at[i].light, others);
         pool.at[i].excess = others.excess;
         pool.at[i].excess_passed = mix(others.excess, limited_excess((1.0 - likely) * mean, others), OWN_EXCESS);
         if (samples >= YOUNGEST && !has_forgotten) {

@@ -2,9 +2,11 @@
 #define LIB_COLOUR_GLSL
 // Colour: linear Rec.709 in, display values out.
 
-// Luminance of linear Rec.709.
+// Luminance of the primaries of linear Rec.709.
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
 float luminance(vec3 c) {
-    return dot(c, vec3(0.2126, 0.7152, 0.0722));
+    return dot(c, LUMINANCE);
 }
 
 // sRGB encoding (IEC 61966-2-1) of 0..1.

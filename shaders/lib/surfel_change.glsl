@@ -13,6 +13,12 @@ const float HAS_SAY = 4.0;
 // Standard errors that count as a change, as few as chance reaches in hardly any place in hundreds of frames; more where few surfels are asked.
 const float CHANGED = 3.5;
 const float CHANGED_FEW = 10.0;
+// Tests: of luminance by the newest samples, of colour by the same, of luminance over a longer window.
+const uint NEW = 0u;
+const uint COLOUR = 1u;
+const uint SHORT = 2u;
+// What a test of colour has found counts for so much: single channels differ by chance more often, from surfel to surfel alike.
+const float OF_COLOUR = 0.7;
 // Standard errors beyond which a surfel counts no more.
 const float FARTHEST = 16.0;
 
@@ -24,13 +30,19 @@ uvec2 change_places(SurfelGrid grid, vec3 from_eye) {
     return uvec2(cell_index(grid, cell, level), grid.cell_mask + 1u + cell_index(grid, block, level + 256));
 }
 
-// How far the light of late is from the mean, in standard errors. Windows: of `Estimator::newest`, and of `Estimator::short_mean`, which tells of lesser
-// changes later.
-float change_of(Estimator e, uint window) {
-    float share = window == 0u ? share_of_newest(e) : SHORT_WINDOW;
-    float mean = luminance(e.mean);
-    float deviation = luminance(sqrt(max(vec3(e.variance), 0.0))) + 0.02 * mean;
-    float apart = luminance(window == 0u ? vec3(e.newest) : vec3(e.short_mean)) - mean;
+// Light of late: of `Estimator::newest`, or of `Estimator::short_mean`, which tells of lesser changes later.
+vec3 light_of_late(Estimator e, uint test) {
+    return test == SHORT ? vec3(e.short_mean) : vec3(e.newest);
+}
+
+// How far the light of late is from the mean, in standard errors. Luminance misses most of a change of colour: a test of its own looks at red and at blue, frame
+// by frame in turn.
+float change_of(Estimator e, uint test, uint frame) {
+    vec3 channels = test != COLOUR ? LUMINANCE : (frame & 1u) == 0u ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 0.0, 1.0);
+    float share = test == SHORT ? SHORT_WINDOW : share_of_newest(e);
+    float mean = dot(channels, vec3(e.mean));
+    float deviation = dot(channels, sqrt(max(vec3(e.variance), 0.0))) + 0.02 * mean;
+    float apart = dot(channels, light_of_late(e, test)) - mean;
     float error = deviation * sqrt(share / (2.0 - share) + noise_of_mean(e));
     return apart == 0.0 ? 0.0 : clamp(apart / max(error, 1e-30), -FARTHEST, FARTHEST);
 }

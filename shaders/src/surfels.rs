@@ -22,6 +22,8 @@ pub const CELLS_OF_SURFEL: u32 = 16;
 pub const GUIDE_SIDE: u32 = 4;
 /// Cells on a side of the blocks over which changes of light are found, beside cells.
 pub const CHANGE_BLOCK: u32 = 4;
+/// Tests by which changes of light are found: of luminance and of colour by the newest samples, of luminance over a longer window.
+pub const CHANGE_TESTS: u32 = 3;
 /// Numbers in [`SurfelShowParams::counters`].
 pub const SURFEL_COUNTERS: u32 = 8;
 /// How samples are averaged: the published multi-scale mean.
@@ -236,8 +238,7 @@ pub struct SurfelPoolParams {
     pub not_finite: Address,
     /// Output, where the frame begins: a copy of `grid`.
     pub cache: Address,
-    /// [`SurfelChange`] of each cell, then of blocks of [`CHANGE_BLOCK`]³ cells, hashed in the same way; both over the newest samples, then over a
-    /// longer window.
+    /// [`SurfelChange`] of each cell, then of blocks of [`CHANGE_BLOCK`]³ cells, hashed in the same way; both for each of [`CHANGE_TESTS`] tests.
     pub changes: Address,
 }
 

@@ -127,6 +127,15 @@ pub fn coloured_lamp() -> Scene {
     s
 }
 
+/// The same with two lamps in one place, a red and a blue one, which give the same luminance.
+pub fn lamp_of_two_colours() -> Scene {
+    let mut s = coloured_lamp();
+    s.lights = [Vec3::new(150.0, 15.0, 8.0), Vec3::new(10.0, 40.0, 170.0)]
+        .map(|watts| lamp([-1.2, 1.8, 0.2], 0.1, watts))
+        .into();
+    s
+}
+
 /// The same with a lamp that goes to the other side within a tenth of a second, from time 0 on.
 pub fn moving_lamp() -> Scene {
     let mut s = coloured_lamp();

@@ -194,7 +194,7 @@ impl Grid {
             let (wishes, wishes_token) = p.create_buffer("wishes", BufferDesc::new(wish_bytes));
             let (grid, grid_token) = p.create_buffer("grid", bytes(size_of::<SurfelGrid>(), 1));
             let (changes, changes_token) =
-                p.create_buffer("changes", bytes(size_of::<SurfelChange>(), 4 * u64::from(cells)));
+                p.create_buffer("changes", bytes(size_of::<SurfelChange>(), u64::from(2 * CHANGE_TESTS * cells)));
             let grid = grid.read();
             let state = State { pool, counts, placed, cells: cells_buffer, references, grid, groups, wishes, changes };
             let look_up = LookUp { placed: placed_token, cells: cells_token, references: references_token };
