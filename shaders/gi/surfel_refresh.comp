@@ -3,8 +3,8 @@
 #include "lib/bindless.glsl"
 #include "lib/surfel_change.glsl"
 #include "lib/surfel_guide.glsl"
-// Lets means begin anew where the light has changed, and brings what surfels have found to stand around them to where it is looked up. In the passes before it is that of the last frame, so that no path
-// depends on which came first.
+// Lets means begin anew where the light has changed, and brings what surfels have found to stand around them to where it is looked up. In the passes before it is that
+// of the last frame, so that no path depends on which came first.
 layout(local_size_x = SURFEL_GROUP) in;
 layout(push_constant, scalar) uniform Push { SurfelPoolParams params; };
 
@@ -50,9 +50,10 @@ void main() {
         atomicAdd(counters.counts.changed[0], 1u);
         vec3 of_late = light_of_late(pool.at[i].light, test);
         // What is darker than before has less tilt as well.
-        float before = luminance(pool.at[i].light.mean);
-        float left = before > 0.0 ? min(luminance(of_late) / before, 1.0) : 0.0;
-        for (int channel = 0; channel < 3; channel++) pool.at[i].light.tilt[channel] *= left;
+        for (int channel = 0; channel < 3; channel++) {
+            float before = pool.at[i].light.mean[channel];
+            pool.at[i].light.tilt[channel] *= before > 0.0 ? min(of_late[channel] / before, 1.0) : 0.0;
+        }
         pool.at[i].light_shared.mean = of_late;
         pool.at[i].light_shared.tilt = pool.at[i].light.tilt;
         pool.at[i].light.mean = of_late;

@@ -21,15 +21,15 @@ const float ALONE = 256.0;
 // the guess counts for no more than so many times a surfel's own.
 const float GUESS = 128.0;
 const float GUESS_OF_OWN = 4.0;
-// A surfel with so many paths more than samples has thrown samples away because its light changed.
+// A surfel with so many paths more than samples has thrown samples away because its light changed. With so many samples others have done so as well.
 const float FORGOTTEN = 8.0;
+const float RECOVERED = 32.0;
 // Radii within which others are asked. The youngest ask within so many that others have ENOUGH samples, at most REACH.
 const float ENOUGH = 64.0;
 const float ASKED = 2.0;
 // Samples with which a surfel is no longer one of the youngest: before, light has not spread everywhere, and what is shared would be what it was before.
 const float YOUNGEST = 12.0;
-// More samples than this do not make a surfel count more; for the youngest, more than so many times their own: where light has changed, those that have not
-// noticed yet have the most samples.
+// More samples than this do not make a surfel count more; for the youngest, more than so many times their own: who has not noticed a change has most.
 const float SETTLED = 64.0;
 const float MOST_OF_OWN = 2.0;
 // Samples of the surfels of a cell, each twice, of which the youngest ask no more.
@@ -215,7 +215,7 @@ void main() {
     float around = WELL_KNOWN;
     bool asks = (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {
-        bool has_forgotten = float(pool.at[i].paths) > samples + FORGOTTEN;
+        bool has_forgotten = samples < RECOVERED && float(pool.at[i].paths) > samples + FORGOTTEN;
         // After a change, what others share is still what it was: their own means are asked until light has spread.
         bool fresh = samples < YOUNGEST || (has_forgotten && samples < SPREADING);
         Around found = found_around(view.at[0].eye, i, s, samples, fresh);

@@ -7,10 +7,11 @@ const float DEPTH_STEPS = 65534.0;
 const float DEPTH_OCTAVES = 64.0;
 const uint DEPTH_TOLERANCE = 30u;
 const uint INSTANCE_BITS = 24u;
-// Beside the bits of instances: whether the light changes, and how still the pixel is.
+// Beside the bits of instances: whether the light is changing, whether it did so in this very frame, and how still the pixel is.
 const uint CHANGES_BIT = 1u << INSTANCE_BITS;
-const uint STILLNESS_SHIFT = INSTANCE_BITS + 1u;
-const float MOST_STILLNESS = 127.0;
+const uint HAS_CHANGED_BIT = CHANGES_BIT << 1;
+const uint STILLNESS_SHIFT = INSTANCE_BITS + 2u;
+const float MOST_STILLNESS = 63.0;
 
 // Reversed depth in 16 bits; 0 is background.
 uint depth_code(float depth) {

@@ -13,8 +13,7 @@ const float HAS_SAY = 4.0;
 // Standard errors that count as a change, as few as chance reaches in hardly any place in hundreds of frames; more where few surfels are asked.
 const float CHANGED = 3.5;
 const float CHANGED_FEW = 10.0;
-// Tests: of luminance by the newest samples, of colour by the same, of luminance over a longer window.
-const uint NEW = 0u;
+// Tests: 0 of luminance by the newest samples, then of colour by the same, and of luminance over a longer window.
 const uint COLOUR = 1u;
 const uint SHORT = 2u;
 // What a test of colour has found counts for so much: single channels differ by chance more often, from surfel to surfel alike.

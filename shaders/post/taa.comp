@@ -4,6 +4,7 @@
 #include "lib/colour.glsl"
 #include "lib/gbuffer.glsl"
 #include "lib/not_finite.glsl"
+#include "lib/picture_change.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/resample.glsl"
 #include "lib/surface_codes.glsl"
@@ -22,18 +23,7 @@ const float MOST_MOVING = 8.0;
 const vec2 STILL_PIXELS = vec2(0.001, 0.1);
 // Half size of the box of colours that a moving history is clipped to, in standard deviations.
 const float CLIP_DEVIATIONS = 1.0;
-// A change is detected from the mean luma of the 3x3, which varies less with jitter than single samples. STEP limits how far it may be from
-// its mean over time, DRIFT how far its fast mean may be: in standard deviations over time, plus a part of the luma itself and a constant.
-const vec3 STEP = vec3(7.0, 0.02, 0.01);
-const vec3 DRIFT = vec3(1.0, 0.01, 0.005);
-// Parts of these limits from which on the history counts less, and from which on it has changed: an edge between them would show.
-const vec2 CHANGE = vec2(0.8, 1.2);
-// Temporal variance of that luma over its spatial variance: before it is known, and at least, for edges that few samples hit.
-const float PRIOR = 0.06;
-const float LEAST_VARIANCE = 0.01;
-// Weight of a new sample in the fast mean: of steady light, and of light that changes.
-const vec2 FAST = vec2(0.125, 0.3);
-// Weight of the history after a change, in samples.
+// Weight of the history after a change, in samples such as this frame's.
 const float LEFT_AFTER_CHANGE = 1.0;
 // Light mostly changes over several frames. From one in which it did, later samples count more than earlier ones: a new sample adds only this much to the weight
 // of the history, until that is SETTLED.
@@ -68,6 +58,8 @@ Around look_around(ViewBuffer view, vec2 at) {
     Around around;
     ivec2 last = ivec2(view.at[0].size) - 1;
     around.centre = clamp(ivec2(floor(at)), ivec2(0), last);
+    // All nine lie in the picture: of an edge along its border, too, each shift by a pixel shows no more than a third.
+    ivec2 middle = max(min(around.centre, last - 1), min(ivec2(1), last));
     vec3 sum = vec3(0.0), squares = vec3(0.0), smooth_sum = vec3(0.0);
     float smooth_weights = 0.0, count = 0.0, closest_depth = -1.0, farthest_depth = 2.0;
     around.instances = 0u;
@@ -79,7 +71,7 @@ Around look_around(ViewBuffer view, vec2 at) {
     uint most = 0u, votes = 0u;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
-            ivec2 pixel = clamp(around.centre + ivec2(x, y), ivec2(0), last);
+            ivec2 pixel = clamp(middle + ivec2(x, y), ivec2(0), last);
             vec3 colour = load(params.colour, pixel).rgb;
             if (is_finite(colour)) {
                 colour = tone_compress(ycocg_of(colour), params.exposure);
@@ -154,6 +146,19 @@ vec3 clip_to(Around around, vec3 colour) {
     return non_negative(rgb_of_ycocg(tone_expand(around.mean + off / farthest, params.exposure)));
 }
 
+// Share of the pixels around that had changed in the last frame.
+float changed_around(ivec2 pixel, vec2 scale, ivec2 size) {
+    ivec2 apart = ivec2(AROUND_DISTANCE / scale + 0.5);
+    float changed = 0.0;
+    for (int y = -1; y <= 1; y++) {
+        for (int x = -1; x <= 1; x++) {
+            ivec2 other = clamp(pixel + ivec2(x, y) * apart, ivec2(0), size - 1);
+            if (x != 0 || y != 0) changed += (load_uint(params.surfaces, other).y & HAS_CHANGED_BIT) != 0u ? 1.0 : 0.0;
+        }
+    }
+    return changed / 8.0;
+}
+
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -183,43 +188,44 @@ void main() {
 
     // The history. Without motion there is no disocclusion, so features thinner than a pixel keep their history even if some frames miss
     // them.
-    vec4 moments = vec4(0.0);
+    Moments moments = Moments(vec3(0.0), 0.0, vec3(0.0), 0.0);
     vec3 history = vec3(0.0);
     float calm = 0.0;
     bool changes = false;
+    ivec2 pixel_before = ivec2(before * size);
     if (params.valid != 0u && on_screen(before)) {
-        ivec2 pixel_before = ivec2(before * size);
         uvec2 surfaces = load_uint(params.surfaces, pixel_before).xy;
         calm = still * float(surfaces.y >> STILLNESS_SHIFT) / MOST_STILLNESS;
         if (calm > 0.99 || was_seen(view, around, surfaces)) {
-            moments = load(params.moments, pixel_before);
+            vec4 slow = load(params.moments, pixel_before), fast = load(params.fast_moments, pixel_before);
             history = still > 0.99 ? load(params.picture, pixel_before).rgb
                                    : catmull_rom(params.picture, params.sampler_id, before, size);
-            if (is_taken(params.not_finite, vec4(history, dot(moments, vec4(1.0))))) {
+            if (is_taken(params.not_finite, vec4(history, dot(slow + fast, vec4(1.0))))) {
+                moments = Moments(slow.xyz, slow.w, fast.xyz, fast.w);
                 changes = (surfaces.y & CHANGES_BIT) != 0u;
             } else {
-                moments = vec4(0.0);
                 history = vec3(0.0);
             }
         }
     }
 
-    float samples = moments.w, luma = around.mean.x;
-    float changed = 0.0, fast = changes ? FAST.y : FAST.x;
-    if (samples > 0.0 && around.seen) {
-        float deviation = sqrt(moments.y + LEAST_VARIANCE * around.deviation.x * around.deviation.x);
-        float step_off = abs(luma - moments.x), drift = abs(mix(moments.z, luma, fast) - moments.x);
-        vec3 scale = vec3(deviation, max(luma, moments.x), 1.0);
-        float off = max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale));
-        float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, off);
+    float changed = 0.0, fast = fast_share(changes);
+    bool has_changed = false;
+    if (moments.samples > 0.0 && around.seen) {
+        float change = change_of(moments, around.mean, around.deviation, fast, calm > 0.0 ? changed_around(pixel_before, scale, ivec2(size)) : 0.0);
+        float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, change);
         float kept = calm * steady;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
-        if (calm > 0.0) changed = 1.0 - steady;
-        samples = mix(samples, min(samples, LEFT_AFTER_CHANGE), changed);
+        if (calm > 0.0) {
+            changed = 1.0 - steady;
+            has_changed = change > 1.0;
+        }
+        moments.samples = mix(moments.samples, min(moments.samples, LEFT_AFTER_CHANGE * own), changed);
         history = mix(clipped, history, kept);
-        changes = changed > 0.5 || (changes && samples < SETTLED);
-        samples = min(samples, mix(MOST_MOVING, MOST_STILL, still));
+        changes = changed > 0.5 || (changes && moments.samples < SETTLED);
+        moments.samples = min(moments.samples, mix(MOST_MOVING, MOST_STILL, still));
     }
+    float samples = moments.samples;
     float even = 1.0 - smoothstep(EVEN.x, EVEN.y, around.deviation.x / (around.mean.x + 1e-6));
     float weight = own > 0.0 ? max(own, even * (1.0 - min(samples / BRIEF, 1.0))) : 0.0;
 
@@ -229,18 +235,15 @@ void main() {
     float shares = own_share + old_share;
     float added = changes ? ADDED_WHILE_CHANGING * weight : weight;
     vec3 picture = shares > 0.0 ? (own_share * now + old_share * history) / shares : now;
-    // The variance is that around the fast mean, which a change raises only as long as that mean does not know it.
-    float share = 1.0 / (1.0 + samples), off = luma - moments.x, off_fast = luma - moments.z;
-    vec4 next = vec4(moments.x + share * off, (1.0 - share) * (moments.y + share * off_fast * off_fast), 0.0, samples + added);
-    next.z = mix(moments.z, luma, max(share, fast));
     // Moments restart where the pixel moves, has changed, or was disoccluded.
-    vec4 fresh = vec4(luma, PRIOR * around.deviation.x * around.deviation.x, luma, samples + added);
-    next = mix(fresh, next, samples > 0.0 ? still * (1.0 - changed) : 0.0);
-    if (!around.seen) next = vec4(moments.xyz, samples);
+    if (around.seen) moments = moments_after(moments, around.mean, around.deviation, fast, samples > 0.0 ? still * (1.0 - changed) : 0.0);
+    if (around.seen) moments.samples += added;
 
     store(params.next_picture, pixel, vec4(picture, 1.0));
-    store(params.next_moments, pixel, next);
+    store(params.next_moments, pixel, vec4(moments.mean, moments.variance));
+    store(params.next_fast_moments, pixel, vec4(moments.fast, moments.samples));
     uint stillness = uint(still * MOST_STILLNESS + 0.5);
     uint depths = around.depth_least | (around.depth_most << 16);
-    store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | (changes ? CHANGES_BIT : 0u) | (stillness << STILLNESS_SHIFT), 0u, 0u));
+    uint light = (changes ? CHANGES_BIT : 0u) | (has_changed ? HAS_CHANGED_BIT : 0u);
+    store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | light | (stillness << STILLNESS_SHIFT), 0u, 0u));
 }

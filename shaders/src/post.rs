@@ -44,14 +44,18 @@ pub struct TaaParams {
     pub gbuffer: GBufferImages,
     /// History: the previous output, linear radiance.
     pub picture: SampledImage,
-    /// History: slow mean, variance and fast mean over time of the tone-weighted luma of the 3x3, and the weight of the history in samples.
+    /// History: mean over time of the tone-compressed YCoCg of the 3x3, and its variance, of all channels together.
     pub moments: SampledImage,
+    /// History: a faster mean of the same, and the weight of the history in samples.
+    pub fast_moments: SampledImage,
     /// History: range of depth and set of instances around each pixel, and how static it was.
     pub surfaces: SampledImage,
     /// Output, linear radiance.
     pub next_picture: StorageImage,
     /// `moments` for the next frame.
     pub next_moments: StorageImage,
+    /// `fast_moments` for the next frame.
+    pub next_fast_moments: StorageImage,
     /// `surfaces` for the next frame.
     pub next_surfaces: StorageImage,
     /// Bilinear, clamped.

@@ -13,8 +13,8 @@ const FRAMES: u32 = 48;
 const WITHIN: usize = 4;
 const MISSING: [(usize, f64); 2] = [(4, 0.1), (40, 0.05)];
 /// The same for the picture with anti-aliasing: of what changes at once, and within six frames.
-const PICTURE_WITHIN: [usize; 2] = [6, 20];
-const PICTURE_MISSING: [(usize, f64); 2] = [(12, 0.15), (40, 0.07)];
+const PICTURE_WITHIN: [usize; 2] = [6, 4];
+const PICTURE_MISSING: [(usize, f64); 2] = [(12, 0.07), (40, 0.07)];
 
 const CONTESTANTS: [&str; 8] = [
     "tree, raw",

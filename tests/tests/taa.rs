@@ -1,15 +1,17 @@
 //! Temporal anti-aliasing and upsampling: static pixels converge to the mean over the pixel, moving objects leave no ghosts.
-use anyhow::{Context, Result, ensure};
-use glam::{Affine3A, DMat3, Quat, Vec3};
+use anyhow::{Context, Result, bail, ensure};
+use glam::{Affine3A, DMat3, Quat, Vec3, Vec3Swizzles};
 use magpie::gpu::Gpu;
-use magpie::scene::{Camera, Material, Scene};
+use magpie::scene::{Camera, Light, Material, Scene};
 use magpie_accuracy::metrics::{Picture, disocclusion, flicker, flip_ldr, mse, psnr};
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
 use magpie_tests::fixtures::{add, block, camera, material, plane, scene};
 use magpie_tests::harness::{builtin, config_without_bounces, gpu};
+use magpie_tests::rooms;
 use std::f32::consts::PI;
 
 const SIZE: [u32; 2] = [240, 135];
+const SMALL: [u32; 2] = [96, 54];
 /// No shadows, to measure edges only.
 const HARD: &str = "stages.shadows=off";
 /// Shadows without noise and history, to measure this effect only.
@@ -322,6 +324,60 @@ fn what_comes_into_sight_has_no_ghost() -> Result<()> {
     Ok(())
 }
 
+/// Light that changes its colour and not its luma: a red lamp goes out while a blue one in its place goes on.
+#[test]
+fn a_change_of_colour_alone_is_seen_at_once() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let mut scene = rooms::lamp_of_two_colours();
+    let grey = scene.materials[0].clone();
+    scene.materials.fill(grey);
+    let red = scene.lights[0].clone();
+    scene.lights[1] = match red {
+        Light::Sphere { centre, radius, radiance } => Light::Sphere { centre, radius, radiance: radiance.zyx() },
+        _ => bail!("the lamp is no sphere"),
+    };
+    for changes in [vec![TAA, HARD], vec![TAA, HARD, "post.resolution_scale=0.8"]] {
+        let mut run = Run::new(&gpu, &scene, SMALL, &changes)?;
+        run.renderer.scale_light(1, 0.0);
+        let before = run.still(40, 0.0)?.pop().context("no frame")?.picture;
+        [(0, 0.0), (1, 1.0)].into_iter().for_each(|(light, factor)| run.renderer.scale_light(light, factor));
+        let after = run.still(64, 0.0)?;
+        let mut fresh = Run::new(&gpu, &scene, SMALL, &changes)?;
+        fresh.renderer.scale_light(0, 0.0);
+        let truth = fresh.still(64, 0.0)?.pop().context("no frame")?.picture;
+        let everywhere = vec![true; truth.pixels.len()];
+        let left = [4, 12, 40].map(|frame| left_over(&after[frame - 1].picture, &before, &truth, &everywhere));
+        println!("{changes:?}: after 4, 12 and 40 frames {left:.4?} of the old colour is left");
+        for (left, most) in left.into_iter().zip([0.1, 0.05, 0.01]) {
+            ensure!(left.abs() < most, "{left} of the old colour is left");
+        }
+    }
+    Ok(())
+}
+
+/// Where an edge lies along the border of the picture and few samples hit what is behind it, these are no change of light.
+#[test]
+fn edges_along_the_border_keep_still() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let scene = builtin("cornell")?;
+    for changes in [vec![TAA, HARD], vec![TAA, HARD, "post.resolution_scale=0.8"]] {
+        let frames = Run::new(&gpu, &scene, SMALL, &changes)?.still(64, 0.0)?;
+        let shown = |p: &Picture| p.pixels.iter().map(|p| p.map(|x| x / (1.0 + x))).collect::<Vec<_>>();
+        let [mut most, mut of_input] = [0.0_f32; 2];
+        for pair in frames[31..].windows(2) {
+            let largest = |of: fn(&Seen) -> &Picture| {
+                let [a, b] = [0, 1].map(|k| shown(of(&pair[k])));
+                a.iter().zip(&b).flat_map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs())).fold(0.0, f32::max)
+            };
+            (most, of_input) = (most.max(largest(|f| &f.picture)), of_input.max(largest(|f| &f.input)));
+        }
+        println!("{changes:?}: largest change from frame to frame {most:.3}, of the input {of_input:.3}");
+        ensure!(of_input > 0.5, "no sample hits another surface than that before");
+        ensure!(most < 0.1, "a pixel changes by {most} of white from one frame to the next");
+    }
+    Ok(())
+}
+
 #[test]
 fn a_cut_begins_anew() -> Result<()> {
     let Some(gpu) = gpu()? else { return Ok(()) };
@@ -355,8 +411,8 @@ fn what_is_off_is_not_there() -> Result<()> {
     let cases: [Case<'_>; 5] = [
         (&[], &["post.tone_map"], 0, [80, 60]),
         (&["post.resolution_scale=0.5"], &["post.upscale", "post.tone_map"], 0, [40, 30]),
-        (&[TAA], &["post.taa", "post.tone_map"], 3, [80, 60]),
-        (&[TAA, "post.resolution_scale=0.5"], &["post.taa", "post.tone_map"], 3, [40, 30]),
+        (&[TAA], &["post.taa", "post.tone_map"], 4, [80, 60]),
+        (&[TAA, "post.resolution_scale=0.5"], &["post.taa", "post.tone_map"], 4, [40, 30]),
         (&["post.sharpening=0.5"], &["post.sharpen", "post.tone_map"], 0, [80, 60]),
     ];
     let others = run(&[])?.1;

@@ -32,14 +32,21 @@ impl Taa {
         // In 16-bit floats the 64th sample would change the mean by less than their precision.
         let picture = history("radiance", Format::Rgba32Float);
         let moments = history("moments", Format::Rgba16Float);
+        let fast = history("fast_moments", Format::Rgba16Float);
         let surfaces = history("surfaces", Format::Rg32Uint);
-        let valid = picture.valid && moments.valid && surfaces.valid;
+        let valid = picture.valid && moments.valid && fast.valid && surfaces.valid;
         g.pass("post.taa", Queue::Graphics, |p| {
             let (block, scene, colour) = (p.read(block), seen.scene.read(p), p.sample(colour));
             let gbuffer = seen.gbuffer.read(p, &[Channel::Depth, Channel::Motion, Channel::Ids]);
-            let before = [p.sample(picture.previous), p.sample(moments.previous), p.sample(surfaces.previous)];
+            let before = [
+                p.sample(picture.previous),
+                p.sample(moments.previous),
+                p.sample(fast.previous),
+                p.sample(surfaces.previous),
+            ];
             let (picture, target) = p.write(picture.next);
             let (_, next_moments) = p.write(moments.next);
+            let (_, next_fast) = p.write(fast.next);
             let (_, next_surfaces) = p.write(surfaces.next);
             (picture.read(), move |c: &mut Record<'_>| {
                 let params = TaaParams {
@@ -50,9 +57,11 @@ impl Taa {
                     gbuffer: gbuffer.images(c),
                     picture: c.id(before[0]),
                     moments: c.id(before[1]),
-                    surfaces: c.id(before[2]),
+                    fast_moments: c.id(before[2]),
+                    surfaces: c.id(before[3]),
                     next_picture: c.id(target),
                     next_moments: c.id(next_moments),
+                    next_fast_moments: c.id(next_fast),
                     next_surfaces: c.id(next_surfaces),
                     sampler_id: sampler,
                     valid: valid.into(),

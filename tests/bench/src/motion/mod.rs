@@ -157,6 +157,13 @@ impl Course {
     pub fn missing_in(&self, frame: usize) -> Option<f64> {
         Some(1.0 - self.gone.get(frame.checked_sub(1)?)?)
     }
+
+    /// Mean share of a lasting change that is missing in the last quarter of the frames after it: what is never found, where light that is late has come.
+    #[must_use]
+    pub fn missing_at_the_end(&self) -> Option<f64> {
+        let last = &self.gone[self.gone.len() - self.gone.len().div_ceil(4)..];
+        (!last.is_empty()).then(|| 1.0 - last.iter().sum::<f64>() / last.len() as f64)
+    }
 }
 
 /// Values of all pixels and channels of an image, as they are compared.
@@ -464,6 +471,7 @@ mod tests {
         assert_eq!(course.settled_within(0.1), Some(4));
         assert_eq!(course.settled_within(0.01), Some(5));
         assert_eq!((course.missing_in(1), course.missing_in(0), course.missing_in(6)), (Some(0.5), None, None));
+        assert!(course.missing_at_the_end().is_some_and(|missing| (missing - 0.025).abs() < 1e-9));
         assert_eq!(Course { gone: vec![0.5], ..course }.settled_within(0.1), None);
     }
 }

@@ -113,6 +113,9 @@ impl MotionReport {
                     let Some(missing) = course.missing_in(after) else { continue };
                     let _ = write!(text, ", {:.1} % missing after {after}", 100.0 * missing);
                 }
+                if let Some(missing) = course.missing_at_the_end() {
+                    let _ = write!(text, ", {:.1} % in the last quarter", 100.0 * missing);
+                }
             } else if course.path == "switch" {
                 let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
                 let _ = write!(text, "  90 % {frame}");
