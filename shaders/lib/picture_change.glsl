@@ -38,16 +38,20 @@ float fast_share(bool changes) {
     return changes ? FAST.y : FAST.x;
 }
 
-// How far the 3x3 and its fast mean are from what they were, over their limits: beyond 1 the light has changed. `around` is the share of pixels around that have.
-float change_of(Moments before, vec3 mean, vec3 deviation, float fast, float around) {
+// How far the 3x3 and its fast mean are from what they were, over their limits: beyond 1 the light has changed.
+float change_of(Moments before, vec3 mean, vec3 deviation, float fast) {
     float noise = sqrt(before.variance + LEAST_VARIANCE * square_of(deviation));
     vec3 scale = vec3(noise, max(mean.x, before.mean.x), 1.0);
     float step_off = distance(mean, before.mean), drift = distance(mix(before.fast, mean, fast), before.mean);
-    float limits = mix(1.0, LIMITS_AMONG_CHANGED, smoothstep(CHANGED_AROUND.x, CHANGED_AROUND.y, around));
-    return max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale)) / limits;
+    return max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale));
 }
 
-// Moments with one more 3x3, of which `samples` are kept; the other part restarts.
+// A change over its limits where these shrink, as this share of the pixels around has changed.
+float change_among(float change, float around) {
+    return change / mix(1.0, LIMITS_AMONG_CHANGED, smoothstep(CHANGED_AROUND.x, CHANGED_AROUND.y, around));
+}
+
+// Moments with one more 3x3. The share `kept` of them goes on, the other part restarts.
 Moments moments_after(Moments before, vec3 mean, vec3 deviation, float fast, float kept) {
     float share = 1.0 / (1.0 + before.samples);
     // Around the fast mean, since a change raises that variance only as long as the fast mean does not know it.

@@ -150,11 +150,9 @@ vec3 clip_to(Around around, vec3 colour) {
 float changed_around(ivec2 pixel, vec2 scale, ivec2 size) {
     ivec2 apart = ivec2(AROUND_DISTANCE / scale + 0.5);
     float changed = 0.0;
-    for (int y = -1; y <= 1; y++) {
-        for (int x = -1; x <= 1; x++) {
-            ivec2 other = clamp(pixel + ivec2(x, y) * apart, ivec2(0), size - 1);
-            if (x != 0 || y != 0) changed += (load_uint(params.surfaces, other).y & HAS_CHANGED_BIT) != 0u ? 1.0 : 0.0;
-        }
+    for (int k = 0; k < 9; k++) {
+        ivec2 other = clamp(pixel + (ivec2(k % 3, k / 3) - 1) * apart, ivec2(0), size - 1);
+        if (k != 4 && (load_uint(params.surfaces, other).y & HAS_CHANGED_BIT) != 0u) changed++;
     }
     return changed / 8.0;
 }
@@ -212,7 +210,8 @@ void main() {
     float changed = 0.0, fast = fast_share(changes);
     bool has_changed = false;
     if (moments.samples > 0.0 && around.seen) {
-        float change = change_of(moments, around.mean, around.deviation, fast, calm > 0.0 ? changed_around(pixel_before, scale, ivec2(size)) : 0.0);
+        float change = change_of(moments, around.mean, around.deviation, fast);
+        if (calm > 0.0 && change > CHANGE.x * LIMITS_AMONG_CHANGED) change = change_among(change, changed_around(pixel_before, scale, ivec2(size)));
         float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, change);
         float kept = calm * steady;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
@@ -236,8 +235,10 @@ void main() {
     float added = changes ? ADDED_WHILE_CHANGING * weight : weight;
     vec3 picture = shares > 0.0 ? (own_share * now + old_share * history) / shares : now;
     // Moments restart where the pixel moves, has changed, or was disoccluded.
-    if (around.seen) moments = moments_after(moments, around.mean, around.deviation, fast, samples > 0.0 ? still * (1.0 - changed) : 0.0);
-    if (around.seen) moments.samples += added;
+    if (around.seen) {
+        moments = moments_after(moments, around.mean, around.deviation, fast, samples > 0.0 ? still * (1.0 - changed) : 0.0);
+        moments.samples += added;
+    }
 
     store(params.next_picture, pixel, vec4(picture, 1.0));
     store(params.next_moments, pixel, vec4(moments.mean, moments.variance));

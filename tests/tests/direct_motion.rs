@@ -1,4 +1,5 @@
-//! Direct light where lamps go off or move: how soon each way to choose lights follows, with each denoiser, by `magpie bench motion`.
+//! Light where lamps go off or move: how soon each way to choose lights follows, with each denoiser, and the whole picture of the preset `high`, by `magpie bench
+//! motion`.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
 use magpie::prelude::Rays;
@@ -15,6 +16,9 @@ const MISSING: [(usize, f64); 2] = [(4, 0.1), (40, 0.05)];
 /// The same for the picture with anti-aliasing: of what changes at once, and within six frames.
 const PICTURE_WITHIN: [usize; 2] = [6, 4];
 const PICTURE_MISSING: [(usize, f64); 2] = [(12, 0.07), (40, 0.07)];
+
+/// What may be missing in the whole picture after 12 and 40 frames.
+const WHOLE_MISSING: [f64; 2] = [0.06, 0.03];
 
 const CONTESTANTS: [&str; 8] = [
     "tree, raw",
@@ -68,6 +72,39 @@ fn light_is_where_lamps_are() -> Result<()> {
                 ensure!(missing.abs() <= most, "{what}: {missing} missing after {frame} frames");
             }
         }
+    }
+    Ok(())
+}
+
+/// All that ships together: denoised shadows and occlusion, surfels, reflections, anti-aliasing with four fifths of the pixels each way.
+#[test]
+fn the_whole_picture_follows_a_lamp() -> Result<()> {
+    let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
+    let scene = rooms::coloured_lamp();
+    let paths = paths_of_light(&scene, FRAMES);
+    let path = paths.iter().find(|path| path.name == "aside").context("no such path")?;
+    let mut config = Config::default();
+    for slot in ["shadows", "ao", "direct", "gi", "reflections", "post"] {
+        config.set(&format!("stages.{slot}=high"))?;
+    }
+    let options = MotionOptions {
+        slot: "gi".to_owned(),
+        picture: true,
+        only: vec!["surfels".to_owned()],
+        size: [64, 48],
+        frames: FRAMES,
+        rays: Rays::Software,
+        seed: 0,
+        config,
+        commit: String::new(),
+    };
+    let courses = walk(&gpu, path, &options, &|_, _, _| Ok(0.0))?;
+    let course = courses.first().context("surfels took no part")?;
+    let (settled, missing) = (course.settled_within(0.1), [12, 40].map(|frame| course.missing_in(frame)));
+    println!("90 % in frame {settled:?}, missing after 12 and 40: {missing:.4?}");
+    ensure!(settled.is_some_and(|frame| frame <= 12), "90 % in frame {settled:?}");
+    for (missing, most) in missing.into_iter().zip(WHOLE_MISSING) {
+        ensure!(missing.is_some_and(|missing| missing.abs() <= most), "{missing:?} is missing");
     }
     Ok(())
 }

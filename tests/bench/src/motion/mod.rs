@@ -9,7 +9,7 @@ pub use report::MotionReport;
 
 use crate::FrameBenchError;
 use contestants::{DIRECT, GI, config};
-use magpie::config::{Config, Value};
+use magpie::config::Config;
 use magpie::gpu::Gpu;
 use magpie::prelude::{Extent, Rays};
 use magpie::scene::Scene;
@@ -253,9 +253,10 @@ fn truths(gpu: &Gpu, path: &Path, options: &MotionOptions) -> Result<Truths, Fra
             config.set(change)?;
         }
     }
-    // The slots of the truth have the size of the picture.
-    if let Some(scale) = config.settings.get_mut("post").and_then(|post| post.get_mut("resolution_scale")) {
-        *scale = Value::Float(1.0);
+    // The slots of the truth have the size of the picture, whatever a preset says.
+    let complete = Slots::default().catalogue().complete(&config);
+    if complete.settings.get("post").is_some_and(|post| post.contains_key("resolution_scale")) {
+        config.set("post.resolution_scale=1")?;
     }
     let mut bench = Bench::new(gpu, &path.scene, options, "truth", &config)?;
     let frames = match () {
