@@ -196,6 +196,8 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
         frames: arguments.frames,
         rays,
         seed: arguments.render.seed,
+        seeds: arguments.seeds,
+        door: arguments.door.clone(),
         config,
         commit: env!("MAGPIE_COMMIT").to_owned(),
     };
@@ -205,7 +207,7 @@ pub(crate) fn motion(arguments: &BenchMotionArguments) -> Result<(), Failure> {
             let (width, height) = (image.size.width as usize, image.size.height as usize);
             display.show(&Picture { width, height, pixels: image.colours() })
         });
-        if let Some(folder) = &arguments.pictures {
+        if let Some(folder) = arguments.pictures.as_ref().filter(|_| place.run == 0) {
             let name =
                 format!("{}-{}-{}.png", place.path, place.frame, place.label.replace(", ", "-").replace(' ', "-"));
             let drawn = side_by_side(&seen, &truth, DynamicRange::Display).map_err(|error| error.to_string())?;

@@ -16,10 +16,6 @@ const float LEFT_LIKELY = 4.0;
 // Samples below which what is left is so little that directions are learned anew.
 const float FORGETS = 16.0;
 
-// Shares of all surfels whose light has clearly changed of late between which lesser evidence counts ever more: what changes in one place does so elsewhere as
-// well, by light that is passed on.
-const vec2 CHANGES_ELSEWHERE = vec2(0.005, 0.05);
-
 // How much tells that the light at a surfel has changed, over what it takes: in its cell, or in its block if its cell does not say otherwise.
 float evidence(vec3 from_eye, uint test) {
     uvec2 places = change_places(params.grid, from_eye) + test * 2u * (params.grid.cell_mask + 1u);
@@ -36,8 +32,8 @@ void main() {
     if (params.changes == uvec2(0u) || pool.at[i].light.samples < HAS_SAY) return;
     vec3 from_eye = Placed(params.grid.placed).at[i].position - ViewBuffer(params.view).at[0].eye;
     SurfelCounters counters = SurfelCounters(params.counts);
-    float elsewhere = float(counters.counts.changed[1]) / float(max(counters.counts.live, 1u));
-    float likely = smoothstep(CHANGES_ELSEWHERE.x, CHANGES_ELSEWHERE.y, elsewhere);
+    // What changes in one place does so elsewhere as well, by light that is passed on.
+    float likely = change_elsewhere(counters.counts);
     float samples = pool.at[i].light.samples;
     for (uint test = 0u; test < CHANGE_TESTS; test++) {
         float found = evidence(from_eye, test);

@@ -2,10 +2,9 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lib/bindless.glsl"
 #include "lib/gbuffer.glsl"
-#include "lib/surfel_estimator.glsl"
+#include "lib/surfel_change.glsl"
 #include "lib/surfel_guide.glsl"
 #include "lib/surfel_plane.glsl"
-#include "lib/surfels.glsl"
 #include "shared/denoise.glsl"
 // Brings the light of surfels to where the picture looks it up. The youngest take the mean over the samples of others around them; surfel_widen.comp then asks
 // farther away. Later they take what those share as a guess that counts as so many samples more; as the others do the same, light of ever more surfels is
@@ -209,9 +208,10 @@ void main() {
     float openness = pool.at[i].openness;
     if (seen >= 0.0) openness = openness < 0.0 ? seen : mix(openness, seen, NEWEST_OPENNESS);
     SharedLight light = pool.at[i].light_shared;
-    // Each asks about as often as it has new samples; those of a workgroup in the same frame, as one that asks takes as long as all.
+    // Each asks as often as it has new samples, and in each frame after a change; those of a workgroup together, as one that asks takes as long as all.
     bool is_new = pool.at[i].born == view.at[0].frame;
-    uint period = is_new ? 1u : samples < YOUNGEST ? frames_per_path() : samples < SETTLED ? 2u : samples < ALONE ? 4u : SELDOM;
+    bool is_changing = change_elsewhere(SurfelCounters(params.counts).counts) > 0.0;
+    uint period = is_new ? 1u : samples < YOUNGEST ? frames_per_path() : is_changing ? 1u : samples < SETTLED ? 2u : samples < ALONE ? 4u : SELDOM;
     float around = WELL_KNOWN;
     bool asks = (gl_WorkGroupID.x + view.at[0].frame) % period == 0u;
     if (asks) {

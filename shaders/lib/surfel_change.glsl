@@ -20,6 +20,13 @@ const uint SHORT = 2u;
 const float OF_COLOUR = 0.7;
 // Standard errors beyond which a surfel counts no more.
 const float FARTHEST = 16.0;
+// Shares of all surfels whose light has clearly changed of late between which a change anywhere is ever likelier.
+const vec2 CHANGES_ELSEWHERE = vec2(0.005, 0.05);
+
+// How likely the light changes anywhere, by how many surfels have noticed it: 0 to 1.
+float change_elsewhere(SurfelCounts counts) {
+    return smoothstep(CHANGES_ELSEWHERE.x, CHANGES_ELSEWHERE.y, float(counts.changed[1]) / float(max(counts.live, 1u)));
+}
 
 // Where the changes of a surfel's cell and block are.
 uvec2 change_places(SurfelGrid grid, vec3 from_eye) {

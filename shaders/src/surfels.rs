@@ -170,7 +170,7 @@ pub struct SurfelCounts {
     pub visible: u32,
     /// Rays that surfels have traced.
     pub rays: u32,
-    /// Surfels whose light has clearly changed: in this frame; and in that of the last frames in which most have, an eighth less for each frame since.
+    /// Surfels whose light has clearly changed: in this frame; and in that of the last frames in which most have, a 32nd less for each frame since.
     pub changed: [u32; 2],
 }
 

@@ -2,7 +2,6 @@
 //! motion`.
 use anyhow::{Context, Result, ensure};
 use magpie::config::Config;
-use magpie::prelude::Rays;
 use magpie_bench::motion::{Course, MotionOptions, paths, paths_of_light, walk};
 use magpie_tests::harness::gpu_without_validation;
 use magpie_tests::rooms;
@@ -35,7 +34,7 @@ const CONTESTANTS: [&str; 8] = [
 fn light_is_where_lamps_are() -> Result<()> {
     let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
     let scene = rooms::coloured_lamp();
-    let paths = [paths(&scene, FRAMES), paths_of_light(&scene, FRAMES)].concat();
+    let paths = [paths(&scene, FRAMES), paths_of_light(&scene, FRAMES, "door")].concat();
     for (name, picture) in ["switch", "off", "aside"].into_iter().flat_map(|name| [(name, false), (name, true)]) {
         let path = paths.iter().find(|path| path.name == name).context(name)?;
         let mut config = Config::default();
@@ -49,10 +48,8 @@ fn light_is_where_lamps_are() -> Result<()> {
             only: CONTESTANTS.map(str::to_owned).to_vec(),
             size: SIZE,
             frames: FRAMES,
-            rays: Rays::Software,
-            seed: 0,
             config,
-            commit: String::new(),
+            ..MotionOptions::default()
         };
         let courses = walk(&gpu, path, &options, &|_, _, _| Ok(0.0))?;
         for label in CONTESTANTS {
@@ -81,7 +78,7 @@ fn light_is_where_lamps_are() -> Result<()> {
 fn the_whole_picture_follows_a_lamp() -> Result<()> {
     let Some(gpu) = gpu_without_validation()? else { return Ok(()) };
     let scene = rooms::coloured_lamp();
-    let paths = paths_of_light(&scene, FRAMES);
+    let paths = paths_of_light(&scene, FRAMES, "door");
     let path = paths.iter().find(|path| path.name == "aside").context("no such path")?;
     let mut config = Config::default();
     for slot in ["shadows", "ao", "direct", "gi", "reflections", "post"] {
@@ -93,10 +90,8 @@ fn the_whole_picture_follows_a_lamp() -> Result<()> {
         only: vec!["surfels".to_owned()],
         size: [64, 48],
         frames: FRAMES,
-        rays: Rays::Software,
-        seed: 0,
         config,
-        commit: String::new(),
+        ..MotionOptions::default()
     };
     let courses = walk(&gpu, path, &options, &|_, _, _| Ok(0.0))?;
     let course = courses.first().context("surfels took no part")?;

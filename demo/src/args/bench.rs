@@ -14,7 +14,7 @@ pub enum Bench {
     /// Rays per second in every way that the device has, and what building its acceleration structures costs
     Rays(BenchRaysArguments),
     /// How far an effect is from the truth of each frame while the camera, things or lights move, and after a light is switched on
-    Motion(BenchMotionArguments),
+    Motion(Box<BenchMotionArguments>),
     /// How far the picture is from the truth with every pair of features that ship together, still and while the camera moves
     Pairs(BenchPairsArguments),
     /// Time and error of each implementation of direct light over the number of lamps
@@ -97,6 +97,12 @@ pub struct BenchMotionArguments {
     /// Frames of each path
     #[arg(long, value_name = "N", default_value_t = 24, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(4..=1000))]
     pub frames: u32,
+    /// Runs of each contestant on each path, each with the next seed; the results are their means
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub seeds: u32,
+    /// Name of the thing that path `door` moves, or a part of it
+    #[arg(long, value_name = "NAME", default_value = "door")]
+    pub door: String,
     /// Write JSON to this file, or to standard output in place of the table
     #[arg(long, value_name = "F.json", num_args = 0..=1)]
     pub json: Option<Option<PathBuf>>,

@@ -1,9 +1,11 @@
 //! Effects in motion, `magpie bench motion`: error of each frame against that frame's ground truth, for raw rays and for each denoiser.
 mod contestants;
+mod course;
 mod paths;
 mod report;
 
 pub use contestants::{CONTESTANTS, Contestant};
+pub use course::{Cost, Course};
 pub use paths::{Moment, Path, Turned, around, paths, paths_of_light, stand};
 pub use report::MotionReport;
 
@@ -14,7 +16,6 @@ use magpie::gpu::Gpu;
 use magpie::prelude::{Extent, Rays};
 use magpie::scene::Scene;
 use magpie_passes::{FrameRequest, FrameResult, RenderOptions, Renderer, Slots};
-use serde::Serialize;
 
 /// Frames of eight rays per pixel that a ground truth is the mean of.
 const TRUTH_FRAMES: u32 = 16;
@@ -44,10 +45,32 @@ pub struct MotionOptions {
     pub rays: Rays,
     /// Seed of everything random.
     pub seed: u32,
+    /// Runs of each contestant on each path, each with the next seed.
+    pub seeds: u32,
+    /// Name of the thing that path `door` moves, or a part of it, in any case.
+    pub door: String,
     /// Configuration of everything else.
     pub config: Config,
     /// Commit of the build, for the report.
     pub commit: String,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self {
+            slot: "shadows".to_owned(),
+            picture: false,
+            only: Vec::new(),
+            size: [160, 90],
+            frames: 24,
+            rays: Rays::Software,
+            seed: 0,
+            seeds: 1,
+            door: "door".to_owned(),
+            config: Config::default(),
+            commit: String::new(),
+        }
+    }
 }
 
 impl MotionOptions {
@@ -93,78 +116,12 @@ pub struct Place<'a> {
     pub label: &'a str,
     /// Number of the frame, from 1.
     pub frame: usize,
+    /// Number of the run, from 0.
+    pub run: u32,
 }
 
 /// Perceived difference of what is seen from the truth, 0 to 1, or why it cannot be told.
 pub type Perceived<'a> = &'a dyn Fn(Place<'_>, &Seen, &Seen) -> Result<f64, String>;
-
-/// What the passes of the slot cost.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Cost {
-    /// Least time over the frames of the path, milliseconds; none without timestamps.
-    pub ms: Option<f64>,
-    /// Bytes that are read and written, as declared, over pixels.
-    pub traffic: f64,
-    /// Bytes that are kept for the next frame, over pixels.
-    pub kept: f64,
-}
-
-/// Results of one contestant on one path.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Course {
-    /// Name of the path.
-    pub path: &'static str,
-    /// Label of the contestant.
-    pub label: &'static str,
-    /// Root mean square error of each frame.
-    pub errors: Vec<f64>,
-    /// Perceived difference of each frame; none but in the first, the eighth, the 32nd and the last.
-    pub perceived: Vec<Option<f64>>,
-    /// Cost of the slot.
-    pub cost: Cost,
-    /// Root mean square change of the error since the frame before, of each frame but the first: flicker.
-    pub flicker: Vec<f64>,
-    /// Mean value of each frame's image.
-    pub means: Vec<f64>,
-    /// Mean value of each frame's ground truth.
-    pub true_means: Vec<f64>,
-    /// Of a lasting change of light, from the frame in which it is done: how much of the way from the picture before to that after each frame has gone, by
-    /// blocks of 8x8 pixels. Empty where nothing changes for good.
-    pub gone: Vec<f64>,
-}
-
-/// Width of the blocks over which light is averaged before it is compared with that before and after a change, pixels: noise must not decide.
-const BLOCK: usize = 8;
-
-impl Course {
-    /// The first frame, from 1, in which the mean has covered this share of its way to the final value: the delay after a switch.
-    #[must_use]
-    pub fn frame_of(&self, share: f64) -> Option<usize> {
-        let end = *self.true_means.last()?;
-        self.means.iter().position(|mean| *mean >= share * end).map(|at| at + 1)
-    }
-
-    /// The frame after a lasting change, from 1, from which on the picture is never farther than `left` of the change from the one after it. None if there
-    /// is no such frame, or no such change.
-    #[must_use]
-    pub fn settled_within(&self, left: f64) -> Option<usize> {
-        let last = self.gone.iter().rposition(|gone| (gone - 1.0).abs() > left).map_or(0, |at| at + 1);
-        (last < self.gone.len()).then_some(last + 1)
-    }
-
-    /// Share of a lasting change that is missing in a frame after it, from 1.
-    #[must_use]
-    pub fn missing_in(&self, frame: usize) -> Option<f64> {
-        Some(1.0 - self.gone.get(frame.checked_sub(1)?)?)
-    }
-
-    /// Mean share of a lasting change that is missing in the last quarter of the frames after it: what is never found, where light that is late has come.
-    #[must_use]
-    pub fn missing_at_the_end(&self) -> Option<f64> {
-        let last = &self.gone[self.gone.len() - self.gone.len().div_ceil(4)..];
-        (!last.is_empty()).then(|| 1.0 - last.iter().sum::<f64>() / last.len() as f64)
-    }
-}
 
 /// Values of all pixels and channels of an image, as they are compared.
 type Values = Vec<f64>;
@@ -301,6 +258,9 @@ fn gone(seen: &Seen, before: &Seen, after: &Seen) -> Option<f64> {
     (all > 0.0).then_some(went / all)
 }
 
+/// Width of the blocks over which light is averaged before it is compared with that before and after a change, pixels: noise must not decide.
+const BLOCK: usize = 8;
+
 /// Means over blocks of pixels, channel by channel.
 fn blocks(seen: &Seen) -> Vec<f64> {
     let [width, height] = [seen.size.width, seen.size.height].map(|n| n as usize);
@@ -341,8 +301,10 @@ pub fn walk(
         if !options.takes(&CONTESTANTS.map(|c| c.label), contestant.label) || configs.contains(&config) {
             continue; // not wanted, or the effect does not have this setting
         }
-        match course(gpu, path, options, (contestant.label, &config), &truths, perceived) {
-            Ok(course) => courses.push(course),
+        let runs = (0..options.seeds)
+            .map(|run| course(gpu, path, options, (contestant.label, &config, run), &truths, perceived));
+        match runs.collect() {
+            Ok(runs) => courses.extend(Course::mean_of(runs)),
             // In a scene without a sky it has nothing to do.
             Err(FrameBenchError::NoImage { .. }) if contestant.implementation == "sky" => continue,
             Err(error) => return Err(error),
@@ -352,17 +314,18 @@ pub fn walk(
     Ok(courses)
 }
 
-/// One contestant on one path.
+/// One run of a contestant on one path.
 fn course(
     gpu: &Gpu,
     path: &Path,
     options: &MotionOptions,
-    (label, config): (&'static str, &Config),
+    (label, config, run): (&'static str, &Config, u32),
     truths: &Truths,
     perceived: Perceived<'_>,
 ) -> Result<Course, FrameBenchError> {
     let mean = |values: &Values| values.iter().sum::<f64>() / values.len() as f64;
-    let mut bench = Bench::new(gpu, &path.scene, options, label, config)?;
+    let seeded = MotionOptions { seed: options.seed.wrapping_add(run), ..options.clone() };
+    let mut bench = Bench::new(gpu, &path.scene, &seeded, label, config)?;
     if let Some(before) = &path.before {
         for _ in 0..WARM_UP {
             bench.frame(path, before, false)?;
@@ -382,6 +345,7 @@ fn course(
         means,
         true_means,
         gone: Vec::new(),
+        late: Vec::new(),
     };
     let mut before: Option<Values> = None;
     for (at, (moment, truth)) in path.moments.iter().zip(&truths.frames).enumerate() {
@@ -390,7 +354,7 @@ fn course(
         let apart: Values = values.iter().zip(true_values).map(|(a, b)| a - b).collect();
         course.errors.push(root_mean_square(apart.iter().copied()));
         let is_perceived = PERCEIVED.contains(&(at + 1)) || at + 1 == truths.frames.len();
-        let place = Place { path: path.name, label, frame: at + 1 };
+        let place = Place { path: path.name, label, frame: at + 1, run };
         let difference = is_perceived.then(|| perceived(place, &seen, truth)).transpose();
         course.perceived.push(difference.map_err(FrameBenchError::Perceived)?);
         course.flicker.extend(before.map(|before| root_mean_square(apart.iter().zip(&before).map(|(a, b)| a - b))));
@@ -404,7 +368,7 @@ fn course(
             course.cost = Cost { ms: least, traffic: now.traffic / pixels, kept: now.kept / pixels };
         }
     }
-    Ok(course)
+    Ok(course.told())
 }
 
 /// Renders every path of the scene that takes part.
@@ -420,7 +384,7 @@ pub fn run(
 ) -> Result<MotionReport, FrameBenchError> {
     let mut paths = paths(scene, options.frames);
     if [GI, DIRECT].contains(&options.slot.as_str()) {
-        paths.extend(paths_of_light(scene, options.frames));
+        paths.extend(paths_of_light(scene, options.frames, &options.door));
     }
     let labels = CONTESTANTS.map(|contestant| contestant.label);
     for name in &options.only {
@@ -443,7 +407,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_is_followed_by_what_is_missing() {
+    fn a_change_goes_from_the_picture_before_to_the_one_after() {
         let size = Extent { width: 20, height: 12 };
         // Noise of pixels within a block does not count.
         let picture = |left: f32, right: f32| {
@@ -457,22 +421,5 @@ mod tests {
         // What changes elsewhere is not on the way.
         assert!((share(&picture(7.0, 3.0)) - 1.0).abs() < 1e-6);
         assert!(gone(&after, &before, &before).is_none());
-        let cost = Cost { ms: None, traffic: 0.0, kept: 0.0 };
-        let course = Course {
-            path: "switch",
-            label: "",
-            errors: vec![],
-            perceived: vec![],
-            cost,
-            flicker: vec![],
-            means: vec![],
-            true_means: vec![],
-            gone: vec![0.5, 0.95, 1.25, 0.95, 1.0],
-        };
-        assert_eq!(course.settled_within(0.1), Some(4));
-        assert_eq!(course.settled_within(0.01), Some(5));
-        assert_eq!((course.missing_in(1), course.missing_in(0), course.missing_in(6)), (Some(0.5), None, None));
-        assert!(course.missing_at_the_end().is_some_and(|missing| (missing - 0.025).abs() < 1e-9));
-        assert_eq!(Course { gone: vec![0.5], ..course }.settled_within(0.1), None);
     }
 }

@@ -124,9 +124,9 @@ pub fn paths(scene: &Scene, frames: u32) -> Vec<Path> {
 }
 
 /// Paths for indirect light, beside the others: the lights go off, a coloured lamp circles around what the camera looks at or goes to another place and
-/// stays, and a door slides open, in scenes with a thing of that name that nothing moves.
+/// stays, and a thing of this name, or with it in its name, slides aside, if there is one that nothing moves.
 #[must_use]
-pub fn paths_of_light(scene: &Scene, frames: u32) -> Vec<Path> {
+pub fn paths_of_light(scene: &Scene, frames: u32, door: &str) -> Vec<Path> {
     let Some(camera) = scene.cameras.first() else { return Vec::new() };
     let still = |time: f64| Moment { camera: camera.clone(), time, light: 1.0 };
     let path = |name, scene, seconds: Option<f64>| {
@@ -144,8 +144,12 @@ pub fn paths_of_light(scene: &Scene, frames: u32) -> Vec<Path> {
     let right = camera.world_from_camera.matrix3.x_axis.normalize();
     paths.push(path("lamp", with_moving_lamp(scene, camera, &circle, FRAME * f64::from(frames)), None));
     paths.push(path("aside", with_moving_lamp(scene, camera, &[right, -right], SOON), Some(SOON)));
-    let door = |i: &&Instance| i.node.is_none() && i.skin.is_none() && i.name.to_lowercase().contains("door");
-    if let Some(door) = scene.instances.iter().position(|i| door(&i)) {
+    let name = |i: &Instance| i.name.to_lowercase();
+    let door = door.to_lowercase();
+    let find = |is_it: &dyn Fn(&Instance) -> bool| {
+        scene.instances.iter().position(|i| i.node.is_none() && i.skin.is_none() && is_it(i))
+    };
+    if let Some(door) = find(&|i| name(i) == door).or_else(|| find(&|i| name(i).contains(&door))) {
         paths.push(path("door", with_opening_door(scene, door), Some(SOON)));
     }
     paths
@@ -294,10 +298,14 @@ mod tests {
     #[test]
     fn a_lamp_circles_and_a_door_opens() {
         let mut scene = magpie::scene::builtin("cornell").unwrap();
-        assert_eq!(paths_of_light(&scene, 4).iter().map(|p| p.name).collect::<Vec<_>>(), ["off", "lamp", "aside"]);
+        assert_eq!(
+            paths_of_light(&scene, 4, "door").iter().map(|p| p.name).collect::<Vec<_>>(),
+            ["off", "lamp", "aside"]
+        );
         let door = scene.instances.iter().position(|i| i.name == "short block").unwrap();
         scene.instances[door].name = "Door".to_owned();
-        let paths = paths_of_light(&scene, 24);
+        scene.instances[door - 1].name = "door frame".to_owned();
+        let paths = paths_of_light(&scene, 24, "door");
         assert_eq!(paths.iter().map(|p| p.name).collect::<Vec<_>>(), ["off", "lamp", "aside", "door"]);
         for path in &paths[1..] {
             let animator = Animator::new(&path.scene);

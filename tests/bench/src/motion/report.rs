@@ -1,5 +1,6 @@
 //! Results of `magpie bench motion` as a table, JSON and charts.
-use super::{Course, MotionOptions};
+use super::MotionOptions;
+use super::course::{Course, LATE};
 use crate::chart::{Axis, Chart, ChartError, Colour, Line};
 use magpie::gpu::Gpu;
 use magpie::scene::Scene;
@@ -9,7 +10,7 @@ use std::fmt::Write;
 /// Share of a switch's change at which it counts as visible.
 const SEEN: f64 = 0.9;
 /// Frames after a lasting change for which the table says how much of it is missing.
-const LATER: [usize; 2] = [12, 40];
+const LATER: [usize; 2] = [12, LATE];
 /// First frames of a path, in which a denoiser may be no better than its input as it has no history.
 pub const UNKNOWN: usize = 3;
 
@@ -32,6 +33,8 @@ pub struct MotionReport {
     pub picture: bool,
     /// Width and height, pixels.
     pub size: [u32; 2],
+    /// Runs that the results are means of.
+    pub seeds: u32,
     /// Results of every contestant on every path.
     pub courses: Vec<Course>,
 }
@@ -48,6 +51,7 @@ impl MotionReport {
             slot: options.slot.clone(),
             picture: options.picture,
             size: options.size,
+            seeds: options.seeds,
             courses,
         }
     }
@@ -115,6 +119,10 @@ impl MotionReport {
                 }
                 if let Some(missing) = course.missing_at_the_end() {
                     let _ = write!(text, ", {:.1} % in the last quarter", 100.0 * missing);
+                }
+                if let Some((late, error)) = course.lateness() {
+                    let error = error.map_or(String::new(), |error| format!(" ± {:.1}", 100.0 * error));
+                    let _ = write!(text, ", {:.1}{error} % late after {LATE}", 100.0 * late);
                 }
             } else if course.path == "switch" {
                 let frame = course.frame_of(SEEN).map_or("later".to_owned(), |f| format!("in frame {f}"));
