@@ -1,5 +1,7 @@
 #ifndef LIB_PICTURE_CHANGE_GLSL
 #define LIB_PICTURE_CHANGE_GLSL
+#include "lib/bindless.glsl"
+#include "lib/surface_codes.glsl"
 // Tells a change of light in a still picture from the noise of samples whose places change. Each pixel keeps moments over time of the mean colour of its 3x3, which
 // varies less with jitter than single samples do. Colours are tone-compressed YCoCg: a vector, since colour can change while luma does not.
 
@@ -44,6 +46,17 @@ float change_of(Moments before, vec3 mean, vec3 deviation, float fast) {
     vec3 scale = vec3(noise, max(mean.x, before.mean.x), 1.0);
     float step_off = distance(mean, before.mean), drift = distance(mix(before.fast, mean, fast), before.mean);
     return max(step_off / dot(STEP, scale), drift / dot(DRIFT, scale));
+}
+
+// Share of the pixels around that had changed in the last frame, by their `surfaces`. `scale`: pixels of the frame per pixel of the picture.
+float changed_around(uint surfaces, ivec2 pixel, vec2 scale, ivec2 size) {
+    ivec2 apart = ivec2(AROUND_DISTANCE / scale + 0.5);
+    float changed = 0.0;
+    for (int k = 0; k < 9; k++) {
+        ivec2 other = clamp(pixel + (ivec2(k % 3, k / 3) - 1) * apart, ivec2(0), size - 1);
+        if (k != 4 && (load_uint(surfaces, other).y & HAS_CHANGED_BIT) != 0u) changed++;
+    }
+    return changed / 8.0;
 }
 
 // A change over its limits where these shrink, as this share of the pixels around has changed.

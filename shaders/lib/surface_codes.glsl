@@ -19,6 +19,11 @@ uint depth_code(float depth) {
     return 1u + uint(clamp(log2(depth) / DEPTH_OCTAVES + 1.0, 0.0, 1.0) * DEPTH_STEPS + 0.5);
 }
 
+// The inverse of depth_code, for codes above 0.
+float depth_of_code(uint code) {
+    return exp2((float(code - 1u) / DEPTH_STEPS - 1.0) * DEPTH_OCTAVES);
+}
+
 // One of 24 bits for each instance; consecutive instances have different ones.
 uint instance_bit(uint instance) {
     return 1u << (instance % INSTANCE_BITS);

@@ -7,7 +7,8 @@
 #include "lib/picture_change.glsl"
 #include "lib/reprojection.glsl"
 #include "lib/resample.glsl"
-#include "lib/surface_codes.glsl"
+#include "lib/surface_history.glsl"
+#include "shared/denoise.glsl"
 #include "shared/post.glsl"
 // Temporal anti-aliasing (Karis 2014, "High Quality Temporal Supersampling"; Yang, Liu and Salvi 2020, "A Survey of Temporal Antialiasing
 // Techniques"), and upsampling where the frame is smaller than the picture. Static pixels converge to the plain mean of their samples:
@@ -49,12 +50,16 @@ struct Around {
     uint instances;   // as instance_bit
     uint instance;    // of the centre, + 1
     float depth;      // of the centre
+    uint mover;       // an instance that can move, + 1, if one is there
+    bool stays;       // the one that the history shows is still there
     uint alike;       // pixels that show the same instance
     ivec2 beside;     // a pixel of the instance that most of the others show, if one does
     bool seen;        // at least one of the colours is finite
 };
 
-Around look_around(ViewBuffer view, vec2 at) {
+// `mover` is the instance that can move, + 1, of the history.
+Around look_around(ViewBuffer view, vec2 at, uint mover) {
+    SceneBuffer scene = SceneBuffer(params.scene);
     Around around;
     ivec2 last = ivec2(view.at[0].size) - 1;
     around.centre = clamp(ivec2(floor(at)), ivec2(0), last);
@@ -68,6 +73,8 @@ Around look_around(ViewBuffer view, vec2 at) {
     around.alike = 0u;
     around.instance = load_uint(params.gbuffer.ids, around.centre).r;
     around.depth = load(params.gbuffer.depth, around.centre).r;
+    around.mover = params.movers != NO_IMAGE && can_move(scene, around.instance) ? around.instance : 0u;
+    around.stays = false;
     uint most = 0u, votes = 0u;
     for (int y = -1; y <= 1; y++) {
         for (int x = -1; x <= 1; x++) {
@@ -92,9 +99,11 @@ Around look_around(ViewBuffer view, vec2 at) {
             }
             farthest_depth = min(farthest_depth, depth);
             around.instances |= instance_bit(instance);
+            if (instance == mover) around.stays = true;
             if (instance == around.instance) {
                 around.alike++;
             } else {
+                if (params.movers != NO_IMAGE && can_move(scene, instance)) around.mover = instance;
                 // Majority vote (Boyer and Moore 1991).
                 if (votes == 0u) most = instance;
                 if (instance == most) around.beside = pixel, votes++;
@@ -112,27 +121,14 @@ Around look_around(ViewBuffer view, vec2 at) {
     return around;
 }
 
-// Whether the history shows a surface, by depth and instance.
-bool showed(ViewBuffer view, uvec2 surfaces, ivec2 pixel, float depth, uint id) {
-    uint expected = 0u;
-    if (id != 0u) {
-        SceneBuffer scene = SceneBuffer(params.scene);
-        Instance instance = InstanceBuffer(scene.at[0].instances).at[id - 1u];
-        vec3 position = world_position(view, pixel, depth);
-        expected = depth_code(depth_before(view, position_before(instance, position)));
-    }
-    uint least = surfaces.x & 0xffffu, most = surfaces.x >> 16;
-    bool near = expected + DEPTH_TOLERANCE >= least && expected <= most + DEPTH_TOLERANCE;
-    return near && (surfaces.y & instance_bit(id)) != 0u;
-}
-
 // Whether the history shows the surface of the centre, or what is behind and beside it, where that is thinner than a pixel: samples of earlier
 // frames may have missed it.
 bool was_seen(ViewBuffer view, Around around, uvec2 surfaces) {
-    if (showed(view, surfaces, around.centre, around.depth, around.instance)) return true;
+    SceneBuffer scene = SceneBuffer(params.scene);
+    if (showed(view, scene, surfaces, around.centre, around.depth, around.instance)) return true;
     if (around.alike > THIN || around.beside == around.centre) return false;
     float depth = load(params.gbuffer.depth, around.beside).r;
-    return showed(view, surfaces, around.beside, depth, load_uint(params.gbuffer.ids, around.beside).r);
+    return showed(view, scene, surfaces, around.beside, depth, load_uint(params.gbuffer.ids, around.beside).r);
 }
 
 // A colour clipped towards the mean of the neighbourhood until it is inside the variance box (Salvi 2016, "An Excursion in Temporal
@@ -146,17 +142,6 @@ vec3 clip_to(Around around, vec3 colour) {
     return non_negative(rgb_of_ycocg(tone_expand(around.mean + off / farthest, params.exposure)));
 }
 
-// Share of the pixels around that had changed in the last frame.
-float changed_around(ivec2 pixel, vec2 scale, ivec2 size) {
-    ivec2 apart = ivec2(AROUND_DISTANCE / scale + 0.5);
-    float changed = 0.0;
-    for (int k = 0; k < 9; k++) {
-        ivec2 other = clamp(pixel + (ivec2(k % 3, k / 3) - 1) * apart, ivec2(0), size - 1);
-        if (k != 4 && (load_uint(params.surfaces, other).y & HAS_CHANGED_BIT) != 0u) changed++;
-    }
-    return changed / 8.0;
-}
-
 void main() {
     ViewBuffer view = ViewBuffer(params.view);
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -166,7 +151,8 @@ void main() {
     // This frame's sample of the pixel: the nearest to its centre, blended with the neighbourhood if it lies outside the pixel.
     vec2 scale = vec2(view.at[0].size) / size;
     vec2 at = (vec2(pixel) + 0.5) * scale - view.at[0].jitter;
-    Around around = look_around(view, at);
+    uint mover = params.valid != 0u && params.movers != NO_IMAGE ? load_uint(params.movers, pixel).r : 0u;
+    Around around = look_around(view, at, mover);
     float own = sample_weight((vec2(around.centre) + 0.5 - at) / scale);
     vec3 now = load(params.colour, around.centre).rgb;
     if (!is_taken(params.not_finite, now)) {
@@ -184,8 +170,8 @@ void main() {
     vec2 before = (vec2(pixel) + 0.5) / size - motion;
     float still = 1.0 - clamp((length(motion * size) - STILL_PIXELS.x) / (STILL_PIXELS.y - STILL_PIXELS.x), 0.0, 1.0);
 
-    // The history. Without motion there is no disocclusion, so features thinner than a pixel keep their history even if some frames miss
-    // them.
+    // The history. Without motion nothing comes into sight but where a thing jumps away, so features thinner than a pixel keep their history even if some frames
+    // miss them.
     Moments moments = Moments(vec3(0.0), 0.0, vec3(0.0), 0.0);
     vec3 history = vec3(0.0);
     float calm = 0.0;
@@ -194,7 +180,8 @@ void main() {
     if (params.valid != 0u && on_screen(before)) {
         uvec2 surfaces = load_uint(params.surfaces, pixel_before).xy;
         calm = still * float(surfaces.y >> STILLNESS_SHIFT) / MOST_STILLNESS;
-        if (calm > 0.99 || was_seen(view, around, surfaces)) {
+        bool left = mover != 0u && !around.stays && has_departed(view, SceneBuffer(params.scene), surfaces, around.centre, mover);
+        if (calm > 0.99 ? !left : was_seen(view, around, surfaces)) {
             vec4 slow = load(params.moments, pixel_before), fast = load(params.fast_moments, pixel_before);
             history = still > 0.99 ? load(params.picture, pixel_before).rgb
                                    : catmull_rom(params.picture, params.sampler_id, before, size);
@@ -207,11 +194,16 @@ void main() {
         }
     }
 
+    if (calm > 0.99 && moments.samples > 0.0) {
+        // All samples may miss a thin thing in the very frame in which it arrives.
+        if (mover != 0u) around.mover = mover;
+        else if (around.mover != 0u) moments.samples = min(moments.samples, LEFT_AFTER_CHANGE * own);
+    }
     float changed = 0.0, fast = fast_share(changes);
     bool has_changed = false;
     if (moments.samples > 0.0 && around.seen) {
         float change = change_of(moments, around.mean, around.deviation, fast);
-        if (calm > 0.0 && change > CHANGE.x * LIMITS_AMONG_CHANGED) change = change_among(change, changed_around(pixel_before, scale, ivec2(size)));
+        if (calm > 0.0 && change > CHANGE.x * LIMITS_AMONG_CHANGED) change = change_among(change, changed_around(params.surfaces, pixel_before, scale, ivec2(size)));
         float steady = 1.0 - smoothstep(CHANGE.x, CHANGE.y, change);
         float kept = calm * steady;
         vec3 clipped = kept < 1.0 ? clip_to(around, history) : history;
@@ -247,4 +239,5 @@ void main() {
     uint depths = around.depth_least | (around.depth_most << 16);
     uint light = (changes ? CHANGES_BIT : 0u) | (has_changed ? HAS_CHANGED_BIT : 0u);
     store_uint(params.next_surfaces, pixel, uvec4(depths, around.instances | light | (stillness << STILLNESS_SHIFT), 0u, 0u));
+    if (params.next_movers != NO_IMAGE) store_uint(params.next_movers, pixel, uvec4(around.mover));
 }

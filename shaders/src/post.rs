@@ -50,6 +50,8 @@ pub struct TaaParams {
     pub fast_moments: SampledImage,
     /// History: range of depth and set of instances around each pixel, and how static it was.
     pub surfaces: SampledImage,
+    /// History: a thing that can move and has been seen around each pixel, instance + 1, else 0; or [`NO_IMAGE`](super::denoise::NO_IMAGE) where nothing can move.
+    pub movers: u32,
     /// Output, linear radiance.
     pub next_picture: StorageImage,
     /// `moments` for the next frame.
@@ -58,6 +60,8 @@ pub struct TaaParams {
     pub next_fast_moments: StorageImage,
     /// `surfaces` for the next frame.
     pub next_surfaces: StorageImage,
+    /// `movers` for the next frame; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub next_movers: u32,
     /// Bilinear, clamped.
     pub sampler_id: SamplerId,
     /// 0 in the first frame.

@@ -40,6 +40,8 @@ pub const INSTANCE_ALPHA_TEST: u32 = 1;
 pub const INSTANCE_DOUBLE_SIDED: u32 = 2;
 /// [`Instance::flags`]: its mesh consists of spheres.
 pub const INSTANCE_SPHERES: u32 = 4;
+/// [`Instance::flags`]: its transform changes with time.
+pub const INSTANCE_MOVES: u32 = 8;
 /// Entries of the traversal stack for both levels of the BVH; deeper BVHs are refused when they are built.
 pub const TRAVERSAL_STACK: u32 = 48;
 

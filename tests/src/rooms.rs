@@ -94,7 +94,7 @@ pub fn opening_door() -> Scene {
 }
 
 /// Adds a node that goes from one place to another in so many seconds, and stays there.
-fn slide(s: &mut Scene, from: Vec3, to: Vec3, seconds: f64) -> u32 {
+pub fn slide(s: &mut Scene, from: Vec3, to: Vec3, seconds: f64) -> u32 {
     let node = s.nodes.len() as u32;
     let local = Local::Trs { translation: from.as_dvec3(), rotation: DQuat::IDENTITY, scale: DVec3::ONE };
     s.nodes.push(Node { name: "slide".to_owned(), local, ..Node::default() });

@@ -262,6 +262,57 @@ fn what_is_thinner_than_a_pixel_has_its_share_of_it() -> Result<()> {
     Ok(())
 }
 
+/// A thin thing that stood still and jumps is gone from its old place in the same frame, and soon all of it is in its new one.
+#[test]
+fn what_jumps_leaves_nothing_and_arrives() -> Result<()> {
+    let Some(gpu) = gpu()? else { return Ok(()) };
+    let [rest, jumped] = [0.0, 1.0];
+    for (thickness, late, changes) in
+        [(0.02, 0.2, vec![TAA]), (0.006, 0.4, vec![TAA]), (0.02, 0.3, vec![TAA, "post.resolution_scale=0.8"])]
+    {
+        let mut scene = scene("rod", camera([0.0, 0.0, 4.0], [0.0; 3]));
+        let white = Material { unlit: true, ..material([0.8; 3], 0.0, 1.0) };
+        let wall = Affine3A::from_rotation_translation(Quat::from_rotation_x(0.5 * PI), Vec3::new(0.0, 0.0, -1.0));
+        add(&mut scene, plane(8.0), white, wall);
+        let black = Material { unlit: true, ..material([0.01; 3], 0.0, 1.0) };
+        let from = Vec3::new(-0.5, 0.0, 0.0);
+        add(&mut scene, block(Vec3::new(thickness / 2.0, 0.8, 0.01)), black, Affine3A::from_translation(from));
+        scene.instances[1].node = Some(rooms::slide(&mut scene, from, from + Vec3::new(0.83, 0.1, 0.0), jumped));
+
+        let mut run = Run::new(&gpu, &scene, SIZE, &changes)?;
+        let samples = |run: &mut Run<'_>, time| -> Result<(Picture, Vec<Seen>)> {
+            let seen = run.still(64, time)?;
+            Ok((mean(seen.iter().map(|f| &f.input)), seen))
+        };
+        // At a scale below 1 the mean of the samples has another size than the picture: the picture at rest is as good.
+        let (_, at_rest) = samples(&mut run, rest)?;
+        let after = run.still(64, jumped)?;
+        let (wanted, fresh) = samples(&mut Run::new(&gpu, &scene, SIZE, &changes)?, jumped)?;
+        let [old, new] = [&at_rest, &fresh].map(|frames| &frames[63].picture);
+        let differs = |sign: f32| -> Vec<bool> {
+            old.pixels.iter().zip(&new.pixels).map(|(old, new)| sign * (new[1] - old[1]) > 0.02).collect()
+        };
+        let (left, entered) = (differs(1.0), differs(-1.0));
+        let of = |frame: usize, which: &[bool]| left_over(&after[frame - 1].picture, old, new, which);
+        let (ghost, missing) = ([1, 4, 16].map(|n| of(n, &left)), [1, 4, 16].map(|n| of(n, &entered)));
+        println!(
+            "{thickness} {changes:?}: {ghost:.3?} of the old place is left, {missing:.3?} of the new one is missing"
+        );
+        ensure!(left.iter().filter(|&&is| is).count() > 50 && entered.iter().filter(|&&is| is).count() > 50, "no rod");
+        for share in ghost {
+            ensure!(share.abs() < 0.05, "{share} of what was there is left");
+        }
+        ensure!(missing[1] < late && missing[2] < 0.5 * late, "{missing:?} of it has not arrived");
+        if changes.len() == 1 {
+            let error = |found: &Picture| mse(&found.encoded(), &wanted.encoded());
+            let (raw, taa) = (error(&after[63].input)?, error(&after[63].picture)?);
+            println!("error of the input {raw:.6}, of the picture {taa:.6}");
+            ensure!(taa < 0.1 * raw, "{taa} against {raw}");
+        }
+    }
+    Ok(())
+}
+
 /// Share of the previous content that remains where a moving object has just left: 1 all of it, 0 none.
 fn left_over(now: &Picture, before: &Picture, truth: &Picture, new: &[bool]) -> f64 {
     let [mut along, mut all] = [0.0; 2];

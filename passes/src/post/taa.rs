@@ -5,6 +5,7 @@ use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
+use magpie_shaders::denoise::NO_IMAGE;
 use magpie_shaders::post::TaaParams;
 use magpie_shaders::{POST_TAA_COMP, SamplerId};
 
@@ -34,7 +35,13 @@ impl Taa {
         let moments = history("moments", Format::Rgba16Float);
         let fast = history("fast_moments", Format::Rgba16Float);
         let surfaces = history("surfaces", Format::Rg32Uint);
-        let valid = picture.valid && moments.valid && fast.valid && surfaces.valid;
+        // What stood still and then moves on leaves a history that looks like that of what is now there.
+        let movers = seen.scene.moves.then(|| history("movers", Format::R32Uint));
+        let valid = picture.valid
+            && moments.valid
+            && fast.valid
+            && surfaces.valid
+            && movers.as_ref().is_none_or(|movers| movers.valid);
         g.pass("post.taa", Queue::Graphics, |p| {
             let (block, scene, colour) = (p.read(block), seen.scene.read(p), p.sample(colour));
             let gbuffer = seen.gbuffer.read(p, &[Channel::Depth, Channel::Motion, Channel::Ids]);
@@ -44,6 +51,7 @@ impl Taa {
                 p.sample(fast.previous),
                 p.sample(surfaces.previous),
             ];
+            let movers = movers.map(|movers| (p.sample(movers.previous), p.write(movers.next).1));
             let (picture, target) = p.write(picture.next);
             let (_, next_moments) = p.write(moments.next);
             let (_, next_fast) = p.write(fast.next);
@@ -59,10 +67,12 @@ impl Taa {
                     moments: c.id(before[1]),
                     fast_moments: c.id(before[2]),
                     surfaces: c.id(before[3]),
+                    movers: movers.map_or(NO_IMAGE, |(previous, _)| c.id(previous).index()),
                     next_picture: c.id(target),
                     next_moments: c.id(next_moments),
                     next_fast_moments: c.id(next_fast),
                     next_surfaces: c.id(next_surfaces),
+                    next_movers: movers.map_or(NO_IMAGE, |(_, next)| c.id(next).index()),
                     sampler_id: sampler,
                     valid: valid.into(),
                     exposure,

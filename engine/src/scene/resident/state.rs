@@ -51,6 +51,8 @@ pub(super) struct State {
     fixed: Vec<shared::Instance>,
     /// Extent of each instance's mesh, for instances that do not deform.
     shapes: Vec<Shape>,
+    /// Whether the transform of an instance changes with time.
+    pub moves: bool,
     pub memory: Arc<Buffer>,
     staging: Staging,
     instances: u64,
@@ -63,11 +65,13 @@ impl State {
     pub fn new(
         gpu: &Gpu,
         animator: Animator,
-        fixed: Vec<shared::Instance>,
+        mut fixed: Vec<shared::Instance>,
         shapes: Vec<Shape>,
         mut root: shared::Scene,
     ) -> Result<Self, GpuError> {
         let pose = animator.pose(0.0);
+        let moving = (0..fixed.len()).filter(|i| animator.moves(*i));
+        let moves = moving.map(|i| fixed[i].flags |= shared::INSTANCE_MOVES).count() > 0;
         let mut block = Block::default();
         block.add(&[shared::Scene::default()]);
         let instances = block.add(&fixed);
@@ -98,6 +102,7 @@ impl State {
             root,
             fixed,
             shapes,
+            moves,
             memory,
             staging: Staging::new(gpu, "scene state"),
             instances,
