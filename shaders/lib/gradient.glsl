@@ -2,7 +2,7 @@
 #define LIB_GRADIENT_GLSL
 #include "lib/gradient_squares.glsl"
 #include "lib/octahedral.glsl"
-#include "lib/shadow_rays.glsl"
+#include "lib/ray.glsl"
 #include "shared/denoise.glsl"
 // Temporal gradients: one pixel out of each square of GRADIENT_STRATUM stores its surface, and its rays are traced again in the next frame
 // with the same random numbers, from where that surface is by then (Schied, Peters and Dachsbacher 2018, "Gradient Estimation for Real-Time
@@ -10,13 +10,14 @@
 // motion.
 
 // Stores what a pixel shows, if it is the one of its square that is stored in this frame, in two texels of two words: reversed depth and
-// shading normal, instance + 1 and primitive. Zeros for the background.
-void remember(ViewBuffer view, ivec2 pixel, uint kept, GBufferImages gbuffer) {
+// shading normal, instance + 1 and primitive. Zeros for the background. Returns whether it is.
+bool remember(ViewBuffer view, ivec2 pixel, uint kept, GBufferImages gbuffer) {
     ivec2 square = pixel / int(GRADIENT_STRATUM);
-    if (pixel != gradient_pixel(view, square, view.at[0].frame)) return;
+    if (pixel != gradient_pixel(view, square, view.at[0].frame)) return false;
     uvec2 surface = uvec2(floatBitsToUint(load(gbuffer.depth, pixel).r), packSnorm2x16(load(gbuffer.normal, pixel).xy));
     store_uint(kept, ivec2(2 * square.x, square.y), surface.xyyy);
     store_uint(kept, ivec2(2 * square.x + 1, square.y), load_uint(gbuffer.ids, pixel).xyyy);
+    return true;
 }
 
 // A point, a direction and a normal of an instance, moved from the previous frame to this one.
@@ -38,30 +39,37 @@ Carried carry(Instance instance, Carried was) {
     return now;
 }
 
-// The surface that the previous frame stored for a square, at its current position, and the pixel that showed it. False if there was none.
-bool remembered(ViewBuffer view, SceneBuffer scene, uint kept, ivec2 square, out ivec2 pixel, out Receiver at) {
-    pixel = gradient_pixel(view, square, view.at[0].frame - 1u);
-    if (!inside(pixel, view.at[0].size)) return false;
+// A surface that the previous frame stored, where it is by now.
+struct Remembered {
+    ivec2 pixel;    // that showed it
+    RayStart start;
+    vec3 position;  // world, metres
+    vec3 normal;    // shading normal
+    vec3 to_eye;    // unit, from where the eye would be if it moved with the surface
+    float width;    // of a pixel there, metres
+};
+
+// That of a square. False if there was none.
+bool remembered(ViewBuffer view, SceneBuffer scene, uint kept, ivec2 square, out Remembered at) {
+    at.pixel = gradient_pixel(view, square, view.at[0].frame - 1u);
+    if (!inside(at.pixel, view.at[0].size)) return false;
     uvec2 seen = load_uint(kept, ivec2(2 * square.x, square.y)).xy;
     uvec2 ids = load_uint(kept, ivec2(2 * square.x + 1, square.y)).xy;
     float depth = uintBitsToFloat(seen.x);
     if (!(depth > 0.0) || ids.x - 1u >= scene.at[0].instance_count) return false;
     mat4 m = view.at[0].previous_world_from_clip;
     vec2 size = vec2(view.at[0].size);
-    precise vec2 ndc = (vec2(pixel) + 0.5) / size * 2.0 - 1.0;
+    precise vec2 ndc = (vec2(at.pixel) + 0.5) / size * 2.0 - 1.0;
     precise vec3 along = m[0].xyz * ndc.x + m[1].xyz * ndc.y + m[3].xyz;
     precise vec3 offset = along / (depth * m[2].w);
 
     Instance instance = InstanceBuffer(scene.at[0].instances).at[ids.x - 1u];
     Carried now = carry(instance, Carried(view.at[0].previous_eye, along, octahedral_decode(unpackSnorm2x16(seen.y))));
-    at.surface = no_surface();
-    at.surface.exists = true;
-    at.surface.position = carry(instance, Carried(view.at[0].previous_eye + offset, along, vec3(0.0))).point;
-    at.surface.to_eye = -normalize(now.direction);
-    at.surface.normal = now.normal;
-    at.start = seen_start(scene, ids, now.point, now.direction, at.surface.position);
-    at.surface.geometric_normal = at.start.normal;
-    at.pixel = 2.0 * length(m[1].xyz) / size.y * length(offset);
+    at.position = carry(instance, Carried(view.at[0].previous_eye + offset, along, vec3(0.0))).point;
+    at.to_eye = -normalize(now.direction);
+    at.normal = now.normal;
+    at.start = seen_start(scene, ids, now.point, now.direction, at.position);
+    at.width = 2.0 * length(m[1].xyz) / size.y * length(offset);
     return true;
 }
 

@@ -121,6 +121,22 @@ pub struct BlurGradientParams {
     pub is_last: u32,
 }
 
+/// Push constants of `sum_gradient.comp`: sums changes with noise over neighbours.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SumGradientParams {
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Change, its square, what it is a change of, and the change without its sign.
+    pub change: SampledImage,
+    /// Sums of these; of the last step the share of the history to discard.
+    pub sum: StorageImage,
+    /// Distance between taps, texels.
+    pub step: u32,
+    /// 1 in the last step.
+    pub is_last: u32,
+}
+
 /// Greatest history length, frames; 1 in the images of history length.
 pub const LONGEST: f32 = 255.0;
 /// Value of an optional image that is not there.

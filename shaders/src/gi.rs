@@ -28,6 +28,40 @@ pub struct TraceParams {
     pub regularization: f32,
     /// Greatest number in the format of `radiance`.
     pub greatest: f32,
+    /// Output, for the gradients of the next frame: surfaces as in `lib/gradient.glsl`, RG32 uint; or [`NO_IMAGE`](super::denoise::NO_IMAGE).
+    pub surfaces: u32,
+    /// Output with `surfaces`: luminance that their first ray finds, -1 for none, R32F at a third of the size.
+    pub luminance: u32,
+}
+
+/// Push constants of `gradient.ray` and `tinted_gradient.ray`: rays of one pixel out of nine of the previous frame, traced again.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct GradientParams {
+    /// The [`View`](super::view::View).
+    pub view: Address,
+    /// Root of the scene, [`Scene`](super::scene::Scene).
+    pub scene: Address,
+    /// Two counters, closest-hit and any-hit rays (`uint`).
+    pub rays: Address,
+    /// Motion vectors of the G-buffer.
+    pub motion: SampledImage,
+    /// What shading at hits reads.
+    pub hits: HitShadingParams,
+    /// `surfaces` of the previous frame.
+    pub previous: SampledImage,
+    /// `luminance` of the previous frame.
+    pub previous_luminance: SampledImage,
+    /// Output, RGBA32F at a third of the size: change of the luminance, its square, the larger of the two luminances, and the change without its sign.
+    pub change: StorageImage,
+    /// 0 in the first frame.
+    pub valid: u32,
+    /// As in [`TraceParams`].
+    pub samples: u32,
+    /// As in [`TraceParams`].
+    pub bounces: u32,
+    /// As in [`TraceParams`].
+    pub regularization: f32,
 }
 
 /// Push constants of `resolve.comp`.

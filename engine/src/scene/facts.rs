@@ -72,6 +72,8 @@ pub struct SceneFacts {
     pub lights: Vec<LightFacts>,
     /// A light moves.
     pub lights_move: bool,
+    /// The transform of an instance changes with time.
+    pub instances_move: bool,
     /// Surface of all instances, m².
     pub area: f64,
     /// A surface looks brighter than what lights it: its material emits, or shows its base colour without lighting.
@@ -130,6 +132,7 @@ impl SceneFacts {
         let all: Vec<InstanceFacts> = scene.instances.par_iter().zip(&posed_instances).enumerate().map(one).collect();
         let mut facts = Self {
             lights_move: (0..scene.lights.len()).any(|light| animator.moves_light(light)),
+            instances_move: (0..scene.instances.len()).any(|instance| animator.moves(instance)),
             has_sky: scene.environment.as_ref().map_or(scene.daylight.is_some(), |e| !e.is_black()),
             instances: scene.instances.len() as u32,
             lets_light_through: scene.instances.iter().any(|i| lets_light_through(scene, i)),

@@ -1,6 +1,6 @@
 //! How much the light of lamps has changed since the previous frame, for denoisers with a history.
 use crate::contracts::{Channel, DirectIn};
-use crate::parts::denoise::{Changes, is_adaptive_to_lamps};
+use crate::parts::denoise::{Changes, follows_light};
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
@@ -21,7 +21,7 @@ pub struct LightChange {
 impl LightChange {
     /// Creates the pipeline.
     pub fn new(build: &Build<'_>, settings: &Settings) -> Result<Self, SlotError> {
-        let kernels = if is_adaptive_to_lamps(settings)? {
+        let kernels = if follows_light(settings)? {
             Some((build.kernel(&DIRECT_LIGHT_CHANGE_COMP)?, Changes::new(build)?))
         } else {
             None

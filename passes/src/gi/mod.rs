@@ -1,4 +1,5 @@
 //! Diffuse indirect light: the irradiance of the sky times ambient occlusion, a search on the screen, rays, resampled paths, or surfels.
+mod gradient;
 mod paths;
 mod ray_traced;
 mod resolve;

@@ -53,6 +53,15 @@ impl Resolve {
     }
 }
 
+/// Light of the frame with noise.
+#[derive(Clone, Copy)]
+pub struct Noisy {
+    /// In the size of the frame.
+    pub image: Handle<Image>,
+    /// As [`Hints::change`].
+    pub change: Option<Handle<Image>>,
+}
+
 /// The end of implementations whose light is noisy.
 pub struct Finish {
     denoiser: Denoiser,
@@ -68,19 +77,19 @@ impl Finish {
         })
     }
 
-    /// Adds the passes. `noisy` has the size of the frame. `kept` as in [`Resolve::add`].
+    /// Adds the passes. `kept` as in [`Resolve::add`].
     pub fn add(
         &mut self,
         g: &mut FrameGraph,
         view: &View,
         i: LightingIn,
-        noisy: Handle<Image>,
+        noisy: Noisy,
         kept: Option<WriteHandle<Image>>,
     ) -> Handle<Image> {
         let noisy = DenoiseIn {
-            signal: Signal { image: noisy, content: Content::Radiance },
+            signal: Signal { image: noisy.image, content: Content::Radiance },
             surfaces: Surfaces { gbuffer: i.gbuffer, reprojected: i.reprojected },
-            hints: Hints::default(),
+            hints: Hints::default().change(noisy.change),
         };
         let denoised = self.denoiser.add(g, view, noisy, "");
         self.resolve.add(g, view, i, denoised, kept)

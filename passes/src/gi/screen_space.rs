@@ -1,6 +1,6 @@
 //! Diffuse indirect light found on the screen, after Therrien, Levesque and Gilet 2023, "Screen Space Indirect Lighting with Visibility
 //! Bitmask": the light of what the depth image shows around each pixel, and that of the sky where nothing is in the way.
-use super::resolve::Finish;
+use super::resolve::{Finish, Noisy};
 use super::{MATERIAL, no_bounces};
 use crate::contracts::{Channel, GEOMETRY, LightingIn, LightingOut};
 use crate::parts::denoise;
@@ -172,6 +172,6 @@ impl Effect for ScreenSpace {
             let half = UpsampleIn { half_size: found, gbuffer: i.gbuffer, value, direction: None, background: 0.0 };
             found = upsample.add(g, view, half, "").value;
         }
-        LightingOut::radiance(self.finish.add(g, view, i, found, next))
+        LightingOut::radiance(self.finish.add(g, view, i, Noisy { image: found, change: None }, next))
     }
 }

@@ -36,7 +36,7 @@ impl Taa {
         let fast = history("fast_moments", Format::Rgba16Float);
         let surfaces = history("surfaces", Format::Rg32Uint);
         // What stood still and then moves on leaves a history that looks like that of what is now there.
-        let movers = seen.scene.moves.then(|| history("movers", Format::R32Uint));
+        let movers = view.facts.instances_move.then(|| history("movers", Format::R32Uint));
         let valid = picture.valid
             && moments.valid
             && fast.valid

@@ -23,8 +23,6 @@ pub struct SceneHandles {
     /// The light tree: [`LightTree`](magpie_shaders::light_tree::LightTree). `None` if there are no lights for it, or no effect
     /// [asked](crate::slot::Needs::light_tree) for it.
     pub light_tree: Option<Handle<Buffer>>,
-    /// Whether the transform of an instance changes with time.
-    pub moves: bool,
     /// The acceleration structure.
     pub tlas: Handle<Tlas>,
     /// What a walk of it reads beside: bottom levels, those of meshes that keep their shape first.

@@ -452,20 +452,7 @@ impl ResidentScene {
             Acceleration::Driver(driver) => (driver.declare(g, imports, &frame, |i| now.instance(i))?, [None; 2]),
         };
         let light_tree = None;
-        let moves = self.state.moves;
-        Ok(SceneHandles {
-            state,
-            tables,
-            vertices,
-            deformed,
-            indices,
-            emitters,
-            lights,
-            light_tree,
-            moves,
-            tlas,
-            bottom,
-        })
+        Ok(SceneHandles { state, tables, vertices, deformed, indices, emitters, lights, light_tree, tlas, bottom })
     }
 
     /// An instance for the top level.

@@ -28,7 +28,6 @@ pub struct SceneSketch {
     /// From where coordinates are counted.
     pub origin: DVec3,
     bytes: Bytes,
-    moves: bool,
     deforms: bool,
     emits: bool,
     lights: bool,
@@ -85,7 +84,6 @@ impl SceneSketch {
                 vertices: vertex * scene.meshes.iter().map(|m| m.positions.len() as u64).sum::<u64>(),
                 indices: first,
             },
-            moves: (0..scene.instances.len()).any(|i| animator.moves(i)),
             deforms: (0..scene.instances.len()).any(|i| animator.deforms(i)),
             emits: needs.emitters && facts.emits(),
             lights: needs.light_tables || needs.light_tree,
@@ -114,7 +112,6 @@ impl SceneSketch {
             emitters: self.emits.then(|| buffer("scene.emitters", 4, g)),
             lights: self.lights.then(|| buffer("scene.lights", 4, g)),
             light_tree: self.light_tree.then(|| buffer("scene.light_tree", 4, g)),
-            moves: self.moves,
             bottom: [None; 2],
             tlas: g.import_tlas("scene.tlas", Access::Trace, ImportKey::Caller(u32::MAX)),
         }

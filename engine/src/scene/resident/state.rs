@@ -51,8 +51,6 @@ pub(super) struct State {
     fixed: Vec<shared::Instance>,
     /// Extent of each instance's mesh, for instances that do not deform.
     shapes: Vec<Shape>,
-    /// Whether the transform of an instance changes with time.
-    pub moves: bool,
     pub memory: Arc<Buffer>,
     staging: Staging,
     instances: u64,
@@ -70,8 +68,9 @@ impl State {
         mut root: shared::Scene,
     ) -> Result<Self, GpuError> {
         let pose = animator.pose(0.0);
-        let moving = (0..fixed.len()).filter(|i| animator.moves(*i));
-        let moves = moving.map(|i| fixed[i].flags |= shared::INSTANCE_MOVES).count() > 0;
+        for (_, instance) in fixed.iter_mut().enumerate().filter(|(i, _)| animator.moves(*i)) {
+            instance.flags |= shared::INSTANCE_MOVES;
+        }
         let mut block = Block::default();
         block.add(&[shared::Scene::default()]);
         let instances = block.add(&fixed);
@@ -102,7 +101,6 @@ impl State {
             root,
             fixed,
             shapes,
-            moves,
             memory,
             staging: Staging::new(gpu, "scene state"),
             instances,

@@ -7,7 +7,7 @@ mod passes;
 mod settings;
 
 use super::paths::Paths;
-use super::resolve::Finish;
+use super::resolve::{Finish, Noisy};
 use crate::contracts::{LightingIn, LightingOut};
 use crate::parts::upsample::{Upsample, UpsampleIn};
 use crate::precision;
@@ -58,6 +58,9 @@ impl Effect for Restir {
             let half = UpsampleIn { half_size: noisy, gbuffer: i.gbuffer, value, direction: None, background: 0.0 };
             noisy = upsample.add(g, view, half, "").value;
         }
-        LightingOut { cache, ..LightingOut::radiance(self.finish.add(g, view, i, noisy, None)) }
+        LightingOut {
+            cache,
+            ..LightingOut::radiance(self.finish.add(g, view, i, Noisy { image: noisy, change: None }, None))
+        }
     }
 }

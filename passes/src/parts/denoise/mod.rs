@@ -13,12 +13,13 @@ mod svgf;
 
 use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
-pub use changes::Changes;
+pub use changes::{Changes, NoisyChanges};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::denoise::{SAMPLES_SHARP, SAMPLES_WEIGHTED};
 pub use options::{
-    Method, Options, adaptive, adaptive_to_lamps, is_adaptive, is_adaptive_to_lamps, precision, settings, settings_with,
+    Method, Options, adaptive, adaptive_to_lamps, adaptive_to_paths, follows_light, is_adaptive, precision, settings,
+    settings_with,
 };
 use pica_pica::PicaPica;
 use recurrent_blur::RecurrentBlur;
@@ -39,7 +40,7 @@ pub struct Surfaces {
 #[non_exhaustive]
 pub struct Hints {
     /// Share of the history to discard as the signal has changed since the previous frame, 0 to 1 per channel, of radiance in the first: what
-    /// [`Changes`] gives.
+    /// [`Changes`] or [`NoisyChanges`] give.
     pub change: Option<Handle<Image>>,
     /// Width on the screen of the source of each channel's noise, such as a penumbra: pixels over
     /// [`WIDEST_NOISE`](magpie_shaders::denoise::WIDEST_NOISE), 0 to 1. Filters are no wider than this, and 0 means no noise.

@@ -194,8 +194,15 @@ pub fn adaptive_to_lamps() -> SettingSpec {
     SettingSpec::switch("adaptive", about, true).sweep_all()
 }
 
-/// Whether the denoiser has a history and is to follow lamps.
-pub fn is_adaptive_to_lamps(settings: &Settings) -> Result<bool, SlotError> {
+/// The same for indirect light.
+pub fn adaptive_to_paths() -> SettingSpec {
+    let about = "Of denoisers with a history: one pixel of nine follows a path of the previous frame again, and history is discarded where many of them find other \
+                 light. Changes of light show soon, for a ninth of a path per pixel and some noise.";
+    SettingSpec::switch("adaptive", about, true).sweep_all()
+}
+
+/// Whether the denoiser has a history that is to follow changes of light.
+pub fn follows_light(settings: &Settings) -> Result<bool, SlotError> {
     Ok(!["bilateral", "none"].contains(&settings.choice("denoiser")?) && settings.switch("adaptive")?)
 }
 
