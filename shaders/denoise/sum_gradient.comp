@@ -6,7 +6,7 @@
 // Changes of noisy samples are summed over 5x5 texels, `step` apart, with their signs, so that noise in them cancels and a change that they share remains, and without,
 // as light that moves brings as much as it takes away. The last sums become the share of the history to discard.
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(push_constant, scalar) uniform Push { SumGradientParams params; };
+layout(push_constant, scalar) uniform Push { BlurGradientParams params; };
 
 // A sum is no change up to this many standard deviations of one that is noise.
 const float NOISE = 1.5;
@@ -33,5 +33,5 @@ void main() {
         float each = max(sum.w - UNSIGNED_CHANGE.x * sum.z, 0.0) / (UNSIGNED_CHANGE.y - UNSIGNED_CHANGE.x);
         sum = vec4(sum.z > 0.0 ? min(max(together, each) / sum.z, 1.0) : 0.0);
     }
-    store(params.sum, pixel, sum);
+    store(params.blurred, pixel, sum);
 }

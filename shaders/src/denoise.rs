@@ -105,32 +105,16 @@ pub struct AccumulateParams {
 /// Side of the squares of which one pixel is retraced for temporal gradients.
 pub const GRADIENT_STRATUM: u32 = 3;
 
-/// Push constants of `blur_gradient.comp`: one step of the blur of temporal gradients.
+/// Push constants of `blur_gradient.comp` and `sum_gradient.comp`: one step of the blur of temporal gradients.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct BlurGradientParams {
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Change of each channel.
+    /// Change of each channel; of `sum_gradient.comp` the change, its square, what it is a change of, and the change without its sign.
     pub change: SampledImage,
-    /// Blurred change; of the last step the share of the history to discard.
+    /// Blurred changes; of the last step the share of the history to discard.
     pub blurred: StorageImage,
-    /// Distance between taps, texels.
-    pub step: u32,
-    /// 1 in the last step.
-    pub is_last: u32,
-}
-
-/// Push constants of `sum_gradient.comp`: sums changes with noise over neighbours.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-pub struct SumGradientParams {
-    /// Width and height, pixels.
-    pub size: [u32; 2],
-    /// Change, its square, what it is a change of, and the change without its sign.
-    pub change: SampledImage,
-    /// Sums of these; of the last step the share of the history to discard.
-    pub sum: StorageImage,
     /// Distance between taps, texels.
     pub step: u32,
     /// 1 in the last step.

@@ -1,12 +1,11 @@
 //! How much the light of lamps has changed since the previous frame, for denoisers with a history.
 use crate::contracts::{Channel, DirectIn};
-use crate::parts::denoise::{Changes, follows_light};
+use crate::parts::denoise::{Changes, follows_light, squares};
 use magpie::gpu::Kernel;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
 use magpie::slot::{Build, Settings, SlotError};
 use magpie_shaders::DIRECT_LIGHT_CHANGE_COMP;
-use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::direct::LightChangeParams;
 
 const READ: &[Channel] = &[Channel::Depth, Channel::Normal, Channel::Ids, Channel::Motion];
@@ -32,8 +31,7 @@ impl LightChange {
     /// Adds the passes. Returns [`Hints::change`](crate::parts::denoise::Hints::change), in scenes with a light tree.
     pub fn add(&self, g: &mut FrameGraph, view: &View, i: DirectIn) -> Option<Handle<Image>> {
         let ((kernel, changes), lights, tree) = (self.kernels?, i.scene.lights?, i.scene.light_tree?);
-        let Extent { width, height } = g.extent(i.gbuffer.depth);
-        let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
+        let extent = squares(g.extent(i.gbuffer.depth));
         let drawn = g.history(&self.scope, "drawn".to_owned(), ImageDesc::fixed(Format::Rg32Uint, extent));
         let block = view.block;
         let change = g.pass("direct.light_change", Queue::AsyncCompute, |p| {

@@ -1,20 +1,19 @@
 //! How much indirect light has changed since the previous frame, for denoisers with a history: paths of the previous frame are followed again.
 use super::paths::Paths;
 use crate::contracts::{Channel, LightingIn};
-use crate::parts::denoise::{NoisyChanges, follows_light};
+use crate::parts::denoise::{Changes, follows_light, squares, surfaces};
 use crate::parts::hit_shading::HitShading;
 use crate::ray_kernels::RayKernels;
 use magpie::graph::HistoryScope;
 use magpie::prelude::*;
 use magpie::slot::{Build, Settings, SlotError};
-use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::gi::GradientParams;
 use magpie_shaders::{GI_GRADIENT_RAY, GI_TINTED_GRADIENT_RAY};
 
 /// Follows paths of one pixel of nine again.
 pub struct Gradient {
     trace: RayKernels,
-    changes: NoisyChanges,
+    changes: Changes,
     scope: HistoryScope,
 }
 
@@ -34,7 +33,7 @@ impl Gradient {
         }
         Ok(Some(Self {
             trace: RayKernels::new(build, &GI_GRADIENT_RAY, &GI_TINTED_GRADIENT_RAY)?,
-            changes: NoisyChanges::new(build)?,
+            changes: Changes::noisy(build)?,
             scope: HistoryScope::new(),
         }))
     }
@@ -49,12 +48,10 @@ impl Gradient {
         paths: &Paths,
         samples: u32,
     ) -> (Handle<Image>, Kept) {
-        let Extent { width, height } = g.extent(i.gbuffer.depth);
-        let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
-        let mut history =
-            |name: &'static str, format, extent| g.history(&self.scope, name, ImageDesc::fixed(format, extent));
-        let surfaces = history("surfaces", Format::Rg32Uint, Extent::new(2 * extent.width, extent.height));
-        let luminance = history("luminance", Format::R32Float, extent);
+        let frame = g.extent(i.gbuffer.depth);
+        let extent = squares(frame);
+        let surfaces = g.history(&self.scope, "surfaces", surfaces(frame));
+        let luminance = g.history(&self.scope, "luminance", ImageDesc::fixed(Format::R32Float, extent));
         let valid = surfaces.valid && luminance.valid;
         let (kernel, block) = (self.trace.of(view), view.block);
         let Paths { bounces, regularization, .. } = *paths;
@@ -81,7 +78,7 @@ impl Gradient {
                 c.trace(kernel, scene.tlas, &params, extent);
             })
         });
-        let change = self.changes.add(g, change, "gi");
+        let change = self.changes.add(g, change, "gi", "");
         (change, Kept { surfaces: surfaces.next, luminance: luminance.next })
     }
 }

@@ -2,13 +2,12 @@
 use super::choice::Group;
 use super::maps::MapOut;
 use crate::contracts::{Channel, RAY_START, ShadowIn};
-use crate::parts::denoise::{Method, Options, is_adaptive};
+use crate::parts::denoise::{Method, Options, is_adaptive, squares, surfaces};
 use crate::parts::upsample::{Upsample, UpsampleIn};
-use magpie::graph::{Extent, HistoryScope};
+use magpie::graph::HistoryScope;
 use magpie::prelude::*;
 use magpie::scene::{SceneFacts, ShadowLight};
 use magpie::slot::{Build, SettingSpec, Settings, SlotError};
-use magpie_shaders::denoise::GRADIENT_STRATUM;
 use magpie_shaders::scene::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
 use magpie_shaders::shadows::{GradientParams, NO_MAP, NO_PENUMBRA, NO_SURFACES, TraceParams};
 use magpie_shaders::view::NO_LIGHT;
@@ -240,10 +239,9 @@ impl RayTraced {
         let format = format(group.channels());
         let desc = ImageDesc::like(format, i.gbuffer.depth);
         let visibility = g.history(&self.scope, format!("visibility{name}"), desc);
-        let Extent { width, height } = g.extent(i.gbuffer.depth);
-        let extent = Extent::new(width.div_ceil(GRADIENT_STRATUM), height.div_ceil(GRADIENT_STRATUM));
-        let surfaces = ImageDesc::fixed(Format::Rg32Uint, Extent::new(2 * extent.width, extent.height));
-        let surfaces = g.history(&self.scope, format!("gradient_surfaces{name}"), surfaces);
+        let frame = g.extent(i.gbuffer.depth);
+        let extent = squares(frame);
+        let surfaces = g.history(&self.scope, format!("gradient_surfaces{name}"), surfaces(frame));
         let valid = visibility.valid && surfaces.valid;
         let change = g.pass(&format!("shadows.gradient{name}"), Queue::AsyncCompute, |p| {
             let (block, scene) = (p.read(block), i.scene.trace(p));

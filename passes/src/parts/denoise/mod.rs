@@ -13,7 +13,7 @@ mod svgf;
 
 use crate::contracts::{GBuffer, Reprojected};
 use bilateral::Bilateral;
-pub use changes::{Changes, NoisyChanges};
+pub use changes::{Changes, squares, surfaces};
 use magpie::prelude::*;
 use magpie::slot::{Build, SlotError};
 use magpie_shaders::denoise::{SAMPLES_SHARP, SAMPLES_WEIGHTED};
@@ -40,7 +40,7 @@ pub struct Surfaces {
 #[non_exhaustive]
 pub struct Hints {
     /// Share of the history to discard as the signal has changed since the previous frame, 0 to 1 per channel, of radiance in the first: what
-    /// [`Changes`] or [`NoisyChanges`] give.
+    /// [`Changes`] gives.
     pub change: Option<Handle<Image>>,
     /// Width on the screen of the source of each channel's noise, such as a penumbra: pixels over
     /// [`WIDEST_NOISE`](magpie_shaders::denoise::WIDEST_NOISE), 0 to 1. Filters are no wider than this, and 0 means no noise.
