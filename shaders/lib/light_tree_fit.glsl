@@ -1,5 +1,6 @@
 #ifndef LIB_LIGHT_TREE_FIT_GLSL
 #define LIB_LIGHT_TREE_FIT_GLSL
+#include "lib/lights.glsl"
 #include "lib/vector.glsl"
 #include "shared/light_tree.glsl"
 #include "shared/scene.glsl"
@@ -63,8 +64,7 @@ vec4 cone_around(LightNode a, LightNode b) {
 
 // The node above two others. What does not shine counts for nothing.
 LightNode node_above(LightNode a, LightNode b, uint first_child) {
-    bool two_sided = ((a.child | b.child) & LIGHT_NODE_TWO_SIDED) != 0u;
-    uint child = first_child | (two_sided ? LIGHT_NODE_TWO_SIDED : 0u);
+    uint child = first_child | ((a.child | b.child) & (LIGHT_NODE_TWO_SIDED | LIGHT_NODE_HAS_SURFACES));
     if (!(b.intensity > 0.0) || !(a.intensity > 0.0)) {
         LightNode only = a.intensity > 0.0 ? a : b;
         only.child = child;
@@ -97,22 +97,18 @@ LightNode dark_leaf(uint child) {
 LightNode lamp_leaf(Light light, uint child) {
     LightNode leaf = dark_leaf(child);
     leaf.reach = light.range > 0.0 ? light.range : UNLIMITED_REACH;
-    float area = 1.0;
     vec3 extent = vec3(0.0);
     bool faces = light.kind == LIGHT_RECTANGLE || light.kind == LIGHT_DISC;
     if (light.kind == LIGHT_RECTANGLE) {
         extent = abs(light.half_u) + abs(light.half_v);
-        area = 4.0 * length(cross(light.half_u, light.half_v));
     } else if (light.kind == LIGHT_DISC) {
         extent = light.radius * sqrt(max(1.0 - light.direction * light.direction, 0.0));
-        area = PI * light.radius * light.radius;
     } else if (light.kind == LIGHT_SPHERE) {
         extent = vec3(light.radius);
-        area = PI * light.radius * light.radius;
     }
     leaf.min = light.position - extent;
     leaf.max = light.position + extent;
-    leaf.intensity = tree_intensity(area * tree_luminance(light.intensity));
+    leaf.intensity = tree_intensity(lamp_area(light) * tree_luminance(light.intensity));
     leaf.count = leaf.intensity > 0.0 ? 1u : 0u;
     leaf.cos_normals = -1.0;
     if (faces || light.kind == LIGHT_SPOT) {

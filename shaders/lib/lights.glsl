@@ -27,6 +27,12 @@ float range_window(float distance, float range) {
     return clamp(1.0 - q2 * q2, 0.0, 1.0);
 }
 
+// Area of a lamp as seen from where it looks largest, square metres; 1 for what has none.
+float lamp_area(Light light) {
+    if (light.kind == LIGHT_RECTANGLE) return 4.0 * length(cross(light.half_u, light.half_v));
+    return light.kind == LIGHT_DISC || light.kind == LIGHT_SPHERE ? PI * light.radius * light.radius : 1.0;
+}
+
 LightSample sample_light(Light light, vec3 position) {
     LightSample result;
     if (light.kind == LIGHT_DIRECTIONAL) {

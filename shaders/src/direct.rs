@@ -38,6 +38,10 @@ pub const LIGHTS_ALL: u32 = 0;
 pub const LIGHTS_DIRECTIONAL: u32 = 0x10000;
 /// None.
 pub const LIGHTS_NONE: u32 = 0x20000;
+/// Bit of [`ShadeParams::flags`]: `radiance` holds 16-bit floats.
+pub const RADIANCE_HALF: u32 = 0x40000;
+/// From this bit of [`ShadeParams::flags`] on: samples of each light that has a size; 0 to treat it as a point at its centre.
+pub const AREA_SHIFT: u32 = 24;
 
 /// Parameters of `emitters.ray` and `tinted_emitters.ray`: light of emissive surfaces.
 #[repr(C)]
@@ -109,7 +113,7 @@ pub struct LightChangeParams {
     pub valid: u32,
 }
 
-/// Push constants of `shade.comp`: radiance from every light, and emission.
+/// Push constants of `shade.comp` and `clustered.comp`: radiance from every light, and emission.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ShadeParams {
@@ -121,22 +125,20 @@ pub struct ShadeParams {
     pub gbuffer: GBufferImages,
     /// Outgoing radiance, RGBA32F or RGBA16F.
     pub radiance: StorageImage,
-    /// Greatest number in the format of `radiance`; infinite for 32-bit floats.
-    pub greatest: f32,
     /// Light of emissive surfaces, or of sampled lights, over the albedo as in [`LobeImages`], or [`NO_SAMPLED_LIGHT`].
     pub sampled: u32,
     /// The part of it that specular lobes reflect, as in [`LobeImages`], or [`NO_LOBE`].
     pub specular: u32,
     /// [`LobeImages::limit`].
     pub limit: f32,
-    /// Samples per light that has a size; 0 to treat it as a point at its centre.
-    pub area: u32,
+    /// The [`LampGrid`](super::clusters::LampGrid), for `clustered.comp` alone.
+    pub clusters: Address,
     /// Visibility images, up to four lights each. The first that is left at its default ends them.
     pub visibility: [SampledImage; 8],
     /// Lights of two images each, the first image in the lower half: four bits per channel, the first channel lowest, with an index in
     /// [`View::shadow_lights`](super::view::View::shadow_lights) or [`NO_SHADOW_LIGHT`].
     pub shadow_lights: [u32; 4],
     /// Bit k: the first three channels of visibility image k hold the coloured visibility of its first light. Bit 8 + k: it holds unfiltered rays.
-    /// Bits of [`LIGHTS_MASK`]: `LIGHTS_*`.
+    /// Bits of [`LIGHTS_MASK`]: `LIGHTS_*`. [`RADIANCE_HALF`]. From bit [`AREA_SHIFT`] on: points of lights.
     pub flags: u32,
 }

@@ -12,8 +12,10 @@ pub const LIGHT_NODE_INSTANCE: u32 = 0x8000_0000;
 pub const LIGHT_NODE_PRIMITIVE: u32 = 0xc000_0000;
 /// [`LightNode::child`]: some light below the node shines from both sides.
 pub const LIGHT_NODE_TWO_SIDED: u32 = 0x2000_0000;
+/// [`LightNode::child`]: not all lights below the node are lamps.
+pub const LIGHT_NODE_HAS_SURFACES: u32 = 0x1000_0000;
 /// [`LightNode::child`]: the bits of the index; of two nodes that of the first, the second follows.
-pub const LIGHT_NODE_INDEX: u32 = 0x1fff_ffff;
+pub const LIGHT_NODE_INDEX: u32 = 0x0fff_ffff;
 /// [`LightNode::reach`] of lights without a range, metres.
 pub const UNLIMITED_REACH: f32 = 1e30;
 /// Least [`LightNode::intensity`] of what shines at all.

@@ -1,5 +1,5 @@
 //! Scenes built in code: planes, spheres, boxes, a sun.
-use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec3, Vec2, Vec3, Vec4};
 use magpie::scene::{Camera, Environment, Instance, Light, Material, Mesh, Scene, Sphere};
 use std::f32::consts::{PI, TAU};
 
@@ -109,4 +109,27 @@ pub fn ball_under_an_even_sky(name: &str, material: Material, distance: f64) -> 
     made.environment =
         Some(Environment { name: "even".to_owned(), width: 4, height: 2, radiance, scale: 1.0, turn: 0.0 });
     made
+}
+
+/// Moves and scales everything, lamps of points and balls with it, so that the picture stays the same.
+pub fn placed(mut s: Scene, by: DAffine3) -> Scene {
+    let scale = by.matrix3.x_axis.length();
+    for instance in &mut s.instances {
+        instance.world_from_object = by * instance.world_from_object;
+    }
+    for light in &mut s.lights {
+        match light {
+            Light::Sphere { centre, radius, .. } => {
+                (*centre, *radius) = (by.transform_point3(*centre), *radius * scale as f32);
+            }
+            Light::Point { position, intensity, .. } => {
+                (*position, *intensity) = (by.transform_point3(*position), *intensity * (scale * scale) as f32);
+            }
+            _ => {}
+        }
+    }
+    let camera = &mut s.cameras[0];
+    camera.world_from_camera.translation = by.transform_point3(camera.world_from_camera.translation);
+    camera.near *= scale as f32;
+    s
 }

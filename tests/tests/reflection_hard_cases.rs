@@ -7,7 +7,7 @@ use magpie::scene::{Camera, ColourSpace, Material, Sampler, Scene, Texture, Text
 use magpie_passes::reference::{Only, ReferenceOptions};
 use magpie_passes::{FrameRequest, RenderOptions, Renderer, Slots};
 use magpie_tests::against::{RAW_REFLECTIONS, Shown, bias, mean_with, truth_of};
-use magpie_tests::fixtures::{add, block, camera, environment, material, plane, scene, sphere};
+use magpie_tests::fixtures::{add, block, camera, environment, material, placed, plane, scene, sphere};
 use magpie_tests::harness::{config, gpu, save_picture};
 use std::env;
 use std::f32::consts::FRAC_PI_2;
@@ -113,18 +113,6 @@ fn degenerate() -> Scene {
         let last = mesh.positions.len() as u32 - 1;
         mesh.indices.extend([0, 0, 0, 0, last, last, last, 0, last, 1, 1, 0]);
     }
-    s
-}
-
-/// Moves and scales everything.
-fn placed(mut s: Scene, by: DAffine3) -> Scene {
-    let scale = by.matrix3.x_axis.length();
-    for instance in &mut s.instances {
-        instance.world_from_object = by * instance.world_from_object;
-    }
-    let camera = &mut s.cameras[0];
-    camera.world_from_camera.translation = by.transform_point3(camera.world_from_camera.translation);
-    camera.near *= scale as f32;
     s
 }
 

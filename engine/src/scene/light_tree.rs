@@ -17,8 +17,9 @@ use emitters::EmissiveMesh;
 pub use emitters::Emitters;
 use magpie_shaders::Address;
 use magpie_shaders::light_tree::{
-    LIGHT_NODE_INDEX, LIGHT_NODE_INSTANCE, LIGHT_NODE_KIND, LIGHT_NODE_LAMP, LIGHT_NODE_TWO_SIDED, LIGHT_REFIT_GROUP,
-    LightNode, LightTree, LightTreeInstance, LightTreeJob, LightTreeLeaf, LightTreePart,
+    LIGHT_NODE_HAS_SURFACES, LIGHT_NODE_INDEX, LIGHT_NODE_INSTANCE, LIGHT_NODE_KIND, LIGHT_NODE_LAMP,
+    LIGHT_NODE_TWO_SIDED, LIGHT_REFIT_GROUP, LightNode, LightTree, LightTreeInstance, LightTreeJob, LightTreeLeaf,
+    LightTreePart,
 };
 use magpie_shaders::scene as shared;
 use rayon::prelude::*;
@@ -65,7 +66,8 @@ impl Tables {
         let mut leaves: Vec<LightNode> = (0..).zip(lamps).map(lamp).collect();
         for placed in &emitters.placed {
             let root = &meshes[placed.mesh].nodes[0];
-            let child = LIGHT_NODE_INSTANCE | placed.instance | root.child & LIGHT_NODE_TWO_SIDED;
+            let flags = LIGHT_NODE_HAS_SURFACES | root.child & LIGHT_NODE_TWO_SIDED;
+            let child = LIGHT_NODE_INSTANCE | placed.instance | flags;
             leaves.push(bounds::instance_leaf(root, &instance(placed.instance as usize), child));
         }
         let top = build(leaves);

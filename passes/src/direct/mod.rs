@@ -1,6 +1,8 @@
 //! Direct lighting: light of lamps, suns and emissive surfaces, reflected once, and emission.
 mod all_lights;
 mod auto;
+mod clustered;
+mod clusters;
 mod emitters;
 mod light_change;
 mod light_tree;
@@ -12,6 +14,7 @@ use crate::contracts::{DirectIn, DirectOut};
 use crate::precision;
 use all_lights::AllLights;
 use auto::Auto;
+use clustered::Clustered;
 use light_tree::TreeLights;
 use magpie::slot::{Preset, Slot};
 use sampled::Sampled;
@@ -56,6 +59,12 @@ pub fn slot() -> Slot<DirectIn, DirectOut> {
             "Every light is evaluated at every pixel.",
             &settings.collect::<Vec<_>>(),
             |build, settings| Ok(Box::new(AllLights::new(build, settings, true)?)),
+        )
+        .with(
+            "clustered",
+            "The same, with lamps by cells of the view: near ones at every pixel, what is left of the others between the corners of cells.",
+            &clustered::settings(),
+            |build, settings| Ok(Box::new(Clustered::new(build, settings)?)),
         )
         .with(
             "light-tree",

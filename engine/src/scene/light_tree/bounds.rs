@@ -1,7 +1,7 @@
 //! Bounds of lights in space, direction and strength, as `shaders/lib/light_tree_fit.glsl` computes them on the device.
 use glam::{Mat3, Vec3, Vec4};
 use magpie_shaders::light_tree::{
-    GREATEST_INTENSITY, LEAST_INTENSITY, LIGHT_NODE_TWO_SIDED, LightNode, UNLIMITED_REACH,
+    GREATEST_INTENSITY, LEAST_INTENSITY, LIGHT_NODE_HAS_SURFACES, LIGHT_NODE_TWO_SIDED, LightNode, UNLIMITED_REACH,
 };
 use magpie_shaders::scene as shared;
 use std::f32::consts::PI;
@@ -110,7 +110,7 @@ fn angle_difference(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
 
 /// The node above two others. What does not shine counts for nothing.
 pub(super) fn node_above(a: &LightNode, b: &LightNode, first_child: u32) -> LightNode {
-    let child = first_child | (a.child | b.child) & LIGHT_NODE_TWO_SIDED;
+    let child = first_child | (a.child | b.child) & (LIGHT_NODE_TWO_SIDED | LIGHT_NODE_HAS_SURFACES);
     if a.intensity <= 0.0 || b.intensity <= 0.0 {
         return LightNode { child, ..if a.intensity > 0.0 { *a } else { *b } };
     }

@@ -2,7 +2,7 @@
 use super::bounds::{Cone, instance_leaf, node_above, triangle_leaf};
 use super::build::{Built, MOST_DEPTH, build};
 use glam::{Affine3A, Mat3, Quat, Vec3};
-use magpie_shaders::light_tree::{LIGHT_NODE_KIND, LIGHT_NODE_LAMP, LIGHT_NODE_TWO_SIDED, LightNode, UNLIMITED_REACH};
+use magpie_shaders::light_tree::{LIGHT_NODE_INDEX, LIGHT_NODE_KIND, LIGHT_NODE_LAMP, LightNode, UNLIMITED_REACH};
 use magpie_shaders::scene as shared;
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
 
@@ -143,7 +143,7 @@ fn check(built: &Built, leaves: &[LightNode]) -> u32 {
         let (mut node, mut depth) = (0, 0);
         while built.nodes[node].child & LIGHT_NODE_KIND == 0 {
             assert!(depth < MOST_DEPTH);
-            node = (built.nodes[node].child & !LIGHT_NODE_TWO_SIDED) as usize + (place.trail >> depth & 1) as usize;
+            node = (built.nodes[node].child & LIGHT_NODE_INDEX) as usize + (place.trail >> depth & 1) as usize;
             depth += 1;
         }
         assert_eq!(node, place.node as usize);
@@ -151,7 +151,7 @@ fn check(built: &Built, leaves: &[LightNode]) -> u32 {
     }
     for (pair, parent) in built.parents.iter().enumerate() {
         let (first, above) = (1 + 2 * pair, &built.nodes[*parent as usize]);
-        assert_eq!(above.child & !LIGHT_NODE_TWO_SIDED, first as u32);
+        assert_eq!(above.child & LIGHT_NODE_INDEX, first as u32);
         let [a, b] = [built.nodes[first], built.nodes[first + 1]];
         assert_eq!(*above, node_above(&a, &b, first as u32));
         for child in [a, b].iter().filter(|child| child.intensity > 0.0) {

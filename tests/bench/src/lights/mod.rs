@@ -59,8 +59,9 @@ pub struct Contestant {
 }
 
 /// The contestants.
-pub const CONTESTANTS: [Contestant; 7] = [
+pub const CONTESTANTS: [Contestant; 8] = [
     Contestant { label: "all-lights", settings: &["stages.direct=all-lights"] },
+    Contestant { label: "clustered", settings: &["stages.direct=clustered"] },
     Contestant {
         label: "power",
         settings: &["stages.direct=ris", "direct.source=power", "direct.candidates=1", "direct.lobe=0"],

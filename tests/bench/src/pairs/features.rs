@@ -38,7 +38,7 @@ impl Feature {
 }
 
 /// All features. Ambient occlusion by rays is included because its noise also goes through the denoisers.
-pub const FEATURES: [Feature; 34] = [
+pub const FEATURES: [Feature; 35] = [
     Feature::set("taa", &["post.anti_aliasing=taa"]),
     Feature::set("upsampling", &["post.anti_aliasing=taa", "post.resolution_scale=0.67"]),
     Feature::set("half shadows", &["shadows.resolution=half"]),
@@ -66,6 +66,7 @@ pub const FEATURES: [Feature; 34] = [
     Feature::set("screen gi", &["stages.gi=screen-space"]),
     Feature::set("traced gi", &["stages.gi=ray-traced"]),
     Feature::set("resampled gi", &["stages.gi=restir"]),
+    Feature::set("clusters", &["stages.direct=clustered", "direct.near=1"]),
     Feature::set("sampled lights", &["stages.direct=ris"]),
     Feature::set("resampled lights", &["stages.direct=restir"]),
     Feature::set("lights by the tree", &["stages.direct=light-tree"]),
