@@ -3,7 +3,7 @@
 use anyhow::{Result, ensure};
 use glam::{DVec3, Vec3};
 use magpie::scene::{Light, Mesh, Scene};
-use magpie_shaders::light_tree::{LightNode, LightSplit, MOST_SPLIT_LIGHTS};
+use magpie_shaders::light_tree::{LIGHT_NODE_INDEX, LightNode, LightSplit, MOST_SPLIT_LIGHTS};
 use magpie_tests::chi_square::chi_square;
 use magpie_tests::harness::gpu;
 
@@ -369,7 +369,7 @@ fn a_refit_holds_what_has_moved() -> Result<()> {
     ensure!(at_rest.len() == moved.len() && !alike(&at_rest[0], &moved[0]), "nothing has moved");
     // Every node holds its children, and adds up.
     let kind = |node: &LightNode| node.child >> 30;
-    let first = |node: &LightNode| (node.child & 0x1fff_ffff) as usize;
+    let first = |node: &LightNode| (node.child & LIGHT_NODE_INDEX) as usize;
     let mut inner = 0;
     for node in moved.iter().filter(|node| kind(node) == 0) {
         let children = [moved[first(node)], moved[first(node) + 1]];
